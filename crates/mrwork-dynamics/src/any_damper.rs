@@ -1,10 +1,8 @@
 //! A damper model as a trait object: the interface that batches use.
 
 use crate::block::{self, Block, BlockResult};
-use crate::closed_loop::block::{self as loop_block, LaneResult};
-use crate::closed_loop::history::HistoryRows;
 use crate::current_law::CurrentLaws;
-use crate::damper::model::{DamperModel, DamperSpec, Motion, Severity, State};
+use crate::damper::model::{DamperModel, DamperSpec, Motion, Severity, Short, State};
 use crate::dispatch::InstructionSet;
 use crate::dual_block::{self, LaneRows, LaneSeeds};
 use crate::integrate::{stiffness_bound, substeps};
@@ -27,8 +25,8 @@ pub trait Damper: Sync {
     /// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
     fn stiffness_bound(&self, theta: &[f64], laws: &CurrentLaws, commands: &[f64], severity: Severity)
     -> f64;
-    /// Whether the loop of a candidate is made of products alone.
-    fn has_square_loop(&self, theta: &[f64], laws: &CurrentLaws) -> bool;
+    /// Whether a step of a candidate is a short chain of arithmetic.
+    fn has_short_step(&self, theta: &[f64], laws: &CurrentLaws) -> bool;
     /// Time derivative of the states.
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
     /// Force [N].
@@ -47,13 +45,6 @@ pub trait Damper: Sync {
         seeds: &[LaneSeeds],
         rows: &mut [LaneRows<'_>],
     );
-    /// Simulates a block of closed-loop runs with dampers of this model.
-    fn respond(
-        &self,
-        set: InstructionSet,
-        block: &loop_block::Block<'_>,
-        histories: &mut [HistoryRows<'_>],
-    ) -> Vec<LaneResult>;
 }
 
 impl<M: DamperModel> Damper for M {
@@ -81,8 +72,12 @@ impl<M: DamperModel> Damper for M {
         stiffness_bound::<M>(theta, laws, commands, severity)
     }
 
-    fn has_square_loop(&self, theta: &[f64], laws: &CurrentLaws) -> bool {
-        M::EXPONENT.is_some_and(|place| laws.constant_value(theta, place) == Some(2.0))
+    fn has_short_step(&self, theta: &[f64], laws: &CurrentLaws) -> bool {
+        match M::SHORT {
+            Short::Never => false,
+            Short::Always => true,
+            Short::WhereTwo(exponent) => laws.constant_value(theta, exponent) == Some(2.0),
+        }
     }
 
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {
@@ -117,15 +112,6 @@ impl<M: DamperModel> Damper for M {
         rows: &mut [LaneRows<'_>],
     ) {
         dual_block::run::<M>(set, block, seeds, rows);
-    }
-
-    fn respond(
-        &self,
-        set: InstructionSet,
-        block: &loop_block::Block<'_>,
-        histories: &mut [HistoryRows<'_>],
-    ) -> Vec<LaneResult> {
-        loop_block::run::<M>(set, block, histories)
     }
 }
 

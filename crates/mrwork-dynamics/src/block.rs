@@ -3,14 +3,13 @@
 use core::marker::PhantomData;
 use core::ops::Range;
 
-use crate::current_law::CurrentLaws;
-use crate::damper::model::{DamperModel, DamperSpec, State};
+use crate::current_law::{CurrentLaws, Evaluate, Prepare};
+use crate::damper::model::{DamperModel, DamperSpec, Motion, Short, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::driver::{Driver, Following, Steady};
-use crate::integrate::advance;
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
-use crate::misfit::{ForceAccumulator, ForceOutput, ForceSink};
+use crate::misfit::{ForceAccumulator, ForceOutput, ForceSink, Target};
 use crate::parameters::FromSlice;
 use crate::real::Real;
 use crate::threads::StopRequested;
@@ -34,6 +33,8 @@ pub struct Block<'a> {
     pub progress: &'a BatchProgress,
     /// Sub-steps per sample interval, a power of two.
     pub substeps: u32,
+    /// Whether a step is a short chain of arithmetic for all candidates.
+    pub short: bool,
     /// Whether the caller wants to cancel.
     pub stop: &'a StopRequested<'a>,
 }
@@ -89,49 +90,102 @@ pub(crate) fn run<M: DamperModel>(
     block: &Block<'_>,
     output: ForceOutput<'_, '_>,
 ) -> BlockResult {
+    let model = PhantomData::<M>;
     match block.loading.command() {
         Command::Varying(command) if !block.laws.are_constant() => {
-            set.run_narrow(FollowingJob::<M> { block, output, command, model: PhantomData })
+            let command = AfterCommand { laws: block.laws, command };
+            set.run_narrow(OnePack { block, output, command, model })
         }
-        _ => set.run(block.candidates.len(), SteadyJob::<M> { block, output, model: PhantomData }),
+        // Narrow packs side by side: what a short step needs stays in registers.
+        _ if !matches!(M::SHORT, Short::Never) && block.short => {
+            set.run_narrow(SideBySide { block, output, command: Constant, model })
+        }
+        _ => set.run(block.candidates.len(), OnePack { block, output, command: Constant, model }),
     }
 }
 
-/// A block whose parameters are constant in time.
-struct SteadyJob<'a, 'b, M> {
+/// A block in one pack.
+struct OnePack<'a, 'b, M, C> {
     block: &'a Block<'a>,
     output: ForceOutput<'a, 'b>,
+    command: C,
     model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
+impl<M: DamperModel, C: OverTime<M>> LaneJob for OnePack<'_, '_, M, C> {
     type Output = BlockResult;
-    const WIDE: bool = M::EXPONENT.is_some();
+    type Home = M;
     #[inline(always)]
     fn run<R: Lanes>(self) -> BlockResult {
-        let values = steady_values(self.block, columns::<R>(self.block));
-        let mut steady = Steady { parameters: M::Parameters::from_slice(&values) };
-        run_block::<M, R, _>(self.block, &mut steady, self.output)
+        let Self { block, output, command, model } = self;
+        if const { R::WIDTH == 1 } {
+            return SideBySide { block, output, command, model }.run::<R>();
+        }
+        let driver = command.driver::<R>(block, block.candidates);
+        let mut pack =
+            Integrated::<M, R, _, _>::new(block, block.candidates, driver, output.target, output.rows);
+        let samples = integrate_span(block, &mut pack);
+        block_result(&[pack], samples)
     }
 }
 
-/// A block whose parameters follow a varying command.
-struct FollowingJob<'a, 'b, M> {
+/// A block in several packs side by side.
+struct SideBySide<'a, 'b, M, C> {
     block: &'a Block<'a>,
     output: ForceOutput<'a, 'b>,
+    command: C,
+    model: PhantomData<M>,
+}
+
+impl<M: DamperModel, C: OverTime<M>> LaneJob for SideBySide<'_, '_, M, C> {
+    type Output = BlockResult;
+    type Home = M;
+    #[inline(always)]
+    fn run<R: Lanes>(self) -> BlockResult {
+        let Self { block, output, command, .. } = self;
+        let mut packs = Vec::with_capacity(block.candidates.len().div_ceil(R::WIDTH));
+        let mut rows = output.rows.chunks_mut(R::WIDTH);
+        for candidates in block.candidates.chunks(R::WIDTH) {
+            let driver = command.driver::<R>(block, candidates);
+            let rows = rows.next().unwrap_or_default();
+            packs.push(Integrated::<M, R, _, _>::new(block, candidates, driver, output.target, rows));
+        }
+        let samples = integrate_span(block, &mut packs);
+        block_result(&packs, samples)
+    }
+}
+
+/// How the parameters of candidates run over time.
+trait OverTime<M: DamperModel> {
+    /// What provides them in each step.
+    type Driver<R: Lanes>: Driver<M, R>;
+    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R>;
+}
+
+/// Constant in time.
+struct Constant;
+
+impl<M: DamperModel> OverTime<M> for Constant {
+    type Driver<R: Lanes> = Steady<M::Parameters<R>>;
+    #[inline(always)]
+    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
+        let values = steady_values(block, columns::<R>(block, candidates));
+        Steady { parameters: M::Parameters::from_slice(&values) }
+    }
+}
+
+/// After a varying command.
+struct AfterCommand<'a> {
+    laws: &'a CurrentLaws,
     command: &'a [f64],
-    model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
-    type Output = BlockResult;
+impl<'a, M: DamperModel> OverTime<M> for AfterCommand<'a> {
+    type Driver<R: Lanes> = Following<'a, M, R>;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> BlockResult {
-        let Block { laws, loading, substeps, .. } = *self.block;
-        let step = loading.dt() / f64::from(substeps);
-        let columns = columns::<R>(self.block);
-        let mut following = Following::<M, R>::new(laws, columns, self.command, step);
-        run_block::<M, R, _>(self.block, &mut following, self.output)
+    fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
+        let step = block.loading.dt() / f64::from(block.substeps);
+        Following::new(self.laws, columns(block, candidates), self.command, step)
     }
 }
 
@@ -141,8 +195,13 @@ pub(crate) fn steady_values<R: Real>(block: &Block<'_>, mut columns: Vec<R>) -> 
     let Block { laws, loading, .. } = *block;
     if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
-        laws.prepare(&mut columns);
-        laws.evaluate(&columns, R::splat(*command), &mut values);
+        R::out_of_line(Prepare { laws, columns: &mut columns });
+        R::out_of_line(Evaluate {
+            laws,
+            prepared: &columns,
+            current: R::splat(*command),
+            values: &mut values,
+        });
         columns = values;
     }
     columns
@@ -150,50 +209,134 @@ pub(crate) fn steady_values<R: Real>(block: &Block<'_>, mut columns: Vec<R>) -> 
 
 /// The columns of `theta`, one candidate per lane. Excess lanes repeat the last candidate.
 #[inline(always)]
-pub(crate) fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
-    let Block { theta, laws, candidates, .. } = *block;
+pub(crate) fn columns<R: Lanes>(block: &Block<'_>, candidates: &[usize]) -> Vec<R> {
+    let Block { theta, laws, .. } = *block;
     let n_columns = laws.n_columns();
     let last = candidates.len() - 1;
-    (0..n_columns)
-        .map(|column| R::from_fn(|lane| theta[candidates[lane.min(last)] * n_columns + column]))
-        .collect()
+    let mut columns = Vec::with_capacity(n_columns);
+    for column in 0..n_columns {
+        columns.push(R::from_fn(|lane| theta[candidates[lane.min(last)] * n_columns + column]));
+    }
+    columns
 }
 
-/// Simulates a block over its span with the parameters of `driver`.
+/// A pack of candidates during a span.
+pub(crate) struct Integrated<M: DamperModel, R: Real, D, S> {
+    pub(crate) driver: D,
+    pub(crate) state: M::State<R>,
+    pub(crate) sink: S,
+    pub(crate) number: PhantomData<R>,
+}
+
+impl<'a, 'b, M: DamperModel, R: Lanes, D> Integrated<M, R, D, ForceAccumulator<'a, 'b, R>> {
+    /// Candidates as they were at the start of the span; excess lanes repeat the last.
+    #[inline(always)]
+    fn new(
+        block: &Block<'_>,
+        candidates: &[usize],
+        driver: D,
+        target: Option<Target<'a>>,
+        rows: &'a mut [&'b mut [f64]],
+    ) -> Self {
+        let progress = block.progress;
+        let last = candidates.len() - 1;
+        let entry =
+            |lane: usize, entry| progress.states[candidates[lane.min(last)] * M::SPEC.n_states + entry];
+        Self {
+            driver,
+            state: M::State::<R>::from_fn(|number| R::from_fn(|lane| entry(lane, number))),
+            sink: ForceAccumulator {
+                target,
+                rows,
+                sum: R::from_fn(|lane| progress.sums[candidates[lane.min(last)]]),
+                limit: R::from_fn(|lane| progress.limits[candidates[lane.min(last)]]),
+            },
+            number: PhantomData,
+        }
+    }
+}
+
+/// Sums and states of packs.
 #[inline(always)]
-fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
-    block: &Block<'_>,
-    driver: &mut D,
-    output: ForceOutput<'_, '_>,
+fn block_result<M: DamperModel, R: Lanes, D>(
+    packs: &[Integrated<M, R, D, ForceAccumulator<'_, '_, R>>],
+    samples: usize,
 ) -> BlockResult {
-    let Block { candidates, progress, .. } = *block;
-    let last = candidates.len() - 1;
-    let candidate = |lane: usize| candidates[lane.min(last)];
     let n_states = M::SPEC.n_states;
-    let mut accumulator = ForceAccumulator {
-        output,
-        sum: R::from_fn(|lane| progress.sums[candidate(lane)]),
-        limit: R::from_fn(|lane| progress.limits[candidate(lane)]),
-    };
-    let state = M::State::<R>::from_fn(|entry| {
-        R::from_fn(|lane| progress.states[candidate(lane) * n_states + entry])
-    });
-    let (state, samples) = integrate_span::<M, R, D>(block, driver, state, &mut accumulator);
-    let mut sums = Vec::with_capacity(R::WIDTH);
-    accumulator.sum.for_each(|_, sum| sums.push(sum));
-    let mut states = vec![0.0; R::WIDTH * n_states];
-    state.for_each(|entry, values| values.for_each(|lane, value| states[lane * n_states + entry] = value));
+    let mut sums = Vec::with_capacity(packs.len() * R::WIDTH);
+    let mut states = vec![0.0; packs.len() * R::WIDTH * n_states];
+    for (number, pack) in packs.iter().enumerate() {
+        let first = number * R::WIDTH;
+        pack.state.for_each(|entry, values| {
+            values.for_each(|lane, value| states[(first + lane) * n_states + entry] = value);
+        });
+        pack.sink.sum.for_each(|_, sum| sums.push(sum));
+    }
     BlockResult { sums, states, samples }
 }
 
-/// Integrates a block over its span; returns the final states and the number of samples simulated.
+/// One pack, or several side by side: a single one is kept in registers and read apart from what never changes.
+pub(crate) trait Packs {
+    /// Takes the force at a sample, with the command that begins there.
+    fn take(&mut self, sample: usize, motion: Motion<f64>);
+    /// Moves by a step, whose motions are given at its start, middle and end; takes the force of a sample that begins with it.
+    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64);
+    /// Whether later samples cannot change the result.
+    fn is_settled(&self) -> bool;
+}
+
+impl<M: DamperModel, R: Real, D: Driver<M, R>, S: ForceSink<M, R, D>> Packs for Integrated<M, R, D, S> {
+    #[inline(always)]
+    fn take(&mut self, sample: usize, motion: Motion<f64>) {
+        self.driver.begin(sample);
+        self.sink.take(sample, &self.driver, self.state, motion.splat());
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64) {
+        if let Some(sample) = begins {
+            self.take(sample, motions[0]);
+        }
+        let parameters = self.driver.step();
+        if M::SPEC.n_states > 0 {
+            self.state = M::step::<R>(parameters, self.state, motions, step);
+        }
+    }
+
+    #[inline(always)]
+    fn is_settled(&self) -> bool {
+        self.sink.is_settled()
+    }
+}
+
+impl<P: Packs> Packs for Vec<P> {
+    #[inline(always)]
+    fn take(&mut self, sample: usize, motion: Motion<f64>) {
+        for pack in self {
+            pack.take(sample, motion);
+        }
+    }
+
+    #[inline(always)]
+    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64) {
+        for pack in self {
+            pack.advance(begins, motions, step);
+        }
+    }
+
+    #[inline(always)]
+    fn is_settled(&self) -> bool {
+        let mut settled = true;
+        for pack in self {
+            settled &= pack.is_settled();
+        }
+        settled
+    }
+}
+
+/// Integrates packs over the span of a block; returns the number of samples simulated.
 #[inline(always)]
-pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
-    block: &Block<'_>,
-    driver: &mut D,
-    mut state: M::State<R>,
-    sink: &mut impl ForceSink<M, R, D>,
-) -> (M::State<R>, usize) {
+pub(crate) fn integrate_span(block: &Block<'_>, packs: &mut impl Packs) -> usize {
     let Block { loading, ref span, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
@@ -202,29 +345,22 @@ pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
     let mut samples = 0;
     for (interval, sample) in loading.intervals()[span.start..].iter().zip(span.clone()) {
         // Checked before the first sample too, so that the remaining blocks of a cancelled batch return at once.
-        if samples & (check_every - 1) == 0 && (stop() || sink.is_settled()) {
+        if samples & (check_every - 1) == 0 && (stop() || packs.is_settled()) {
             break;
         }
         let mut start = interval.motion(0.0);
-        driver.begin(sample);
-        sink.take(sample, driver, state, start.splat());
-        if M::SPEC.n_states == 0 {
-            driver.step();
-        } else {
-            for substep in 0..substeps {
-                let u = f64::from(substep) * fraction;
-                let middle = interval.motion(u + 0.5 * fraction);
-                let end = interval.motion(u + fraction);
-                state = advance::<M, R>(driver.step(), state, [start, middle, end], step);
-                start = end;
-            }
+        for substep in 0..substeps {
+            let u = f64::from(substep) * fraction;
+            let middle = interval.motion(u + 0.5 * fraction);
+            let end = interval.motion(u + fraction);
+            packs.advance((substep == 0).then_some(sample), [start, middle, end], step);
+            start = end;
         }
         samples += 1;
     }
     if span.start + samples == loading.n_time() - 1 && span.end == loading.n_time() {
-        driver.begin(loading.n_time() - 1);
-        sink.take(loading.n_time() - 1, driver, state, loading.last().splat());
+        packs.take(loading.n_time() - 1, loading.last());
         samples += 1;
     }
-    (state, samples)
+    samples
 }

@@ -26,17 +26,6 @@ impl SparseRows {
         Self { starts, entries }
     }
 
-    /// From the columns of a row-major matrix with `columns` columns.
-    fn of_columns(matrix: &[f64], columns: usize) -> Self {
-        let (mut starts, mut entries) = (vec![0], Vec::new());
-        for column in 0..columns {
-            let own = matrix.chunks_exact(columns).map(|row| row[column]);
-            entries.extend(own.enumerate().filter(|&(_, value)| value != 0.0));
-            starts.push(entries.len());
-        }
-        Self { starts, entries }
-    }
-
     /// The diagonal of a square matrix; `None` if it has other entries or lacks one.
     fn diagonal(&self) -> Option<Vec<f64>> {
         (0..self.len())
@@ -83,15 +72,21 @@ impl SparseRows {
 }
 
 /// A coefficient of equations in lanes: one that all lanes share, or one of each lane.
-pub(crate) trait Coefficient<R>: Copy {
+pub(crate) trait Coefficient<R: Lanes>: Copy {
     /// The coefficient of every lane.
     fn in_lanes(self) -> R;
+    /// The coefficients of a vector.
+    fn in_vector(&self, number: usize) -> R::Vector;
 }
 
-impl<R: Real> Coefficient<R> for f64 {
+impl<R: Lanes> Coefficient<R> for f64 {
     #[inline(always)]
     fn in_lanes(self) -> R {
         R::splat(self)
+    }
+    #[inline(always)]
+    fn in_vector(&self, _: usize) -> R::Vector {
+        R::Vector::splat(*self)
     }
 }
 
@@ -99,10 +94,14 @@ impl<R: Real> Coefficient<R> for f64 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OfLanes<R>(R);
 
-impl<R: Real> Coefficient<R> for OfLanes<R> {
+impl<R: Lanes> Coefficient<R> for OfLanes<R> {
     #[inline(always)]
     fn in_lanes(self) -> R {
         self.0
+    }
+    #[inline(always)]
+    fn in_vector(&self, number: usize) -> R::Vector {
+        self.0.vector(number)
     }
 }
 
@@ -116,9 +115,33 @@ struct Spring<N> {
 
 /// A row of a tridiagonal building: coefficients of the neighbour below, the coordinate itself and the neighbour above.
 #[derive(Clone, Copy, Debug)]
-struct Link<N> {
+pub(crate) struct Link<N> {
     stiffness: [N; 3],
     damping: [N; 3],
+}
+
+impl<N: Copy> Link<N> {
+    /// Forces of the stiffness and of the damping on a coordinate in a vector [N], from displacement and velocity of the
+    /// neighbour below, the coordinate itself and the neighbour above.
+    #[inline(always)]
+    pub(crate) fn coupling<R: Lanes>(
+        &self,
+        vector: usize,
+        [x_below, v_below]: [R::Vector; 2],
+        [x, v]: [R::Vector; 2],
+        [x_above, v_above]: [R::Vector; 2],
+    ) -> [R::Vector; 2]
+    where
+        N: Coefficient<R>,
+    {
+        let mut sprung = x_below * self.stiffness[0].in_vector(vector);
+        let mut damped = v_below * self.damping[0].in_vector(vector);
+        sprung = x.mul_add(self.stiffness[1].in_vector(vector), sprung);
+        damped = v.mul_add(self.damping[1].in_vector(vector), damped);
+        sprung = x_above.mul_add(self.stiffness[2].in_vector(vector), sprung);
+        damped = v_above.mul_add(self.damping[2].in_vector(vector), damped);
+        [sprung, damped]
+    }
 }
 
 /// Stiffness and damping matrices by rows, entries where either is not zero.
@@ -201,35 +224,29 @@ impl<N: Copy> SpringRows<N> {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
+    /// The links of a chain; `None` for another building.
+    #[inline(always)]
+    pub(crate) fn links(&self) -> Option<&[Link<N>]> {
+        self.links.as_deref()
+    }
+
     /// Forces of the stiffness and of the damping on a coordinate [N].
     #[inline(always)]
-    pub(crate) fn coupling<R: Real>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2]
+    pub(crate) fn coupling<R: Lanes>(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2]
     where
         N: Coefficient<R>,
     {
         let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
-        if let Some(links) = &self.links {
-            // A neighbour beyond either end of the chain has no stiffness.
-            let link = links[coordinate];
-            let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(links.len() - 1)];
-            sprung = displacement[columns[0]] * link.stiffness[0].in_lanes();
-            damped = velocity[columns[0]] * link.damping[0].in_lanes();
-            sprung = displacement[columns[1]].mul_add(link.stiffness[1].in_lanes(), sprung);
-            damped = velocity[columns[1]].mul_add(link.damping[1].in_lanes(), damped);
-            sprung = displacement[columns[2]].mul_add(link.stiffness[2].in_lanes(), sprung);
-            damped = velocity[columns[2]].mul_add(link.damping[2].in_lanes(), damped);
-        } else {
-            for spring in self.row(coordinate) {
-                sprung = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sprung);
-                damped = velocity[spring.column].mul_add(spring.damping.in_lanes(), damped);
-            }
+        for spring in self.row(coordinate) {
+            sprung = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sprung);
+            damped = velocity[spring.column].mul_add(spring.damping.in_lanes(), damped);
         }
         [sprung, damped]
     }
 
     /// Force of the stiffness on a coordinate [N].
     #[inline(always)]
-    pub(crate) fn sprung<R: Real>(&self, coordinate: usize, displacement: &[R]) -> R
+    pub(crate) fn sprung<R: Lanes>(&self, coordinate: usize, displacement: &[R]) -> R
     where
         N: Coefficient<R>,
     {
@@ -338,10 +355,6 @@ pub struct Building {
     pub(crate) floors: SparseRows,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
-    /// Devices that act on each coordinate, and its displacement by a unit elongation.
-    pub(crate) pushing_devices: SparseRows,
-    /// The same of the elements.
-    pub(crate) pushing_elements: SparseRows,
     /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
     pub(crate) device_floors: Option<SparseRows>,
     /// Effective mass of each device, 1 / (e M^-1 e') [kg].
@@ -408,8 +421,6 @@ impl Building {
             floors: SparseRows::new(matrices.floors, n),
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
-            pushing_devices: SparseRows::of_columns(matrices.devices, n),
-            pushing_elements: SparseRows::of_columns(matrices.elements, n),
             device_floors: weights_of_floors(matrices, n),
             device_mass,
             elements: SparseRows::new(matrices.elements, n),
@@ -437,27 +448,14 @@ impl Building {
         Ok(Springs::new(&root, damping, stiffness, n))
     }
 
-    /// Writes the accelerations of the coordinates relative to the ground, under these resisting forces.
+    /// Acceleration of a coordinate relative to the ground, under these resisting forces.
     #[inline(always)]
-    pub(crate) fn accelerate<R: Real>(&self, resisting: &[R], ground: R, acceleration: &mut [R]) {
-        let n = self.n;
-        let (resisting, influence, acceleration) =
-            (&resisting[..n], &self.influence[..n], &mut acceleration[..n]);
-        if let Some(per_mass) = &self.per_mass {
-            let per_mass = &per_mass[..n];
-            for i in 0..n {
-                let pushed = ground * R::splat(-influence[i]);
-                acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
-            }
-            return;
+    pub(crate) fn acceleration<R: Real>(&self, coordinate: usize, resisting: &[R], ground: R) -> R {
+        let mut carried = ground * R::splat(-self.influence[coordinate]);
+        for &(column, mobility) in self.mass_inverse.row(coordinate) {
+            carried = resisting[column].mul_add(R::splat(-mobility), carried);
         }
-        for i in 0..n {
-            let mut carried = ground * R::splat(-influence[i]);
-            for &(column, mobility) in self.mass_inverse.row(i) {
-                carried = resisting[column].mul_add(R::splat(-mobility), carried);
-            }
-            acceleration[i] = carried;
-        }
+        carried
     }
 
     /// Number of coordinates.

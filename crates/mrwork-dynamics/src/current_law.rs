@@ -5,7 +5,7 @@ use crate::dual::Dual;
 use crate::elementary::{exp, ln};
 use crate::error::DynamicsError;
 use crate::parameters::{ParamSpec, Scale};
-use crate::real::Real;
+use crate::real::{OutOfLine, Real};
 
 /// Largest number of commands at which a law may have values.
 pub const MOST_NODES: usize = 8;
@@ -357,5 +357,51 @@ impl CurrentLaws {
             let own = &prepared[first..first + law.n_coefficients()];
             values[parameter] = law.limited_value(own, u, &self.parameters[parameter]);
         }
+    }
+}
+
+/// Writes the parameters that depend on the current anew, see [`CurrentLaws::follow`]: compiled once for all models.
+pub(crate) struct Follow<'a, R> {
+    pub(crate) laws: &'a CurrentLaws,
+    pub(crate) prepared: &'a [R],
+    pub(crate) current: &'a R,
+    pub(crate) values: &'a mut [R],
+}
+
+impl<R: Real> OutOfLine for Follow<'_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        self.laws.follow(self.prepared, *self.current, self.values);
+    }
+}
+
+/// Evaluates all parameters at a current, see [`CurrentLaws::evaluate`].
+pub(crate) struct Evaluate<'a, R> {
+    pub(crate) laws: &'a CurrentLaws,
+    pub(crate) prepared: &'a [R],
+    pub(crate) current: R,
+    pub(crate) values: &'a mut [R],
+}
+
+impl<R: Real> OutOfLine for Evaluate<'_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        self.laws.evaluate(self.prepared, self.current, self.values);
+    }
+}
+
+/// Turns columns into those that laws are evaluated from, see [`CurrentLaws::prepare`].
+pub(crate) struct Prepare<'a, R> {
+    pub(crate) laws: &'a CurrentLaws,
+    pub(crate) columns: &'a mut [R],
+}
+
+impl<R: Real> OutOfLine for Prepare<'_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        self.laws.prepare(self.columns);
     }
 }

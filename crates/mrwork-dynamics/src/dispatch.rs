@@ -3,27 +3,33 @@
 //! Only this file and `dispatch/x86.rs` contain `unsafe` code. Every intrinsic there requires a processor feature; its
 //! vectors are reached only through the methods `run` of [`InstructionSet`], which check the processor first.
 
-use crate::lanes::{Lanes, Pack, Plain};
+use crate::lanes::{Lanes, Pack};
 
-/// Vectors in one pack of a full block: enough to hide the latency of a power and a division.
+/// Vectors in the widest pack: enough to hide the latency of a power and a division.
 const GROUPS: usize = 8;
 /// The same for AVX2: half as many registers of half the width.
 const AVX2_GROUPS: usize = 4;
-/// The same for short chains of arithmetic, whose latency more vectors hide.
-const AVX2_WIDE_GROUPS: usize = 8;
-/// Vectors in a pack of medium width: shared data are loaded once, and the state of a step stays in the cache.
+/// The same in the loop: shared data are loaded once, and the state of a step stays in the cache.
 const MIDDLE_GROUPS: usize = 4;
-/// The same for AVX2.
-const AVX2_MIDDLE_GROUPS: usize = 4;
-/// Lanes of medium width without named vectors: two of NEON.
-const PLAIN_MIDDLE: usize = 4;
+
+/// A pack of the baseline of the target: plain arrays, which the compiler turns into the vectors of NEON.
+#[cfg(not(target_arch = "x86_64"))]
+type Plain = Pack<f64, 8>;
+/// The same in the loop.
+#[cfg(not(target_arch = "x86_64"))]
+type PlainMiddle = Pack<f64, 4>;
+/// Without fused multiply-adds in hardware, more lanes gain nothing.
+#[cfg(target_arch = "x86_64")]
+type Plain = f64;
+#[cfg(target_arch = "x86_64")]
+type PlainMiddle = f64;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {
     /// What the work returns.
     type Output;
-    /// Whether it may come with the lanes of a wide block.
-    const WIDE: bool = false;
+    /// The type in whose module the job is compiled, see [`crate::lanes::OutOfLine::Home`].
+    type Home;
     /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
     fn run<R: Lanes>(self) -> Self::Output;
 }
@@ -84,7 +90,7 @@ impl InstructionSet {
         if self.is_supported() { self } else { Self::Plain }
     }
 
-    /// Lanes of a full block.
+    /// Candidates of a full block: those of the widest pack.
     #[must_use]
     pub const fn block_width(self) -> usize {
         match self {
@@ -94,12 +100,13 @@ impl InstructionSet {
         }
     }
 
-    /// Lanes of a full block of short chains of arithmetic, of a job that may be wide.
+    /// Candidates of a full block of narrow packs side by side, under one evaluation of the motion.
     #[must_use]
-    pub const fn wide_block_width(self) -> usize {
+    pub const fn side_by_side_width(self) -> usize {
         match self {
-            Self::Avx2 => AVX2_WIDE_GROUPS * 4,
-            _ => self.block_width(),
+            Self::Avx512 => 64,
+            Self::Avx2 => 32,
+            Self::Plain => 8,
         }
     }
 
@@ -110,11 +117,15 @@ impl InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found every feature that the function enables.
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_avx512(candidates, job) },
+            Self::Avx512 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_avx512(candidates, job)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found both features that the function enables.
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
-            _ => job.run::<Plain>(),
+            Self::Avx2 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_avx2(candidates, job)
+            },
+            _ => <J::Home as Plainly>::run(job),
         }
     }
 
@@ -123,8 +134,8 @@ impl InstructionSet {
     pub const fn middle_width(self) -> usize {
         match self {
             Self::Avx512 => MIDDLE_GROUPS * 8,
-            Self::Avx2 => AVX2_MIDDLE_GROUPS * 4,
-            Self::Plain => PLAIN_MIDDLE,
+            Self::Avx2 => AVX2_GROUPS * 4,
+            Self::Plain => PlainMiddle::WIDTH,
         }
     }
 
@@ -136,11 +147,13 @@ impl InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found every feature that the function enables.
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(runs, job) },
+            Self::Avx512 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_middle_avx512(runs, job)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found both features that the function enables.
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(runs, job) },
-            _ => job.run::<Pack<f64, PLAIN_MIDDLE>>(),
+            Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_avx2(runs, job) },
+            _ => <J::Home as Plainly>::run_middle(job),
         }
     }
 
@@ -161,11 +174,13 @@ impl InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found every feature that the function enables.
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
+            Self::Avx512 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_vector_avx512(job)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found both features that the function enables.
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_vector_avx2(job) },
-            _ => job.run::<f64>(),
+            Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_vector_avx2(job) },
+            _ => <J::Home as Plainly>::run_vector(job),
         }
     }
 
@@ -176,14 +191,31 @@ impl InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found every feature that the function enables.
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
+            Self::Avx512 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_vector_avx512(job)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the guard has found both features that the function enables.
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_narrow_avx2(job) },
-            _ => job.run::<Plain>(),
+            Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_narrow_avx2(job) },
+            _ => <J::Home as Plainly>::run(job),
         }
     }
 }
+
+/// Jobs without an instruction set of their own, compiled in the module of `Self`.
+trait Plainly {
+    fn run<J: LaneJob>(job: J) -> J::Output {
+        job.run::<Plain>()
+    }
+    fn run_middle<J: LaneJob>(job: J) -> J::Output {
+        job.run::<PlainMiddle>()
+    }
+    fn run_vector<J: LaneJob>(job: J) -> J::Output {
+        job.run::<f64>()
+    }
+}
+
+impl<T: ?Sized> Plainly for T {}
 
 #[cfg(target_arch = "x86_64")]
 #[allow(clippy::wildcard_imports)] // some sixty intrinsics

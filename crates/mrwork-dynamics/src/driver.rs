@@ -2,7 +2,7 @@
 
 use core::mem::swap;
 
-use crate::current_law::CurrentLaws;
+use crate::current_law::{CurrentLaws, Evaluate, Follow, Prepare};
 use crate::damper::model::DamperModel;
 use crate::elementary::exp;
 use crate::parameters::FromSlice;
@@ -57,14 +57,14 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// The driver in steady state at the first command.
     #[inline(always)]
     pub(crate) fn new(laws: &'a CurrentLaws, mut columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
-        laws.prepare(&mut columns);
+        R::out_of_line(Prepare { laws, columns: &mut columns });
         let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
         let half_step_decay = match laws.lag_column() {
             Some(column) => exp(columns[column] * R::splat(-0.5 * step)),
             None => R::splat(0.0),
         };
         let mut values = vec![R::splat(f64::NAN); laws.n_params()];
-        laws.evaluate(&columns, start, &mut values);
+        R::out_of_line(Evaluate { laws, prepared: &columns, current: start, values: &mut values });
         let at = [M::Parameters::from_slice(&values); 3];
         Self { laws, columns, values, command, held: start, u: start, half_step_decay, at }
     }
@@ -72,7 +72,8 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// Parameters at the current in the coil, from other prepared columns; derivatives with respect to its lag are dropped.
     #[inline(always)]
     pub(crate) fn parameters_of(&self, columns: &[R], values: &mut [R]) -> M::Parameters<R> {
-        self.laws.evaluate(columns, self.u.without_derivatives(), values);
+        let current = self.u.without_derivatives();
+        R::out_of_line(Evaluate { laws: self.laws, prepared: columns, current, values });
         M::Parameters::from_slice(values)
     }
 
@@ -85,7 +86,8 @@ impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
 
     #[inline(always)]
     fn evaluate(&mut self, place: usize) {
-        self.laws.follow(&self.columns, self.u, &mut self.values);
+        let Self { laws, columns, u, values, .. } = self;
+        R::out_of_line(Follow { laws, prepared: columns, current: u, values });
         self.at[place].follow(&self.values, self.laws.follows());
     }
 }

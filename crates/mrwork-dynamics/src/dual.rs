@@ -7,7 +7,7 @@
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::elementary::{Elementary, Exponent, exp, ln, power_and_logarithm, tanh, whole_power};
-use crate::real::{Bits, Real};
+use crate::real::{Bits, OutOfLine, Real};
 
 /// A value and its derivatives along `K` directions.
 #[derive(Clone, Copy)]
@@ -98,6 +98,7 @@ impl<R: Bits, const K: usize> Neg for Dual<R, K> {
 
 impl<R: Bits, const K: usize> Real for Dual<R, K> {
     type Mask = R::Mask;
+    const HAS_DERIVATIVES: bool = true;
 
     #[inline(always)]
     fn splat(value: f64) -> Self {
@@ -125,6 +126,12 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
     fn copysign(self, sign: Self) -> Self {
         let own = R::splat(1.0).copysign(self.value);
         self.chain(self.value.copysign(sign.value), own.copysign(own * sign.value))
+    }
+    #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        let sign = other.value;
+        let tangents = each_tangent!(k => self.tangents[k].times_sign(sign), from self.tangents);
+        Self { value: self.value.times_sign(sign), tangents }
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -155,6 +162,10 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
     #[inline(always)]
     fn without_derivatives(self) -> Self {
         Self::constant(self.value)
+    }
+    #[inline(always)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        R::out_of_line(work);
     }
     #[inline(always)]
     fn all(mask: Self::Mask) -> bool {

@@ -6,7 +6,8 @@
 
 use core::marker::PhantomData;
 
-use crate::block::{Block, columns, integrate_span, steady_values};
+use crate::block::{Block, Integrated, columns, integrate_span, steady_values};
+use crate::current_law::Prepare;
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::driver::{Driver, Either, Following, Steady};
@@ -64,11 +65,12 @@ type Numbers<R> = Dual<R, TANGENTS>;
 
 impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
     type Output = ();
+    type Home = M;
     #[inline(always)]
     fn run<R: Lanes>(self) {
         let Self { block, seeds, rows, .. } = self;
         let Block { laws, loading, substeps, .. } = *block;
-        let columns = columns::<R>(block);
+        let columns = columns::<R>(block, block.candidates);
         let varying = match loading.command() {
             Command::Varying(command) if !laws.are_constant() => Some(command),
             _ => None,
@@ -81,20 +83,21 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
             let mut columns = seeded(&inputs, |lane| seeds.get(lane)?.force_only.get(part).copied());
             let parameters = M::Parameters::from_slice(&columns);
             if varying.is_some() {
-                laws.prepare(&mut columns);
+                Numbers::<R>::out_of_line(Prepare { laws, columns: &mut columns });
             }
             let values = vec![Dual::splat(f64::NAN); laws.n_params()];
             force_only.push(ForceOnly { parameters, columns, values });
         }
-        let mut driver = if let Some(command) = varying {
+        let driver = if let Some(command) = varying {
             let step = loading.dt() / f64::from(substeps);
             Either::Following(Following::new(laws, of_states, command, step))
         } else {
             Either::Steady(Steady { parameters: M::Parameters::from_slice(&of_states) })
         };
-        let mut writer = RowWriter { rows, force_only };
-        let at_rest = M::State::from_fn(|_| Dual::splat(0.0));
-        integrate_span::<M, _, _>(block, &mut driver, at_rest, &mut writer);
+        let state = M::State::splat(Dual::splat(0.0));
+        let sink = RowWriter { rows, force_only };
+        let mut pack = Integrated::<M, Numbers<R>, _, _> { driver, state, sink, number: PhantomData };
+        integrate_span(block, &mut pack);
     }
 }
 

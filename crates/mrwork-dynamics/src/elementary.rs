@@ -144,6 +144,12 @@ impl<R: Real> Exponent<R> {
         let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
         Self { n, whole, all_two: R::all(n.equal(two)), all_whole: R::all(whole), any_whole: R::any(whole) }
     }
+
+    /// Whether it is 2 in every lane, and nobody asks for derivatives along it: powers are squares.
+    #[inline(always)]
+    pub fn is_two(&self) -> bool {
+        !R::HAS_DERIVATIVES && self.all_two
+    }
 }
 
 /// Power x^n of a magnitude x (no sign bit).

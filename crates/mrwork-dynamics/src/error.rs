@@ -86,6 +86,9 @@ pub enum DynamicsError {
          rising commands, as in values:0,0.5,1 or quadratic:0,0.5,1"
     )]
     UnknownLaw(String),
+    /// A damper that is no model of the registry, as the device of a loop.
+    #[error("`{0}` is no registered damper model; a loop takes those of the registry")]
+    UnknownDevice(&'static str),
     /// A model that depends on the command, with a loading history that has none.
     #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
     NoCommand(&'static str),

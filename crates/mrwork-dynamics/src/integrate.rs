@@ -1,11 +1,10 @@
-//! The time-stepping rule: classical Runge-Kutta on the grid of the record, with a number of equal sub-steps per sample
-//! that follows from the stiffness of the candidate.
+//! The number of steps per sample interval: classical Runge-Kutta ([`DamperModel::step`]) on the grid of the record, with
+//! equal sub-steps that follow from the stiffness of the candidate.
 
 use crate::current_law::CurrentLaws;
-use crate::damper::model::{DamperModel, Motion, Severity, State};
+use crate::damper::model::{DamperModel, Severity};
 use crate::loading::LoadingHistory;
 use crate::parameters::FromSlice;
-use crate::real::Real;
 
 /// Most sub-steps per sample interval of a candidate.
 ///
@@ -69,31 +68,4 @@ pub(crate) fn substeps<M: DamperModel>(
         }
     }
     wanted.is_finite().then_some(count * factor)
-}
-
-/// One classical Runge-Kutta step of length `step` [s], parameters and motions given at its start, middle and end.
-///
-/// The stages are a loop, not four calls: written out, a pack of lanes outgrows the instruction cache.
-#[inline(always)]
-pub(crate) fn advance<M: DamperModel, R: Real>(
-    [p_start, p_middle, p_end]: [&M::Parameters<R>; 3],
-    state: M::State<R>,
-    [start, middle, end]: [Motion<f64>; 3],
-    step: f64,
-) -> M::State<R> {
-    let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);
-    let stages = [
-        (p_start, start, half, sixth),
-        (p_middle, middle, half, third),
-        (p_middle, middle, step, third),
-        (p_end, end, 0.0, sixth),
-    ];
-    let mut at = state;
-    let mut next = state;
-    for (p, motion, reach, weight) in stages {
-        let rate = M::rate(p, at, motion.splat());
-        at = state.advance(R::splat(reach), rate);
-        next = next.advance(R::splat(weight), rate);
-    }
-    next
 }

@@ -1,36 +1,45 @@
 //! Lanes: eight candidates in one vector, several vectors in one pack.
 
-use core::array;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::real::{Bits, Real};
+use crate::real::{Bits, OutOfLine, Real};
 
 /// Candidates in one vector.
 pub const VECTOR_WIDTH: usize = 8;
 
 /// Lanes of the widest pack.
-pub(crate) const MOST_LANES: usize = 64;
+pub(crate) const MOST_LANES: usize = 32;
 
 /// A real number with several lanes.
 pub trait Lanes: Bits {
     /// Number of lanes.
     const WIDTH: usize;
+    /// One of the vectors that it is made of.
+    type Vector: Lanes;
+    /// Number of vectors.
+    const VECTORS: usize;
+    /// The vector of that number.
+    fn vector(&self, number: usize) -> Self::Vector;
+    /// Replaces the vector of that number.
+    fn set_vector(&mut self, number: usize, vector: Self::Vector);
     /// Lane `i` holds `value(i)`.
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
     /// Calls `receive(i, value)` for every lane, in order.
     fn for_each(self, receive: impl FnMut(usize, f64));
-    /// Calls `work` in a function that is not inlined, compiled for the same instruction set.
-    fn out_of_line<W: OutOfLine>(work: W);
-}
-
-/// An out-of-line call: work in lanes that is compiled once instead of inlined into every loop.
-pub trait OutOfLine {
-    /// Runs the work. Must be `#[inline(always)]`, and so must all functions that it calls.
-    fn run(self);
 }
 
 impl Lanes for f64 {
     const WIDTH: usize = 1;
+    type Vector = Self;
+    const VECTORS: usize = 1;
+    #[inline(always)]
+    fn vector(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_vector(&mut self, _: usize, vector: Self) {
+        *self = vector;
+    }
     #[inline(always)]
     fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
         value(0)
@@ -38,10 +47,6 @@ impl Lanes for f64 {
     #[inline(always)]
     fn for_each(self, mut receive: impl FnMut(usize, f64)) {
         receive(0, self);
-    }
-    #[inline(never)]
-    fn out_of_line<W: OutOfLine>(work: W) {
-        work.run();
     }
 }
 
@@ -111,6 +116,10 @@ impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].copysign(sign.0[g]), from self.0))
     }
     #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        Self(each_group!(g => self.0[g].times_sign(other.0[g]), from self.0))
+    }
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self(each_group!(g => self.0[g].min(other.0[g]), from self.0))
     }
@@ -141,6 +150,10 @@ impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
             all &= V::all(group);
         }
         all
+    }
+    #[inline(always)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        V::out_of_line(work);
     }
     #[inline(always)]
     fn any(mask: Self::Mask) -> bool {
@@ -177,9 +190,23 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
 
 impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
     const WIDTH: usize = V::WIDTH * GROUPS;
+    type Vector = V;
+    const VECTORS: usize = GROUPS;
+    #[inline(always)]
+    fn vector(&self, number: usize) -> V {
+        self.0[number]
+    }
+    #[inline(always)]
+    fn set_vector(&mut self, number: usize, vector: V) {
+        self.0[number] = vector;
+    }
     #[inline(always)]
     fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
-        Self(array::from_fn(|group| V::from_fn(|lane| value(group * V::WIDTH + lane))))
+        let mut groups = [V::splat(0.0); GROUPS];
+        for (group, vector) in groups.iter_mut().enumerate() {
+            *vector = V::from_fn(|lane| value(group * V::WIDTH + lane));
+        }
+        Self(groups)
     }
     #[inline(always)]
     fn for_each(self, mut receive: impl FnMut(usize, f64)) {
@@ -187,11 +214,4 @@ impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
             vector.for_each(|lane, value| receive(group * V::WIDTH + lane, value));
         }
     }
-    #[inline(always)]
-    fn out_of_line<W: OutOfLine>(work: W) {
-        V::out_of_line(work);
-    }
 }
-
-/// Eight lanes for any processor: plain arrays, which the compiler may or may not turn into vectors.
-pub type Plain = Pack<f64, VECTOR_WIDTH>;

@@ -11,6 +11,7 @@ pub mod block;
 pub mod building;
 pub mod closed_loop;
 pub mod control;
+pub mod coupled;
 pub mod current_law;
 pub mod damper;
 #[allow(unsafe_code)] // the one module that enters an instruction set

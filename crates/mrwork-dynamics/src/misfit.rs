@@ -26,13 +26,15 @@ pub struct Target<'a> {
 pub(crate) struct ForceOutput<'a, 'b> {
     /// Sum the squared residuals against this target, in sample order.
     pub(crate) target: Option<Target<'a>>,
-    /// Write the force here, one row per lane; lanes without a row are dropped.
+    /// Write the force here, one row per candidate.
     pub(crate) rows: &'a mut [&'b mut [f64]],
 }
 
-/// The running result of a block.
+/// The running result of a pack.
 pub(crate) struct ForceAccumulator<'a, 'b, R> {
-    pub(crate) output: ForceOutput<'a, 'b>,
+    pub(crate) target: Option<Target<'a>>,
+    /// One row per lane; lanes without a row are dropped.
+    pub(crate) rows: &'a mut [&'b mut [f64]],
     /// Sum of squared residuals [N^2].
     pub(crate) sum: R,
     /// Sum at which a lane is abandoned [N^2].
@@ -43,15 +45,15 @@ impl<M: DamperModel, R: Lanes, D: Driver<M, R>> ForceSink<M, R, D> for ForceAccu
     #[inline(always)]
     fn take(&mut self, sample: usize, driver: &D, state: M::State<R>, motion: Motion<R>) {
         let force = M::force(driver.parameters(), state, motion);
-        if let Some(Target { force: measured, first }) = self.output.target
+        if let Some(Target { force: measured, first }) = self.target
             && sample >= first
         {
             let residual = force - R::splat(measured[sample]);
             self.sum = residual.mul_add(residual, self.sum);
         }
-        if !self.output.rows.is_empty() {
+        if !self.rows.is_empty() {
             force.for_each(|lane, value| {
-                if let Some(row) = self.output.rows.get_mut(lane) {
+                if let Some(row) = self.rows.get_mut(lane) {
                     row[sample] = value;
                 }
             });
@@ -61,6 +63,6 @@ impl<M: DamperModel, R: Lanes, D: Driver<M, R>> ForceSink<M, R, D> for ForceAccu
     /// Whether every lane has reached its limit or is no longer finite.
     #[inline(always)]
     fn is_settled(&self) -> bool {
-        self.output.target.is_some() && !R::any(self.sum.less(self.limit))
+        self.target.is_some() && !R::any(self.sum.less(self.limit))
     }
 }

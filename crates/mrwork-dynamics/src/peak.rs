@@ -8,10 +8,9 @@ use std::time::{Duration, Instant};
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
-use crate::integrate::advance;
 use crate::lanes::Lanes;
 use crate::parameters::FromSlice;
-use crate::real::{Bits, Real};
+use crate::real::{Bits, OutOfLine, Real};
 use crate::threads::{on_threads, thread_count};
 
 /// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
@@ -35,6 +34,7 @@ const ROUNDS: u32 = 100_000;
 
 impl LaneJob for FmaChains {
     type Output = f64;
+    type Home = Self;
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)] // operation counts stay far below 2^52
     fn run<R: Lanes>(self) -> f64 {
@@ -69,7 +69,7 @@ pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
     FLOPS.set(0);
     let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));
     if M::SPEC.n_states > 0 {
-        state = advance::<M, Counted>([&p; 3], state, [motion; 3], 1e-3);
+        state = M::step::<Counted>([&p; 3], state, [motion; 3], 1e-3);
     }
     let residual = M::force(&p, state, motion.splat()) - Counted(1.0);
     let _squared = residual.mul_add(residual, Counted(0.0));
@@ -130,6 +130,9 @@ impl Real for Counted {
     fn copysign(self, sign: Self) -> Self {
         Self(self.0.copysign(sign.0))
     }
+    fn times_sign(self, other: Self) -> Self {
+        Self(self.0.times_sign(other.0))
+    }
     fn min(self, other: Self) -> Self {
         Self(Real::min(self.0, other.0))
     }
@@ -147,6 +150,9 @@ impl Real for Counted {
     }
     fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
+    }
+    fn out_of_line<W: OutOfLine>(work: W) {
+        work.run();
     }
     fn all(mask: bool) -> bool {
         mask

@@ -21,6 +21,8 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy;
+    /// Whether it carries derivatives, so that a shortcut that is right for values alone is not taken.
+    const HAS_DERIVATIVES: bool = false;
 
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
@@ -32,6 +34,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Magnitude of `self` with the sign bit of `sign`.
     fn copysign(self, sign: Self) -> Self;
+    /// `self`, negated where the sign bit of `other` is set.
+    fn times_sign(self, other: Self) -> Self;
     /// The smaller of the two; `other` where either is NaN.
     fn min(self, other: Self) -> Self;
     /// The larger of the two; `other` where either is NaN.
@@ -49,10 +53,20 @@ pub trait Real:
     fn without_derivatives(self) -> Self {
         self
     }
+    /// Calls `work` in a function that is not inlined, compiled for the same instruction set.
+    fn out_of_line<W: OutOfLine>(work: W);
     /// Whether the mask holds in every lane.
     fn all(mask: Self::Mask) -> bool;
     /// Whether the mask holds in at least one lane.
     fn any(mask: Self::Mask) -> bool;
+}
+
+/// An out-of-line call: work in lanes that is compiled once instead of inlined into every loop.
+pub trait OutOfLine {
+    /// The type in whose module the work is compiled: modules are compiled side by side, so each damper has its own.
+    type Home;
+    /// Runs the work. Must be `#[inline(always)]`, and so must all functions that it calls.
+    fn run(self);
 }
 
 /// A real number whose exponent and fraction can be taken apart, which is what elementary functions are made of.
@@ -93,6 +107,10 @@ impl Real for f64 {
         f64::copysign(self, sign)
     }
     #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        f64::from_bits(self.to_bits() ^ (other.to_bits() & SIGN_BIT))
+    }
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
     }
@@ -118,6 +136,10 @@ impl Real for f64 {
         if mask { yes } else { no }
     }
     #[inline(always)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        <W::Home as Plainly>::out_of_line(work);
+    }
+    #[inline(always)]
     fn all(mask: bool) -> bool {
         mask
     }
@@ -126,6 +148,16 @@ impl Real for f64 {
         mask
     }
 }
+
+/// An out-of-line call without an instruction set of its own, compiled in the module of `Self`.
+trait Plainly {
+    #[inline(never)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        work.run();
+    }
+}
+
+impl<T: ?Sized> Plainly for T {}
 
 impl Bits for f64 {
     #[inline(always)]
@@ -153,12 +185,33 @@ impl Bits for f64 {
     }
 }
 
+/// `yes` if `number` is above zero, else zero; not a number if `number` is not.
+#[inline(always)]
+pub(crate) fn where_positive<R: Real>(number: R, yes: R) -> R {
+    let otherwise = if_known(number, R::splat(0.0));
+    R::select(R::splat(0.0).less(number), yes, otherwise)
+}
+
+/// `value`; not a number if `by`, which it was chosen by, is not a number, which the comparison alone would hide.
+#[inline(always)]
+pub(crate) fn if_known<R: Real>(by: R, value: R) -> R {
+    R::select(by.equal(by), value, R::splat(f64::NAN))
+}
+
+/// `number` limited to the range from `lower` to `upper`.
+#[inline(always)]
+pub(crate) fn within<R: Real>(number: R, lower: R, upper: R) -> R {
+    upper.min(lower.max(number))
+}
+
 /// Bits of 2^52: an integer below 2^52 or-ed into them reads as 2^52 plus that integer.
 pub(crate) const TWO_TO_52: u64 = 0x4330_0000_0000_0000;
 /// 2^52 + 1023: taking it away leaves the unbiased exponent.
 pub(crate) const EXPONENT_BIAS_AT_TWO_TO_52: f64 = 4_503_599_627_371_519.0;
 /// 2^52 + 1022: the low bits of a sum with it are the exponent field of 2^k / 2.
 pub(crate) const HALF_EXPONENT_BIAS: f64 = EXPONENT_BIAS_AT_TWO_TO_52 - 1.0;
+/// The sign bit of a double.
+const SIGN_BIT: u64 = 1 << 63;
 /// The fraction field of a double.
 pub(crate) const MANTISSA_BITS: u64 = 0x000F_FFFF_FFFF_FFFF;
 /// Bits of 1.0.

@@ -49,6 +49,8 @@ pub(crate) struct Schedule<'a> {
     /// Candidates to simulate, those with the most sub-steps first.
     pub(crate) order: Vec<usize>,
     pub(crate) threads: usize,
+    /// Whether a step of each candidate is a short chain of arithmetic.
+    short: Vec<bool>,
     block_width: usize,
     steps: u64,
     varying: bool,
@@ -97,14 +99,14 @@ impl<'a> Schedule<'a> {
             rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
         let threads = worthwhile_threads(threads, steps);
         let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
-        let block_width = if varying {
-            VECTOR_WIDTH
-        } else if theta.chunks_exact(n_columns).all(|theta| damper.has_square_loop(theta, laws)) {
-            instruction_set.wide_block_width()
-        } else {
-            instruction_set.block_width()
+        let short: Vec<bool> =
+            theta.chunks_exact(n_columns).map(|theta| damper.has_short_step(theta, laws)).collect();
+        let block_width = match (varying, short.iter().all(|&short| short)) {
+            (true, _) => VECTOR_WIDTH,
+            (false, true) => instruction_set.side_by_side_width(),
+            (false, false) => instruction_set.block_width(),
         };
-        Ok(Self { laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
+        Ok(Self { short, laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
     }
 
     /// Blocks of these candidates, a subsequence of `order`.
@@ -134,6 +136,7 @@ impl<'a> Schedule<'a> {
                 span: span.clone(),
                 progress,
                 substeps: self.rows[candidates[0]].substeps,
+                short: candidates.iter().all(|&candidate| self.short[candidate]),
                 stop: self.settings.stop,
             })
             .collect()

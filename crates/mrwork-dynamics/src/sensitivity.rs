@@ -68,6 +68,7 @@ pub fn sensitivities(
                 span: 0..n_time,
                 progress: &progress,
                 substeps: schedule.rows[lanes.candidates[0]].substeps,
+                short: false,
                 stop: settings.stop,
             };
             damper.sensitivities(set, &block, &lanes.seeds, &mut lanes.rows);

@@ -8,7 +8,8 @@ use mrwork_dynamics::building::{Building, Element, Matrices, Springs};
 use mrwork_dynamics::closed_loop::{
     Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond, width,
 };
-use mrwork_dynamics::control::{Law, LoopSizes, Mounting, Signal, Source};
+use mrwork_dynamics::control::{Law, LoopSizes, Signal, Source};
+use mrwork_dynamics::coupled::Mounting;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{REGISTRY, find_device};
 use mrwork_dynamics::dispatch::InstructionSet;

@@ -11,7 +11,7 @@
 use astro_float::{BigFloat, Consts, RoundingMode};
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
 use mrwork_dynamics::elementary::{Exponent, exp, ln, powf, tanh};
-use mrwork_dynamics::lanes::{Lanes, Plain};
+use mrwork_dynamics::lanes::{Lanes, Pack};
 
 /// Bits of the reference: its own error is far below one part in 2^64 of a double's last place.
 const PRECISION: usize = 128;
@@ -235,10 +235,12 @@ fn whole_exponents_are_products_whatever_the_neighbours_hold() {
     }
 }
 
+type EightLanes = Pack<f64, 8>;
+
 /// Exponents and powers of eight lanes.
-fn lanes(base: impl Fn(usize) -> f64, exponent: impl Fn(usize) -> f64) -> [(f64, f64); Plain::WIDTH] {
-    let mut powers = [(0.0, 0.0); Plain::WIDTH];
-    powf(Plain::from_fn(base), &Exponent::of(Plain::from_fn(&exponent)))
+fn lanes(base: impl Fn(usize) -> f64, exponent: impl Fn(usize) -> f64) -> [(f64, f64); EightLanes::WIDTH] {
+    let mut powers = [(0.0, 0.0); EightLanes::WIDTH];
+    powf(EightLanes::from_fn(base), &Exponent::of(EightLanes::from_fn(&exponent)))
         .for_each(|i, power| powers[i] = (exponent(i), power));
     powers
 }
@@ -264,6 +266,7 @@ struct AllFunctions<'a> {
 }
 
 impl LaneJob for AllFunctions<'_> {
+    type Home = Self;
     type Output = Vec<[u64; 4]>;
 
     #[inline(always)]

@@ -6,7 +6,8 @@ use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver, OutsideLaw,
     Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
 };
-use mrwork_dynamics::control::{LoopModel, Mounting};
+use mrwork_dynamics::control::LoopModel;
+use mrwork_dynamics::coupled::Mounting;
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find_device;
 use mrwork_dynamics::ground_motion::GroundMotion;

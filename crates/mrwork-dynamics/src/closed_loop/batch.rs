@@ -2,7 +2,8 @@
 
 use super::hardware::{Hardware, Observer};
 use crate::building::{Building, Springs};
-use crate::control::{CurveModel, Law, LoopModel, LoopSizes, Mounting, Signal};
+use crate::control::{CurveModel, Law, LoopModel, LoopSizes, Signal};
+use crate::coupled::Mounting;
 use crate::current_law::CurrentLaws;
 use crate::ground_motion::GroundMotion;
 

@@ -3,16 +3,17 @@
 use core::marker::PhantomData;
 
 use super::batch::Batch;
-use super::dampers::{Dampers, END, MIDDLE};
 use super::history::{HistoryRows, WriteHistory};
-use super::plant::Plant;
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
 use crate::control::Preview;
+use crate::coupled::{Coupled, DamperDevices, Devices, Plant};
+use crate::damper::ModelVisitor;
 use crate::damper::model::DamperModel;
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
+use crate::real::OutOfLine;
 use crate::threads::StopRequested;
 
 /// Integration steps between two checks for cancellation and of the energy balance.
@@ -47,13 +48,18 @@ pub struct LaneResult {
     pub(super) command_invalid: bool,
 }
 
-/// Simulates a block; one result per run. Histories are written if requested, one per run.
-pub(crate) fn run<M: DamperModel>(
-    set: InstructionSet,
-    block: &Block<'_>,
-    histories: &mut [HistoryRows<'_>],
-) -> Vec<LaneResult> {
-    set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData })
+/// Simulates a block with devices of a model; one result per run. Histories are written if requested, one per run.
+pub(super) struct Respond<'a, 'b> {
+    pub(super) set: InstructionSet,
+    pub(super) block: &'a Block<'a>,
+    pub(super) histories: &'a mut [HistoryRows<'b>],
+}
+
+impl ModelVisitor<Vec<LaneResult>> for Respond<'_, '_> {
+    fn visit<M: DamperModel + 'static>(self) -> Vec<LaneResult> {
+        let Self { set, block, histories } = self;
+        set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData })
+    }
 }
 
 struct BlockJob<'a, 'b, M> {
@@ -64,10 +70,44 @@ struct BlockJob<'a, 'b, M> {
 
 impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
     type Output = Vec<LaneResult>;
+    type Home = M;
     #[inline(always)]
     fn run<R: Lanes>(self) -> Vec<LaneResult> {
-        let (reductions, command_invalid) = integrate_block::<M, R>(self.block, self.histories);
-        let mut results = vec![LaneResult::default(); self.block.runs.len()];
+        let Self { block, histories, .. } = self;
+        let Block { batch, runs, .. } = *block;
+        let devices =
+            DamperDevices::<M, R>::at_rest(batch.laws, batch.mountings, device_columns(batch, runs));
+        let mut results = vec![LaneResult::default(); runs.len()];
+        R::out_of_line(IntegrateBlock { block, histories, devices, results: &mut results });
+        results
+    }
+}
+
+/// The columns of `theta` of each device, a run per lane.
+fn device_columns<R: Lanes>(batch: &Batch<'_>, runs: &[usize]) -> Vec<Vec<R>> {
+    let last = runs.len() - 1;
+    let draw = |lane: usize| batch.runs[runs[lane.min(last)]].draw as usize;
+    let columns = |device: usize| {
+        let column = |number: usize| R::from_fn(|lane| batch.theta_of(draw(lane), device)[number]);
+        (0..batch.laws.n_columns()).map(column).collect()
+    };
+    (0..batch.mountings.len()).map(columns).collect()
+}
+
+/// A block with devices of any model.
+struct IntegrateBlock<'a, 'b, R: Lanes> {
+    block: &'a Block<'a>,
+    histories: &'a mut [HistoryRows<'b>],
+    devices: Box<dyn Devices<R> + 'a>,
+    results: &'a mut [LaneResult],
+}
+
+impl<R: Lanes> OutOfLine for IntegrateBlock<'_, '_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, histories, devices, results } = self;
+        let (reductions, command_invalid) = integrate_block::<R>(block, histories, devices);
         command_invalid.for_each(|lane, invalid| {
             if let Some(result) = results.get_mut(lane) {
                 result.command_invalid = invalid > 0.0;
@@ -78,7 +118,6 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
             result.severity = reductions.severity(lane);
             result.element_severity = reductions.element_severity(lane);
         }
-        results
     }
 }
 
@@ -177,24 +216,22 @@ impl<R: Lanes> Arrivals<R> {
 }
 
 /// Integrates a block to its end; returns its reductions, and a number above zero in lanes with an invalid command.
-///
-/// Classical Runge-Kutta in the form for second-order systems: the displacement increment is h v + h^2 (a1 + a2 + a3)/6.
 #[inline(always)]
-fn integrate_block<M: DamperModel, R: Lanes>(
+fn integrate_block<R: Lanes>(
     block: &Block<'_>,
     histories: &mut [HistoryRows<'_>],
+    mut devices: Box<dyn Devices<R> + '_>,
 ) -> (Reductions<R>, R) {
     let Block { batch, runs, n_samples, steps, stop, .. } = *block;
     let Batch { building, hardware, .. } = *batch;
     let step = hardware.sample_time / f64::from(steps);
-    let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);
     let last = runs.len() - 1;
     let springs: Vec<_> = runs.iter().map(|&run| &batch.springs_of(run).rows).collect();
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
     let ground = Ground::new(&block.motions);
 
-    let mut plant = Plant::<R>::at_rest(building, &springs, step);
-    let mut dampers = Dampers::<M, R>::new(batch, runs, step);
+    devices.set_step(step);
+    let mut coupled = Coupled { plant: Plant::<R>::at_rest(building, &springs, step), devices };
     let mut arrivals = Arrivals::<R>::new(batch, runs, steps);
     let mut controller = Controller::<'_, R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building, step);
@@ -206,19 +243,12 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             if stop() {
                 break;
             }
-            R::out_of_line(BalanceEnergies {
-                building,
-                springs: &plant.springs,
-                displacement: &plant.displacement,
-                velocity: &plant.velocity,
-                into: &mut reductions,
-            });
+            R::out_of_line(BalanceEnergies { plant: &coupled.plant, into: &mut reductions });
         }
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
             let start = end;
-            dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-            plant.accelerate(0, &dampers.force, &start);
+            coupled.evaluate(&start);
             if inner == 0 {
                 let now = time(sample, hardware.sample_time);
                 R::out_of_line(Sample {
@@ -226,10 +256,8 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                     runs,
                     streams: &streams,
                     number: sample,
-                    displacement: &plant.displacement,
-                    velocity: &plant.velocity,
-                    acceleration: plant.acceleration(),
-                    force: &dampers.force,
+                    motion: coupled.plant.motion(),
+                    force: coupled.devices.force(),
                     ground_acceleration: &start,
                     ground_velocity: &ground.velocity(now),
                     preview: Preview { motions: &block.motions, now, reach: hardware.ground_preview },
@@ -237,15 +265,16 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 });
                 reductions.take_commands(sample, controller.sent_at(sample), batch.ranges);
             }
-            if arrivals.take(sample, inner, &controller) && dampers.receive(&arrivals.received, index == 0) {
-                dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
-                plant.accelerate(0, &dampers.force, &start);
+            if arrivals.take(sample, inner, &controller)
+                && coupled.devices.receive(&arrivals.received, index == 0)
+            {
+                coupled.evaluate(&start);
             }
             R::out_of_line(ReduceStep {
                 building,
-                motion: plant.motion(),
-                force: &dampers.force,
-                current: &dampers.current,
+                motion: coupled.plant.motion(),
+                force: coupled.devices.force(),
+                current: coupled.devices.current(),
                 ground_acceleration: &start,
                 into: &mut reductions,
             });
@@ -253,37 +282,21 @@ fn integrate_block<M: DamperModel, R: Lanes>(
                 R::out_of_line(WriteHistory {
                     building,
                     sample,
-                    motion: plant.motion(),
-                    force: &dampers.force,
-                    current: &dampers.current,
+                    motion: coupled.plant.motion(),
+                    force: coupled.devices.force(),
+                    current: coupled.devices.current(),
                     command: controller.sent_at(sample),
                     ground_acceleration: start,
                     reductions: &reductions,
                     rows: histories,
                 });
             }
-            dampers.advance_drivers();
-            let middle = ground.acceleration::<R>(time(2 * index + 1, half));
+            let middle = ground.acceleration::<R>(time(2 * index + 1, 0.5 * step));
             end = ground.acceleration(time(index + 1, step));
-            let stages =
-                [(sixth, half, &middle, MIDDLE), (third, half, &middle, MIDDLE), (third, step, &end, END)];
-            for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
-                plant.advance(stage, &dampers.force, &mut reductions);
-                dampers.advance(weight, reach);
-                dampers.evaluate_forces(&plant.elongation, &plant.rate, moment);
-                plant.accelerate(stage + 1, &dampers.force, shaking);
-            }
-            plant.advance(stages.len(), &dampers.force, &mut reductions);
-            dampers.advance(sixth, 0.0);
+            coupled.advance(&middle, &end, Some(&mut reductions.energies));
         }
     }
-    R::out_of_line(BalanceEnergies {
-        building,
-        springs: &plant.springs,
-        displacement: &plant.displacement,
-        velocity: &plant.velocity,
-        into: &mut reductions,
-    });
+    R::out_of_line(BalanceEnergies { plant: &coupled.plant, into: &mut reductions });
     (reductions, controller.command_invalid)
 }
 

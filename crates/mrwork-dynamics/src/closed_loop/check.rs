@@ -156,7 +156,12 @@ impl<'a> Batch<'a> {
         }
         let model = self.model.ok_or(DynamicsError::NoModel(spec.name))?;
         model.check(self.building.n, self.mountings.len())?;
-        let timing = Timing::of(self.tables, &model, self.ranges, self.hardware.sample_time)?;
+        // The tables of the law were checked: the first are its instants.
+        let mut numbers = [f64::NAN; 5];
+        for (number, &entry) in numbers.iter_mut().zip(self.tables.iter().flatten()) {
+            *number = entry;
+        }
+        let timing = Timing::of(spec.name, numbers, &model, self.ranges, self.hardware.sample_time)?;
         Ok(Some((model, timing)))
     }
 }

@@ -1,9 +1,11 @@
 //! Histories of a run, on request: one row per control sample.
 
 use super::quantity::{Axis, Quantity};
-use super::reductions::{Motion, Reductions};
+use super::reductions::Reductions;
 use crate::building::Building;
-use crate::lanes::{Lanes, OutOfLine};
+use crate::coupled::PlantMotion;
+use crate::lanes::Lanes;
+use crate::real::OutOfLine;
 
 /// Signals of a history, in order; energies are accumulated from the start of the run.
 pub const HISTORY_SIGNALS: &[Quantity] = &[
@@ -42,7 +44,7 @@ pub struct HistoryRows<'a> {
 pub(super) struct WriteHistory<'a, 'b, R> {
     pub(super) building: &'a Building,
     pub(super) sample: usize,
-    pub(super) motion: Motion<'a, R>,
+    pub(super) motion: PlantMotion<'a, R>,
     pub(super) force: &'a [R],
     pub(super) current: &'a [R],
     pub(super) command: &'a [R],
@@ -52,10 +54,11 @@ pub(super) struct WriteHistory<'a, 'b, R> {
 }
 
 impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { building, sample, ref motion, force, .. } = self;
-        let Motion { displacement, velocity, acceleration, .. } = *motion;
+        let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
         let mut writer = Writer { rows: self.rows, sample, column: 0 };
         writer.put(self.ground_acceleration);
         writer.put_all(displacement);
@@ -78,15 +81,15 @@ impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
         writer.put_all(force);
         writer.put_all(self.command);
         writer.put_all(self.current);
-        writer.put_all(&self.reductions.device_work);
+        writer.put_all(&self.reductions.energies.devices);
         for column in [0, 2] {
             for element in 0..building.n_elements() {
                 writer.put(motion.of_element(building, element)[column]);
             }
         }
-        writer.put_all(&self.reductions.element_work);
-        writer.put(self.reductions.input);
-        writer.put(self.reductions.damping);
+        writer.put_all(&self.reductions.energies.elements);
+        writer.put(self.reductions.energies.input);
+        writer.put(self.reductions.energies.damping);
     }
 }
 

@@ -7,14 +7,11 @@
 //! histories ([`history`]).
 
 mod batch;
-pub(crate) mod block;
+mod block;
 mod check;
-mod dampers;
-mod elements;
 mod hardware;
-pub(crate) mod history;
+mod history;
 mod noise;
-mod plant;
 mod quantity;
 mod reductions;
 mod resolution;
@@ -28,5 +25,4 @@ pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{HISTORY_SIGNALS, HistoryRows};
 pub use quantity::{Axis, Quantity, width};
 pub use reductions::RUN_QUANTITIES;
-pub(crate) use resolution::steepest_slopes;
 pub use respond::{RunResult, respond};

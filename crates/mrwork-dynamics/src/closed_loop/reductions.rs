@@ -1,10 +1,10 @@
 //! Reductions of a run: peaks, mean squares, energies. Memory does not grow with the length of the motion.
 
-use super::plant::LaneSprings;
 use super::quantity::{Axis, Quantity};
 use crate::building::Building;
-use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
+use crate::coupled::{Energies, Plant, PlantMotion};
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real};
 
 /// Declares the quantities of a run, each with its value over the reductions of a block: the table
 /// [`RUN_QUANTITIES`], and `Reductions::of_lane`, which writes them in that order.
@@ -46,14 +46,14 @@ run_quantities! {
     command_travel: Device, "A/s or V/s", "total variation of the command per second", last(r.per_second(&r.command.distance));
     switching_rate: Device, "1/s", "changes of the command by more than 10 % of the largest per second; a change ends where \
         the command turns back by as much", last(r.per_second(&r.command.changes));
-    device_energy: Device, "J", "energy dissipated by the device", last(r.device_work);
+    device_energy: Device, "J", "energy dissipated by the device", last(r.energies.devices);
     peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
     peak_element_stroke: Element, "m", "its peak displacement", last(r.element_stroke);
-    element_energy: Element, "J", "work of the motion on it, but for its spring and dashpot", last(r.element_work);
-    input_energy: Run, "J", "work of the ground", last([r.input]);
+    element_energy: Element, "J", "work of the motion on it, but for its spring and dashpot", last(r.energies.elements);
+    input_energy: Run, "J", "work of the ground", last([r.energies.input]);
     kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);
     strain_energy: Run, "J", "strain energy at the end", last([r.strain]);
-    damping_energy: Run, "J", "energy dissipated by the damping of the building", last([r.damping]);
+    damping_energy: Run, "J", "energy dissipated by the damping of the building", last([r.energies.damping]);
     energy_error: Run, "1", "largest imbalance of the energies over the largest energy", last([r.energy_error()]);
 }
 
@@ -209,17 +209,10 @@ pub(super) struct Reductions<R> {
     current: Extent<R>,
     current_sum: Vec<R>,
     command: Travel<R>,
-    /// Work of each device [J].
-    pub(super) device_work: Vec<R>,
     element_force: Vec<R>,
     element_stroke: Vec<R>,
     element_reversal: Reversal<R>,
-    /// Work on each element [J].
-    pub(super) element_work: Vec<R>,
-    /// Work of the ground [J].
-    pub(super) input: R,
-    /// Work of the building's own damping [J].
-    pub(super) damping: R,
+    pub(super) energies: Energies<R>,
     kinetic: R,
     strain: R,
     /// Largest imbalance of the energies, and largest energy that it is compared with [J].
@@ -246,13 +239,10 @@ impl<R: Lanes> Reductions<R> {
             current: Extent::new(devices),
             current_sum: vec![zero; devices],
             command: Travel::new(devices),
-            device_work: vec![zero; devices],
             element_force: vec![zero; elements],
             element_stroke: vec![zero; elements],
             element_reversal: Reversal::new(elements),
-            element_work: vec![zero; elements],
-            input: zero,
-            damping: zero,
+            energies: Energies::zero(building),
             kinetic: zero,
             strain: zero,
             imbalance: zero,
@@ -292,30 +282,10 @@ impl<R: Lanes> Reductions<R> {
     }
 }
 
-/// Motion of the coordinates relative to the ground at the start of a step.
-pub(super) struct Motion<'a, R> {
-    pub(super) displacement: &'a [R],
-    pub(super) velocity: &'a [R],
-    pub(super) acceleration: &'a [R],
-    /// Forces of the elements, but for their springs and dashpots [N].
-    pub(super) element_force: &'a [R],
-}
-
-impl<R: Real> Motion<'_, R> {
-    /// Elongation, rate and whole force of an element.
-    #[inline(always)]
-    pub(super) fn of_element(&self, building: &Building, element: usize) -> [R; 3] {
-        let x = building.elements.dot(element, self.displacement);
-        let v = building.elements.dot(element, self.velocity);
-        let force = building.element_parameters[element].with_spring(self.element_force[element], x, v);
-        [x, v, force]
-    }
-}
-
 /// Adds the start of an integration step to the reductions.
 pub(super) struct ReduceStep<'a, R> {
     pub(super) building: &'a Building,
-    pub(super) motion: Motion<'a, R>,
+    pub(super) motion: PlantMotion<'a, R>,
     pub(super) force: &'a [R],
     pub(super) current: &'a [R],
     pub(super) ground_acceleration: &'a R,
@@ -323,10 +293,11 @@ pub(super) struct ReduceStep<'a, R> {
 }
 
 impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { building, ref motion, force, current, into, .. } = self;
-        let Motion { displacement, velocity, acceleration, .. } = *motion;
+        let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
         for floor in 0..building.n_floors() {
             into.displacement.take(floor, building.floors.dot(floor, displacement));
             let absolute = building.floors.add_dot(floor, acceleration, *self.ground_acceleration);
@@ -366,6 +337,7 @@ struct ReduceCommand<'a, R> {
 }
 
 impl<R: Lanes> OutOfLine for ReduceCommand<'_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         for (device, (&command, &[smallest, largest])) in self.command.iter().zip(self.ranges).enumerate() {
@@ -380,18 +352,17 @@ impl<R: Lanes> OutOfLine for ReduceCommand<'_, R> {
 }
 
 /// Updates kinetic and strain energy and the energy balance.
-pub(super) struct BalanceEnergies<'a, R> {
-    pub(super) building: &'a Building,
-    pub(super) springs: &'a LaneSprings<'a, R>,
-    pub(super) displacement: &'a [R],
-    pub(super) velocity: &'a [R],
+pub(super) struct BalanceEnergies<'a, 'b, R: Lanes> {
+    pub(super) plant: &'a Plant<'b, R>,
     pub(super) into: &'a mut Reductions<R>,
 }
 
-impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
+impl<R: Lanes> OutOfLine for BalanceEnergies<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
-        let Self { building, springs, displacement, velocity, into } = self;
+        let Self { plant: Plant { springs, displacement, velocity, .. }, into } = self;
+        let building = self.plant.building();
         let (mut kinetic, mut strain) = (R::splat(0.0), R::splat(0.0));
         for coordinate in 0..building.n {
             kinetic = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], kinetic);
@@ -401,14 +372,14 @@ impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
         into.kinetic = kinetic * R::splat(0.5);
         into.strain = strain * R::splat(0.5);
         let stored = into.kinetic + into.strain;
-        let mut dissipated = into.damping;
-        let mut turned_over = into.damping.abs();
-        for &work in into.device_work.iter().chain(&into.element_work) {
+        let mut dissipated = into.energies.damping;
+        let mut turned_over = into.energies.damping.abs();
+        for &work in into.energies.devices.iter().chain(&into.energies.elements) {
             dissipated = dissipated + work;
             turned_over = turned_over + work.abs();
         }
-        let imbalance = (into.input - stored - dissipated).abs();
+        let imbalance = (into.energies.input - stored - dissipated).abs();
         into.imbalance = into.imbalance.max(imbalance);
-        into.turnover = into.turnover.max(into.input.abs().max(turned_over + stored));
+        into.turnover = into.turnover.max(into.energies.input.abs().max(turned_over + stored));
     }
 }

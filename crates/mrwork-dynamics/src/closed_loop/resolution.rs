@@ -2,22 +2,16 @@
 //! the relaxation rate of the damper states under the simulated motion.
 
 use super::batch::Batch;
-use super::elements::UNLOADING;
 use super::hardware::Hardware;
 use crate::any_damper::Damper;
 use crate::building::{Building, Springs};
-use crate::current_law::CurrentLaws;
+use crate::coupled::{UNLOADING, steepest_slopes};
 use crate::damper::fastest_relaxation;
-use crate::damper::model::{Motion, Severity};
+use crate::damper::model::Severity;
 use crate::integrate::{MAX_SUBSTEPS, RESOLUTION};
 
 /// Number of commands in the range at which slopes and rates are evaluated.
 const COMMAND_LEVELS: u32 = 9;
-/// Velocities and displacements at which the slopes of the force are evaluated, and the finite difference.
-const VELOCITIES: [f64; 9] = [0.0, 1e-3, -1e-3, 1e-2, -1e-2, 0.1, -0.1, 0.5, -0.5];
-const DISPLACEMENTS: [f64; 5] = [0.0, 1e-4, -1e-4, 1e-2, -1e-2];
-const SHIFT: f64 = 1e-7;
-
 /// Steps per sample for a rate bound [1/s]: the steps of the hardware times a power of two; `None` beyond the largest.
 pub(super) fn steps_for(hardware: &Hardware, bound: f64) -> Option<u32> {
     let wanted = hardware.sample_time * bound / RESOLUTION;
@@ -61,36 +55,6 @@ pub(super) fn addition_of(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -
         stiffening += element.yield_force * element.slope / mass;
     }
     Addition { stiffening, decay }
-}
-
-/// Largest slopes of the force of one damper at these commands, over velocity [N s/m] and over displacement [N/m].
-pub(crate) fn steepest_slopes(
-    damper: &dyn Damper,
-    laws: &CurrentLaws,
-    theta: &[f64],
-    commands: &[f64],
-) -> [f64; 2] {
-    let mut values = vec![f64::NAN; laws.n_params()];
-    let state = vec![0.0; damper.spec().n_states];
-    let mut columns = theta.to_vec();
-    laws.prepare(&mut columns);
-    let mut found = [0.0_f64; 2];
-    for &command in commands {
-        laws.evaluate(&columns, command, &mut values);
-        for velocity in VELOCITIES {
-            for displacement in DISPLACEMENTS {
-                let at =
-                    |displacement, velocity| damper.force(&values, &state, Motion { displacement, velocity });
-                let here = at(displacement, velocity);
-                let slopes =
-                    [at(displacement, velocity + SHIFT) - here, at(displacement + SHIFT, velocity) - here];
-                for (most, slope) in found.iter_mut().zip(slopes) {
-                    *most = most.max((slope / SHIFT).abs());
-                }
-            }
-        }
-    }
-    found
 }
 
 /// Largest relaxation rate of the damper states [1/s] under the simulated motion.

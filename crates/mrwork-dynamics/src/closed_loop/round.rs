@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::batch::{Batch, n_samples};
-use super::block::{Block, LaneResult};
+use super::block::{Block, LaneResult, Respond};
 use super::history::{HistoryRows, width as history_width};
 use crate::any_damper::Damper;
+use crate::damper::visit;
 use crate::error::DynamicsError;
 use crate::settings::Settings;
 use crate::threads::{on_threads, thread_count};
@@ -79,12 +80,14 @@ pub(super) fn round(
                 let width = history_width(batch.building);
                 let mut histories: Vec<HistoryRows<'_>> =
                     rows.iter_mut().map(|rows| HistoryRows { rows, width }).collect();
-                (runs, damper.respond(set, &block, &mut histories), rows)
+                let respond = Respond { set, block: &block, histories: &mut histories };
+                (runs, visit(damper.spec().name, respond), rows)
             })?;
             if (settings.stop)() {
                 return Err(DynamicsError::Cancelled);
             }
             for (runs, lanes, rows) in done {
+                let lanes = lanes.ok_or(DynamicsError::UnknownDevice(damper.spec().name))?;
                 output.take_back(runs, rows);
                 for (&run, mut lane) in runs.iter().zip(lanes) {
                     output.row(run).copy_from_slice(&lane.row);

@@ -4,9 +4,11 @@ use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
 use crate::control::{
-    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan, within,
+    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };
-use crate::lanes::{Lanes, OutOfLine};
+use crate::coupled::PlantMotion;
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, within};
 
 /// State of the controller between two samples, for a block of lanes.
 pub(super) struct Controller<'a, R: Lanes> {
@@ -181,9 +183,7 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
     pub(super) runs: &'a [usize],
     pub(super) streams: &'a [u64],
     pub(super) number: usize,
-    pub(super) displacement: &'a [R],
-    pub(super) velocity: &'a [R],
-    pub(super) acceleration: &'a [R],
+    pub(super) motion: PlantMotion<'a, R>,
     pub(super) force: &'a [R],
     pub(super) ground_acceleration: &'a R,
     pub(super) ground_velocity: &'a R,
@@ -192,6 +192,7 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
 }
 
 impl<R: Lanes> OutOfLine for Sample<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(mut self) {
         self.measure();
@@ -209,7 +210,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
         let every = self.controller.reads_acceleration;
         for floor in 0..building.n_floors() {
             if every || observer.is_some_and(|observer| observer.accelerations.contains(&floor)) {
-                let value = building.floors.add_dot(floor, self.acceleration, *self.ground_acceleration);
+                let value =
+                    building.floors.add_dot(floor, self.motion.acceleration, *self.ground_acceleration);
                 let before = self.controller.acceleration[floor];
                 self.controller.acceleration[floor] =
                     self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
@@ -223,7 +225,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             before,
         );
         for device in 0..self.force.len() {
-            let value = building.devices.dot(device, self.displacement);
+            let value = building.devices.dot(device, self.motion.displacement);
             let before = self.controller.deformation[device];
             self.controller.deformation[device] =
                 self.reading(Channel::Deformation(device), hardware.deformation, value, before);
@@ -231,7 +233,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             self.controller.force[device] =
                 self.reading(Channel::Force(device), hardware.force, self.force[device], before);
             let (_, velocity) =
-                known_state(observer, &self.controller.state, self.displacement, self.velocity);
+                known_state(observer, &self.controller.state, self.motion.displacement, self.motion.velocity);
             self.controller.rate[device] = building.devices.dot(device, velocity);
         }
     }
@@ -276,7 +278,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
         let gains =
             Gains { spec: law.spec(), columns: &controller.columns, tables, sizes: self.batch.sizes() };
         let (displacement, velocity) =
-            known_state(observer, &controller.state, self.displacement, self.velocity);
+            known_state(observer, &controller.state, self.motion.displacement, self.motion.velocity);
         let measured = Measurement {
             displacement,
             velocity,

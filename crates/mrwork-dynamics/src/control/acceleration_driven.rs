@@ -3,8 +3,11 @@
 //! A vehicle's body is in a building the floor above the device, or for a device between floors the upper floor with respect
 //! to the lower one: `x = e (q + r u_g)`, whose rate is that of the device but for the ground.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
+use crate::real::where_positive;
 
 /// On or off by the sign of absolute acceleration times damper velocity.
 pub struct AccelerationDriven;

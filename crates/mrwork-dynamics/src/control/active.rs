@@ -1,7 +1,9 @@
 //! Ideal active control: the force of a linear regulator without limits.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Measurement, Memory};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{Gains, LawSpec};
 use crate::lanes::Lanes;
 
 /// The desired force itself, for a device that can give any force.

@@ -1,8 +1,10 @@
 //! Clipped-optimal control: the damper follows the force of a linear regulator as far as it can.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
-use crate::real::Real;
+use crate::real::{Real, where_positive};
 
 pub(super) const GAIN: GainSpec = GainSpec {
     name: "gain",

@@ -1,7 +1,10 @@
 //! Decentralised bang-bang control: the command that takes most energy out of the building's absolute motion.
 
-use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{Gains, LawSpec};
 use crate::lanes::Lanes;
+use crate::real::where_positive;
 
 /// On or off by the sign of absolute velocity times force.
 pub struct DecentralisedBangBang;

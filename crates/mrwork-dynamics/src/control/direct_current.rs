@@ -5,12 +5,12 @@
 //! through the forces at 0, half and all of the largest current.
 
 use super::clipped_optimal::GAIN;
+use super::law::{ControlLaw, Memory};
 use super::lyapunov::WEIGHT;
-use super::{
-    ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, where_positive, within,
-};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
-use crate::real::Real;
+use crate::real::{Real, if_known, where_positive, within};
 
 const THESIS: &str =
     "after M. T. Nguyen, PhD thesis, University of Technology, Sydney, 2009, ch. 6; form our own";

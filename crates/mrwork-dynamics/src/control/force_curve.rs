@@ -1,13 +1,13 @@
 //! The controller's model of its damper: force as a function of the command at the measured motion.
 
-use super::{Measurement, if_known, within};
+use crate::coupled::Mounting;
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion};
 use crate::damper::static_hysteretic::StaticHysteretic;
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::parameters::FromSlice;
-use crate::real::Real;
+use crate::real::{Real, if_known, within};
 
 /// Number of commands at which the force is tabulated, evenly spaced from zero to the largest; odd, for the middle one.
 const NODES: usize = 17;
@@ -60,15 +60,6 @@ fn parameters_at<R: Real>(laws: &CurrentLaws, columns: &[R], command: R) -> Para
     let mut values = [R::splat(f64::NAN); PARAMETERS];
     laws.evaluate(columns, command, &mut values);
     Parameters::from_slice(&values)
-}
-
-/// Number and arrangement of the dampers of a device.
-#[derive(Clone, Copy, Debug)]
-pub struct Mounting {
-    /// Dampers in parallel.
-    pub count: f64,
-    /// Whether the same number acts in opposition (a differential pair).
-    pub differential: bool,
 }
 
 /// Parameters of the model at one of the tabulated commands.
@@ -224,24 +215,4 @@ fn secant<R: Real>(from: R, to: R, error_from: R, error_to: R) -> R {
     let fall = error_from - error_to;
     let crossing = (error_to / fall).mul_add(to - from, to);
     R::select(fall.equal(R::splat(0.0)), from, crossing)
-}
-
-impl<R: Real> Measurement<'_, R> {
-    /// F0, G, H of a device at the measured motion.
-    #[inline(always)]
-    pub(crate) fn parabola(&self, device: usize) -> [R; 3] {
-        self.curves[device].parabola(self.deformation[device], self.rate[device])
-    }
-
-    /// The least command with which a device exerts this force at the measured motion, as nearly as it can.
-    #[inline(always)]
-    pub(crate) fn inverse(&self, device: usize, desired: R) -> R {
-        self.curves[device].inverse(self.deformation[device], self.rate[device], desired)
-    }
-
-    /// The command that minimises `sigma` times the force of a device at the measured motion.
-    #[inline(always)]
-    pub(crate) fn minimiser(&self, device: usize, sigma: R) -> R {
-        self.curves[device].minimiser(self.deformation[device], self.rate[device], sigma)
-    }
 }

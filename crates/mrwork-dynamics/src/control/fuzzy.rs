@@ -1,8 +1,11 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, within};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::error::DynamicsError;
 use crate::lanes::{Lanes, MOST_LANES};
+use crate::real::within;
 
 /// A table of command shares, interpolated.
 pub struct Fuzzy;

@@ -1,7 +1,10 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
+use crate::real::where_positive;
 
 /// On while the force is below the friction desired at the last peak.
 pub struct ModulatedHomogeneousFriction;

@@ -1,10 +1,13 @@
 //! The inverse of the damper as a small neural network: command as a function of motion and desired force.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, within};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{Gains, LawSpec};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
+use crate::real::within;
 
 /// One hidden layer of hyperbolic tangents.
 pub struct InverseNetwork;

@@ -1,8 +1,8 @@
 //! The controller's own model of the loop, which may differ from the loop that is simulated.
 
-use super::Mounting;
 use crate::any_damper::Damper;
 use crate::building::Building;
+use crate::coupled::Mounting;
 use crate::current_law::CurrentLaws;
 use crate::error::DynamicsError;
 

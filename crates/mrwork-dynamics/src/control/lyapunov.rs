@@ -1,7 +1,10 @@
 //! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
+use crate::real::where_positive;
 
 pub(super) const WEIGHT: GainSpec = GainSpec {
     name: "weight",

@@ -1,7 +1,10 @@
 //! Maximum energy dissipation: the command that takes most energy out of the relative motion.
 
-use super::{ControlLaw, Gains, LawSpec, Measurement, Memory, where_positive};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{Gains, LawSpec};
 use crate::lanes::Lanes;
+use crate::real::where_positive;
 
 /// On or off by the sign of relative velocity times force.
 pub struct MaximumEnergyDissipation;

@@ -1,6 +1,8 @@
 //! A constant command: passive off, passive on, and all between.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
 
 /// The same command throughout.

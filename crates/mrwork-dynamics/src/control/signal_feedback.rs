@@ -1,11 +1,13 @@
 //! Bounded feedback of measured signals: a small network or a polynomial, with numbers that are given.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, within};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
-use crate::real::Real;
+use crate::real::{Real, within};
 
 /// Deformation, rate, force, desired force.
 const SIGNALS: usize = 4;

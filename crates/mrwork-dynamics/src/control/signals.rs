@@ -1,6 +1,6 @@
 //! Further signals of a law of measured signals: accelerations, and running root mean squares.
 
-use super::Measurement;
+use super::measurement::Measurement;
 use crate::elementary::exp;
 use crate::lanes::Lanes;
 

@@ -1,9 +1,11 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Memory, Shape, Unit, if_known, within};
+use super::law::{ControlLaw, Memory};
+use super::measurement::Measurement;
+use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
-use crate::real::Real;
+use crate::real::{Real, if_known, within};
 
 const SURFACE: GainSpec = GainSpec {
     name: "surface",

@@ -1,8 +1,7 @@
 //! Bouc-Wen model in the form of Spencer et al. (1997).
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
-use super::normalised_bouc_wen::fastest_relaxation;
-use crate::elementary::{Exponent, powf};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
+use super::normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -15,14 +14,14 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 1e6, "rounds the loop reversibly (multiplies v |z|^n); above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 120.0, "initial slope of z over x";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
+    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::with([A, beta / A, gamma / A, n]);
 }
 
 /// The Bouc-Wen element in parallel with a spring and a dashpot.
 pub struct BoucWen;
 
 impl DamperModel for BoucWen {
-    const EXPONENT: Option<usize> = Some(7);
+    const SHORT: Short = Short::WhereTwo(7);
     const SPEC: DamperSpec = DamperSpec {
         name: "bouc_wen",
         title: "Bouc-Wen (Spencer form)",
@@ -49,6 +48,17 @@ impl DamperModel for BoucWen {
     }
 
     #[inline(always)]
+    fn step<R: Real>(
+        [start, middle, end]: [&Parameters<R>; 3],
+        [z]: [R; 1],
+        [x_start, x_middle, x_end]: [Motion<f64>; 3],
+        step: f64,
+    ) -> [R; 1] {
+        let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
+        [Hysteresis::step(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+    }
+
+    #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, [z]: [R; 1], motion: Motion<R>) -> R {
         let elastic = p.k0.mul_add(motion.displacement - p.x0, p.alpha * z);
         p.c0.mul_add(motion.velocity, elastic)
@@ -62,33 +72,7 @@ impl DamperModel for BoucWen {
     }
 }
 
-/// The loop [gamma, beta, A, n], with what every step needs computed once.
-#[derive(Clone, Copy)]
-pub struct Hysteresis<R: Real> {
-    gamma: R,
-    beta: R,
-    a: R,
-    exponent: Exponent<R>,
-}
-
-impl<R: Real> Hysteresis<R> {
-    #[inline(always)]
-    pub(super) fn of([gamma, beta, a, n]: [R; 4]) -> Self {
-        Self { gamma, beta, a, exponent: Exponent::of(n) }
-    }
-
-    /// z' at the velocity v.
-    #[inline(always)]
-    pub(super) fn rate(&self, z: R, v: R) -> R {
-        let power = powf(z.abs(), &self.exponent);
-        // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
-        let dissipative = self.gamma * v.abs().copysign(z);
-        let rounding = self.beta.mul_add(v, dissipative);
-        (-power).mul_add(rounding, self.a * v)
-    }
-}
-
-/// The same loop on the scale of `w = z/z_max`.
+/// The loop [gamma, beta, A, n] on the scale of `w = z/z_max`.
 pub(super) struct Normalised {
     pub z_max: f64,
     pub rho: f64,

@@ -1,6 +1,6 @@
 //! Dahl's model of solid friction (1968).
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -14,6 +14,7 @@ parameters! {
 pub struct Dahl;
 
 impl DamperModel for Dahl {
+    const SHORT: Short = Short::Always;
     const SPEC: DamperSpec = DamperSpec {
         name: "dahl",
         title: "Dahl",

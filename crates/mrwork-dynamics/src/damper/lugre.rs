@@ -1,6 +1,6 @@
 //! Modified `LuGre` model of Jimenez and Alvarez-Icaza (2005).
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -16,6 +16,7 @@ parameters! {
 pub struct LuGre;
 
 impl DamperModel for LuGre {
+    const SHORT: Short = Short::Always;
     const SPEC: DamperSpec = DamperSpec {
         name: "lugre",
         title: "LuGre (modified)",

@@ -1,6 +1,6 @@
 //! Maxwell element: a spring in series with a dashpot, or a spring that a valve lets go.
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -16,6 +16,7 @@ parameters! {
 pub struct Maxwell;
 
 impl DamperModel for Maxwell {
+    const SHORT: Short = Short::Always;
     const SPEC: DamperSpec = DamperSpec {
         name: "maxwell",
         title: "Maxwell",

@@ -24,15 +24,14 @@ pub(crate) mod static_hysteretic;
 mod viscous_dahl;
 
 use crate::any_damper::Damper;
+use ideal_actuator::IdealActuator;
 pub use model::{DamperModel, DamperSpec, Motion, Severity, State};
 pub(crate) use normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 
 /// Work that is compiled for every damper model.
-pub(crate) trait ModelVisitor {
-    /// What the work returns.
-    type Output;
+pub(crate) trait ModelVisitor<T> {
     /// Does the work for a model.
-    fn visit<M: DamperModel + 'static>(self) -> Self::Output;
+    fn visit<M: DamperModel + 'static>(self) -> T;
 }
 
 macro_rules! models {
@@ -40,12 +39,12 @@ macro_rules! models {
         /// Every damper model, one line each.
         pub static REGISTRY: &[&dyn Damper] = &[$(&$module::$model,)+];
 
-        /// Does the work of a visitor for the model of that name.
-        pub(crate) fn visit<V: ModelVisitor>(name: &str, visitor: V) -> Option<V::Output> {
+        /// Does the work of a visitor for the device of that name: a damper model or the ideal actuator.
+        pub(crate) fn visit<T>(name: &str, visitor: impl ModelVisitor<T>) -> Option<T> {
             $(if name == $module::$model::SPEC.name {
                 return Some(visitor.visit::<$module::$model>());
             })+
-            None
+            (name == IdealActuator::SPEC.name).then(|| visitor.visit::<IdealActuator>())
         }
     };
 }
@@ -83,7 +82,7 @@ pub fn find(name: &str) -> Option<&'static dyn Damper> {
 #[must_use]
 pub fn find_device(name: &str) -> Option<&'static dyn Damper> {
     find(name).or_else(|| {
-        let actuator: &'static dyn Damper = &ideal_actuator::IdealActuator;
+        let actuator: &'static dyn Damper = &IdealActuator;
         (actuator.spec().name == name).then_some(actuator)
     })
 }

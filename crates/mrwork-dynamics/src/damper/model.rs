@@ -33,6 +33,17 @@ pub struct DamperSpec {
     pub spring: Option<(&'static str, &'static str)>,
 }
 
+/// When a step of a model is so short a chain of arithmetic that one vector after the other is faster than many side by side.
+#[derive(Clone, Copy, Debug)]
+pub enum Short {
+    /// Its functions are long.
+    Never,
+    /// Its rate is a few products.
+    Always,
+    /// The exponent of its loop, the parameter at this place, is 2.
+    WhereTwo(usize),
+}
+
 /// Elongation of the damper and its rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion<R> {
@@ -65,6 +76,8 @@ pub trait State<R: Real>: Copy {
     fn advance(self, step: R, rate: Self) -> Self;
     /// The values alone, see [`Real::without_derivatives`].
     fn without_derivatives(self) -> Self;
+    /// The same number in every entry.
+    fn splat(value: R) -> Self;
     /// States from and to plain numbers, entry by entry.
     fn from_fn(value: impl FnMut(usize) -> R) -> Self;
     /// Calls `receive(index, value)` for every entry.
@@ -89,8 +102,16 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
         values
     }
     #[inline(always)]
-    fn from_fn(value: impl FnMut(usize) -> R) -> Self {
-        core::array::from_fn(value)
+    fn splat(value: R) -> Self {
+        [value; N]
+    }
+    #[inline(always)]
+    fn from_fn(mut value: impl FnMut(usize) -> R) -> Self {
+        let mut entries = [R::splat(0.0); N];
+        for (number, entry) in entries.iter_mut().enumerate() {
+            *entry = value(number);
+        }
+        entries
     }
     #[inline(always)]
     fn for_each(self, mut receive: impl FnMut(usize, R)) {
@@ -103,12 +124,11 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
 /// A damper model: its equations, written once over `R: Real`.
 ///
 /// All functions must be `#[inline(always)]`: they run inside a loop compiled for each instruction set.
-pub trait DamperModel: Sync {
+pub trait DamperModel: Sync + Sized {
     /// Name, prose, parameters.
     const SPEC: DamperSpec;
-    /// Place of the exponent of the loop among the parameters, of a model that is a short chain of products where it is 2:
-    /// candidates that all have 2 are then simulated in wider packs.
-    const EXPONENT: Option<usize> = None;
+    /// When a step is a short chain of arithmetic.
+    const SHORT: Short = Short::Never;
     /// The struct that `parameters!` declares.
     type Parameters<R: Real>: FromSlice<R>;
     /// `[R; n]` for a model with n states.
@@ -116,6 +136,34 @@ pub trait DamperModel: Sync {
 
     /// Time derivative of the states.
     fn rate<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> Self::State<R>;
+
+    /// The states after a step of classical Runge-Kutta [s]; parameters and motions are those at its start, middle and end.
+    ///
+    /// A model may write it out, where what depends on the motion alone is worked out once for both stages in the middle.
+    #[inline(always)]
+    fn step<R: Real>(
+        [p_start, p_middle, p_end]: [&Self::Parameters<R>; 3],
+        state: Self::State<R>,
+        [start, middle, end]: [Motion<f64>; 3],
+        step: f64,
+    ) -> Self::State<R> {
+        let (half, sixth, third) = (0.5 * step, step / 6.0, step / 3.0);
+        // The stages are a loop, not four calls: written out, a pack of lanes outgrows the instruction cache.
+        let stages = [
+            (p_start, start, half, sixth),
+            (p_middle, middle, half, third),
+            (p_middle, middle, step, third),
+            (p_end, end, 0.0, sixth),
+        ];
+        let mut at = state;
+        let mut next = state;
+        for (p, motion, reach, weight) in stages {
+            let rate = Self::rate(p, at, motion.splat());
+            at = state.advance(R::splat(reach), rate);
+            next = next.advance(R::splat(weight), rate);
+        }
+        next
+    }
 
     /// Force with which the damper resists [N].
     fn force<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> R;

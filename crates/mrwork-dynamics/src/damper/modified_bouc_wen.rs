@@ -1,7 +1,8 @@
 //! Modified Bouc-Wen model of Spencer et al. (1997).
 
-use super::bouc_wen::{Hysteresis, Normalised, normalised};
+use super::bouc_wen::{Normalised, normalised};
 use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::normalised_bouc_wen::Hysteresis;
 use super::normalised_modified_bouc_wen::fastest_relaxation;
 use crate::parameters::parameters;
 use crate::real::Real;
@@ -20,7 +21,7 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 3.63e6, "rounds the loop reversibly; above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 301.0, "initial slope of z over x - y";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
-    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
+    => hysteresis of gamma, beta, A, n: Hysteresis<R> = Hysteresis::with([A, beta / A, gamma / A, n]);
     mobility of c0, c1: R = R::splat(1.0) / (c0 + c1);
 }
 

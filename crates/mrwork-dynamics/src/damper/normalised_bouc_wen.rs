@@ -1,6 +1,6 @@
 //! Normalised Bouc-Wen model of Ikhouane and Rodellar.
 
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
 use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;
@@ -23,7 +23,7 @@ parameters! {
 pub struct NormalisedBoucWen;
 
 impl DamperModel for NormalisedBoucWen {
-    const EXPONENT: Option<usize> = Some(6);
+    const SHORT: Short = Short::WhereTwo(6);
     const SPEC: DamperSpec = DamperSpec {
         name: "normalised_bouc_wen",
         title: "Normalised Bouc-Wen",
@@ -51,6 +51,17 @@ impl DamperModel for NormalisedBoucWen {
     }
 
     #[inline(always)]
+    fn step<R: Real>(
+        [start, middle, end]: [&Parameters<R>; 3],
+        [w]: [R; 1],
+        [x_start, x_middle, x_end]: [Motion<f64>; 3],
+        step: f64,
+    ) -> [R; 1] {
+        let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
+        [Hysteresis::step(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+    }
+
+    #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> R {
         let elastic = p.k.mul_add(motion.displacement - p.x0, p.k_w * w);
         p.c.mul_add(motion.velocity, elastic)
@@ -61,29 +72,102 @@ impl DamperModel for NormalisedBoucWen {
     }
 }
 
-/// The loop [rho, sigma, n], with what every step needs computed once.
+/// The loop w' = slope v (1 - |w|^n (reversible + dissipative sgn(w v))), with what every step needs computed once.
 #[derive(Clone, Copy)]
 pub struct Hysteresis<R: Real> {
-    rho: R,
-    sigma: R,
+    slope: R,
+    reversible: R,
+    dissipative: R,
     exponent: Exponent<R>,
 }
 
 impl<R: Real> Hysteresis<R> {
+    /// The loop of the normalised model: w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n).
     #[inline(always)]
     pub(crate) fn of([rho, sigma, n]: [R; 3]) -> Self {
-        Self { rho, sigma, exponent: Exponent::of(n) }
+        Self::with([rho, R::splat(1.0) - sigma, sigma, n])
     }
 
-    /// w' at the velocity v.
+    /// The loop [slope, reversible, dissipative, n].
+    #[inline(always)]
+    pub(crate) fn with([slope, reversible, dissipative, n]: [R; 4]) -> Self {
+        Self { slope, reversible, dissipative, exponent: Exponent::of(n) }
+    }
+
+    /// w' at the velocity v: |v| |w|^(n-1) w is |v| sgn(w) |w|^n, so that one power serves both terms.
     #[inline(always)]
     pub(crate) fn rate(&self, w: R, v: R) -> R {
         let power = powf(w.abs(), &self.exponent);
-        // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
-        let dissipative = self.sigma * v.abs().copysign(w);
-        let rounding = (R::splat(1.0) - self.sigma).mul_add(v, dissipative);
-        self.rho * (-power).mul_add(rounding, v)
+        let rounding = self.reversible.mul_add(v, self.dissipative * v.copysign(w));
+        self.slope * (-power).mul_add(rounding, v)
     }
+
+    /// w after a step of classical Runge-Kutta; loops and velocities [m/s] are those at its start, middle and end.
+    #[inline(always)]
+    pub(crate) fn step(
+        [start, middle, end]: [&Self; 3],
+        w: R,
+        [v_start, v_middle, v_end]: [f64; 3],
+        step: f64,
+    ) -> R {
+        // Rates are worked out over half a step: the reach of the first two stages.
+        let half = 0.5 * step;
+        let first = start.drive(R::splat(v_start * half));
+        let second = middle.drive(R::splat(v_middle * half));
+        let last = end.drive(R::splat(v_end * half));
+        let whole = second.reach + second.reach;
+        let [s_1, s_2, s_3, s_4] =
+            if start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two() {
+                let s_1 = start.share(&first, w, w * w);
+                let at = w + first.reach * s_1;
+                let s_2 = middle.share(&second, at, at * at);
+                let at = second.reach.mul_add(s_2, w);
+                let s_3 = middle.share(&second, at, at * at);
+                let at = whole.mul_add(s_3, w);
+                [s_1, s_2, s_3, end.share(&last, at, at * at)]
+            } else {
+                // A loop: a power is much code.
+                let mut shares = [w; 4];
+                let mut at = w;
+                for stage in 0..4 {
+                    let (own, drive) = match stage {
+                        0 => (start, &first),
+                        3 => (end, &last),
+                        _ => (middle, &second),
+                    };
+                    let share = own.share(drive, at, powf(at.abs(), &own.exponent));
+                    shares[stage] = share;
+                    at = match stage {
+                        0 => w + first.reach * share,
+                        1 => second.reach.mul_add(share, w),
+                        _ => whole.mul_add(share, w),
+                    };
+                }
+                shares
+            };
+        let sum = whole.mul_add(s_2 + s_3, first.reach * s_1);
+        R::splat(1.0 / 3.0).mul_add(last.reach.mul_add(s_4, sum), w)
+    }
+
+    #[inline(always)]
+    fn drive(&self, v: R) -> Drive<R> {
+        Drive { reach: self.slope * v, dissipative: self.dissipative.times_sign(v) }
+    }
+
+    /// 1 - |w|^n (reversible + dissipative sgn(w v)), the share of the initial slope.
+    #[inline(always)]
+    fn share(&self, drive: &Drive<R>, w: R, power: R) -> R {
+        let rounding = self.reversible + drive.dissipative.times_sign(w);
+        (-power).mul_add(rounding, R::splat(1.0))
+    }
+}
+
+/// What the velocity does to a loop, whatever its state.
+struct Drive<R> {
+    /// slope v.
+    reach: R,
+    /// dissipative sgn(v).
+    dissipative: R,
 }
 
 /// Largest |d w'/d w| along a trajectory [1/s].

@@ -1,7 +1,7 @@
 //! Viscous and Dahl model of Ikhouane and Dyke (2007).
 
 use super::dahl::build_up;
-use super::model::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity, Short};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -16,6 +16,7 @@ parameters! {
 pub struct ViscousDahl;
 
 impl DamperModel for ViscousDahl {
+    const SHORT: Short = Short::Always;
     const SPEC: DamperSpec = DamperSpec {
         name: "viscous_dahl",
         title: "Viscous and Dahl",

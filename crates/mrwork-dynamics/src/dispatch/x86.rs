@@ -11,81 +11,108 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, AVX2_WIDE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
-use crate::lanes::OutOfLine;
+use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
 use crate::real::{
-    Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER,
-    SQRT_HALF_BITS, TWO_TO_52,
+    Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Real,
+    SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
 };
 
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
-    match candidates {
-        ..=8 => job.run::<Avx512>(),
-        9..=16 => job.run::<Pack<Avx512, 2>>(),
-        17..=32 => job.run::<Pack<Avx512, 4>>(),
-        33..=48 => job.run::<Pack<Avx512, 6>>(),
-        _ => job.run::<Pack<Avx512, GROUPS>>(),
+/// Entry into an instruction set, compiled in the module of `Self`: modules are compiled side by side, and a function that
+/// stands here would be compiled here, with all its models.
+pub(super) trait Compiled {
+    /// Runs a job in the pack that so many candidates fill.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+        match candidates {
+            ..=8 => job.run::<Avx512>(),
+            9..=16 => job.run::<Pack<Avx512, 2>>(),
+            17..=32 => job.run::<Pack<Avx512, 4>>(),
+            33..=48 => job.run::<Pack<Avx512, 6>>(),
+            _ => job.run::<Pack<Avx512, GROUPS>>(),
+        }
+    }
+
+    /// Runs a job in a single vector.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    unsafe fn run_vector_avx512<J: LaneJob>(job: J) -> J::Output {
+        job.run::<Avx512>()
+    }
+
+    /// Runs a job of the loop.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    unsafe fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
+        match runs {
+            ..=16 => job.run::<Pack<Avx512, 2>>(),
+            _ => job.run::<Pack<Avx512, MIDDLE_GROUPS>>(),
+        }
+    }
+
+    /// Work that is not inlined.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    #[inline(never)]
+    unsafe fn out_of_line_avx512<W: OutOfLine>(work: W) {
+        work.run();
+    }
+
+    /// Runs a job in the pack that so many candidates fill.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+        match candidates {
+            ..=8 => job.run::<Pack<Avx2, 2>>(),
+            _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
+        }
+    }
+
+    /// Runs a job in eight lanes.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
+        job.run::<Pack<Avx2, 2>>()
+    }
+
+    /// Runs a job in a single vector.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn run_vector_avx2<J: LaneJob>(job: J) -> J::Output {
+        job.run::<Avx2>()
+    }
+
+    /// Work that is not inlined.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline(never)]
+    unsafe fn out_of_line_avx2<W: OutOfLine>(work: W) {
+        work.run();
     }
 }
 
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
-    match candidates {
-        ..=8 => job.run::<Pack<Avx2, 2>>(),
-        9..=16 => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
-        _ if const { J::WIDE } => job.run::<Pack<Avx2, AVX2_WIDE_GROUPS>>(),
-        _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
-    }
-}
-
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
-    job.run::<Pack<Avx2, 2>>()
-}
-
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn run_vector_avx2<J: LaneJob>(job: J) -> J::Output {
-    job.run::<Avx2>()
-}
-
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
-    job.run::<Avx512>()
-}
-
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
-    match runs {
-        ..=16 => job.run::<Pack<Avx512, 2>>(),
-        _ => job.run::<Pack<Avx512, MIDDLE_GROUPS>>(),
-    }
-}
-
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Output {
-    match runs {
-        ..=8 => job.run::<Pack<Avx2, 2>>(),
-        _ => job.run::<Pack<Avx2, AVX2_MIDDLE_GROUPS>>(),
-    }
-}
-
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-#[inline(never)]
-fn out_of_line_avx512<W: OutOfLine>(work: W) {
-    work.run();
-}
-
-#[target_feature(enable = "avx2,fma")]
-#[inline(never)]
-fn out_of_line_avx2<W: OutOfLine>(work: W) {
-    work.run();
-}
+impl<T: ?Sized> Compiled for T {}
 
 const SIGN_BIT: i64 = i64::MIN;
 
 macro_rules! vector {
-    ($name:ident, $width:literal, $inner:ty, $out_of_line:ident,
+    ($name:ident, $width:literal, $inner:ty,
      $add:ident $sub:ident $mul:ident $div:ident $load:ident $store:ident) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($inner);
@@ -97,9 +124,22 @@ macro_rules! vector {
 
         impl Lanes for $name {
             const WIDTH: usize = $width;
+            type Vector = Self;
+            const VECTORS: usize = 1;
             #[inline(always)]
-            fn from_fn(value: impl FnMut(usize) -> f64) -> Self {
-                let values: [f64; $width] = core::array::from_fn(value);
+            fn vector(&self, _: usize) -> Self {
+                *self
+            }
+            #[inline(always)]
+            fn set_vector(&mut self, _: usize, vector: Self) {
+                *self = vector;
+            }
+            #[inline(always)]
+            fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
+                let mut values = [0.0; $width];
+                for (lane, entry) in values.iter_mut().enumerate() {
+                    *entry = value(lane);
+                }
                 // SAFETY: the processor has the features of this vector; `values` has as many numbers as it has
                 // lanes, and the load takes any alignment.
                 Self(unsafe { $load(values.as_ptr()) })
@@ -112,11 +152,6 @@ macro_rules! vector {
                 for (lane, value) in values.into_iter().enumerate() {
                     receive(lane, value);
                 }
-            }
-            #[inline(always)]
-            fn out_of_line<W: OutOfLine>(work: W) {
-                // SAFETY: the processor has the features of this vector.
-                unsafe { $out_of_line(work) }
             }
         }
     };
@@ -132,9 +167,9 @@ macro_rules! vector {
     };
 }
 
-vector!(Avx512, 8, __m512d, out_of_line_avx512,
+vector!(Avx512, 8, __m512d,
     _mm512_add_pd _mm512_sub_pd _mm512_mul_pd _mm512_div_pd _mm512_loadu_pd _mm512_storeu_pd);
-vector!(Avx2, 4, __m256d, out_of_line_avx2,
+vector!(Avx2, 4, __m256d,
     _mm256_add_pd _mm256_sub_pd _mm256_mul_pd _mm256_div_pd _mm256_loadu_pd _mm256_storeu_pd);
 
 impl Neg for Avx512 {
@@ -158,6 +193,11 @@ impl Neg for Avx2 {
 impl Real for Avx512 {
     type Mask = __mmask8;
 
+    #[inline(always)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        // SAFETY: the processor has the features of `Avx512`.
+        unsafe { <W::Home as Compiled>::out_of_line_avx512(work) }
+    }
     #[inline(always)]
     fn splat(value: f64) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
@@ -187,6 +227,18 @@ impl Real for Avx512 {
                 _mm512_set1_epi64(SIGN_BIT),
                 _mm512_castpd_si512(sign.0),
                 _mm512_castpd_si512(self.0),
+            ))
+        })
+    }
+    #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        // One ternary logic: the bits of `self`, flipped by those of `other` under the sign mask.
+        // SAFETY: the processor has the features of `Avx512`.
+        Self(unsafe {
+            _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0x78>(
+                _mm512_castpd_si512(self.0),
+                _mm512_castpd_si512(other.0),
+                _mm512_set1_epi64(SIGN_BIT),
             ))
         })
     }
@@ -277,6 +329,11 @@ impl Real for Avx2 {
     type Mask = __m256d;
 
     #[inline(always)]
+    fn out_of_line<W: OutOfLine>(work: W) {
+        // SAFETY: the processor has the features of `Avx2`.
+        unsafe { <W::Home as Compiled>::out_of_line_avx2(work) }
+    }
+    #[inline(always)]
     fn splat(value: f64) -> Self {
         // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_set1_pd(value) })
@@ -303,6 +360,11 @@ impl Real for Avx2 {
             let sign = _mm256_and_pd(sign.0, _mm256_set1_pd(-0.0));
             Self(_mm256_or_pd(self.abs().0, sign))
         }
+    }
+    #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
+        Self(unsafe { _mm256_xor_pd(self.0, _mm256_and_pd(other.0, _mm256_set1_pd(-0.0))) })
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {

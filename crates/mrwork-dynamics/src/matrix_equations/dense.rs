@@ -5,8 +5,8 @@
 
 #![allow(clippy::needless_range_loop)] // indices as in the equations, several arrays each
 
-use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real};
 
 /// Rows, inner length and columns of a product.
 pub(super) type Sizes = (usize, usize, usize);
@@ -44,6 +44,7 @@ struct Product<'a, R, const TRANSPOSED: bool, const SYMMETRIC: bool> {
 impl<R: Real, const TRANSPOSED: bool, const SYMMETRIC: bool> OutOfLine
     for Product<'_, R, TRANSPOSED, SYMMETRIC>
 {
+    type Home = Self;
     #[inline(always)]
     fn run(mut self) {
         let (rows, _, columns) = self.sizes;

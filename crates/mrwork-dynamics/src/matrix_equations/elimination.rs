@@ -3,8 +3,8 @@
 #![allow(clippy::needless_range_loop)] // indices as in the equations, several arrays each
 
 use crate::elementary::ln;
-use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real};
 
 /// A pivot stays where it is if no other one of its column is ten times as large: rows are seldom exchanged, which
 /// costs as much as eliminating, and factors still do not exceed ten.
@@ -43,6 +43,7 @@ struct Elimination<'a, R> {
 }
 
 impl<R: Real> OutOfLine for Elimination<'_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(mut self) {
         for k in 0..self.size {
@@ -176,6 +177,7 @@ struct Cholesky<'a, R, const FLOORED: bool> {
 }
 
 impl<R: Real, const FLOORED: bool> OutOfLine for Cholesky<'_, R, FLOORED> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { matrix, size } = self;
@@ -239,6 +241,7 @@ struct UpperInverse<'a, R> {
 }
 
 impl<R: Real> OutOfLine for UpperInverse<'_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { out, upper, size } = self;

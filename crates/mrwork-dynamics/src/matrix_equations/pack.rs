@@ -30,6 +30,7 @@ pub(super) struct PackJob<'a, 'b> {
 
 impl LaneJob for PackJob<'_, '_> {
     type Output = ();
+    type Home = Self;
 
     #[inline(always)]
     fn run<R: Lanes>(mut self) {

@@ -1,7 +1,8 @@
 //! Forecast of the ground acceleration: an autoregressive model that recursive least squares fit while the motion goes on.
 
-use super::super::{Preview, within};
+use crate::control::measurement::Preview;
 use crate::lanes::Lanes;
+use crate::real::within;
 
 /// Trace of the covariance, over its first value, beyond which nothing is forgotten: a still ground teaches nothing.
 const MOST_GROWTH: f64 = 1e6;

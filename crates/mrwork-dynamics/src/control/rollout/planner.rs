@@ -2,61 +2,45 @@
 
 use super::copy::{DamperCopy, Stretch};
 use super::forecast::Forecast;
-use super::prediction::{Moment, Prediction, Scratch, Step};
-use super::{LEVELS, OTHER_TAILS, Timing};
+use super::prediction::{Moment, Prediction, devices};
+use super::timing::Timing;
 use crate::building::Building;
 use crate::control::loop_model::LoopModel;
-use crate::control::{Gains, Measurement, within};
-use crate::damper::model::DamperModel;
-use crate::damper::{ModelVisitor, visit};
-use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
+use crate::control::measurement::Measurement;
+use crate::control::spec::Gains;
+use crate::coupled::{DeviceState, Devices};
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real, within};
 
+/// Commands that are tried beside the base alone.
+pub(in crate::control) const LEVELS: usize = 5;
+/// Commands that follow them in the prediction, beside the base.
+pub(in crate::control) const OTHER_TAILS: usize = 2;
 /// A tried command and the one that follows it: the base alone, then each level before each tail.
 const TRIALS: usize = 1 + LEVELS * TAILS;
 /// Longest horizon [s].
 const LONGEST_HORIZON: f64 = 1.0;
 
-/// A rollout of some model of the dampers: dispatched once a control sample, never within a time step.
-pub(crate) trait Plan<R: Lanes> {
-    /// Commands of a sample.
-    fn command(&mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]);
-}
-
-/// The rollout of a loop before the first sample.
+/// The rollout of a loop before the first sample; `None` for a model of dampers that is not registered.
 pub(crate) fn plan<'a, R: Lanes + 'a>(
     model: LoopModel<'a>,
     timing: Timing,
     gains: &Gains<'_, R>,
     ranges: &[[f64; 2]],
-) -> Option<Box<dyn Plan<R> + 'a>> {
-    visit(model.damper.spec().name, NewPlan { model, timing, gains, ranges })
+) -> Option<Box<Planner<'a, R>>> {
+    let (prediction, copied) = (Prediction::of(&model)?, devices(&model)?);
+    let mut planner = None;
+    R::out_of_line(NewPlanner { timing, gains, ranges, prediction, copied, planner: &mut planner });
+    planner
 }
 
-struct NewPlan<'a, 'b, R: Lanes> {
-    model: LoopModel<'a>,
+struct NewPlanner<'a, 'b, R: Lanes> {
     timing: Timing,
     gains: &'b Gains<'b, R>,
     ranges: &'b [[f64; 2]],
-}
-
-impl<'a, R: Lanes + 'a> ModelVisitor for NewPlan<'a, '_, R> {
-    type Output = Box<dyn Plan<R> + 'a>;
-    fn visit<M: DamperModel + 'static>(self) -> Self::Output {
-        let prediction = Prediction::<M, R>::new(&self.model);
-        let mut planner = None;
-        R::out_of_line(NewPlanner { plan: self, prediction, planner: &mut planner });
-        match planner {
-            Some(planner) => planner,
-            None => unreachable!("the work sets it"),
-        }
-    }
-}
-
-struct NewPlanner<'a, 'b, 'c, M: DamperModel, R: Lanes> {
-    plan: NewPlan<'a, 'b, R>,
-    prediction: Prediction<'a, M, R>,
-    planner: &'c mut Option<Box<dyn Plan<R> + 'a>>,
+    prediction: Prediction<'a, R>,
+    copied: Box<dyn Devices<R> + 'a>,
+    planner: &'b mut Option<Box<Planner<'a, R>>>,
 }
 
 /// Places of the gains in the spec.
@@ -73,11 +57,12 @@ const FORCE_CORRECTION: usize = 8;
 /// Commands that follow a tried one: the base and the others.
 const TAILS: usize = 1 + OTHER_TAILS;
 
-impl<'a, M: DamperModel + 'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, '_, M, R> {
+impl<'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, R> {
+    type Home = Self;
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // limited before
     fn run(self) {
-        let Self { plan: NewPlan { timing, gains, ranges, .. }, prediction, planner } = self;
+        let Self { timing, gains, ranges, prediction, copied, planner } = self;
         let n_devices = ranges.len();
         let mut tried = vec![R::splat(0.0); TRIALS * n_devices];
         let mut tails = tried.clone();
@@ -109,21 +94,22 @@ impl<'a, M: DamperModel + 'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, '_
         let sample_time = timing.sample_time;
         *planner = Some(Box::new(Planner {
             copy: DamperCopy::new(
-                &prediction,
+                copied,
                 &timing,
                 &tried[..n_devices],
                 numbers(&gains.tables[2]),
                 gains.of_loop(ACCELERATION_WEIGHT),
             ),
             forecast: Forecast::new(order as usize, forgetting, covariance, n_nodes),
-            start: Moment::of(&prediction),
-            trial: Moment::of(&prediction),
-            scratch: Scratch::of(&prediction),
+            start: Moment {
+                displacement: prediction.displacement().to_vec(),
+                velocity: prediction.velocity().to_vec(),
+                devices: DeviceState::default(),
+            },
             held: tried[..n_devices].to_vec(),
             ground: vec![R::splat(0.0); 2 * n_steps + 1],
-            on_way: (timing.delay_rest > 0.0).then(|| Stretch::new(&prediction, timing.delay_rest, step)),
-            sample: Stretch::new(&prediction, sample_time, step),
-            decision: Stretch::new(&prediction, timing.hold, step),
+            on_way: (timing.delay_rest > 0.0).then(|| Stretch::new(timing.delay_rest, step)),
+            sample: Stretch::new(sample_time, step),
             peaks: [R::splat(0.0); 2],
             strongest: R::splat(0.0),
             per_steps: R::splat(1.0) / steps,
@@ -150,17 +136,16 @@ fn numbers<const N: usize>(table: &[f64]) -> [f64; N] {
     core::array::from_fn(|place| table.get(place).copied().unwrap_or(f64::NAN))
 }
 
-struct Planner<'a, M: DamperModel, R: Lanes> {
-    prediction: Prediction<'a, M, R>,
-    scratch: Scratch<M, R>,
-    copy: DamperCopy<M, R>,
+/// What a rollout keeps from sample to sample.
+pub(crate) struct Planner<'a, R: Lanes> {
+    prediction: Prediction<'a, R>,
+    copy: DamperCopy<'a, R>,
     forecast: Forecast<R>,
     timing: Timing,
     /// Time from a measurement until its command acts [s].
     delay: f64,
-    on_way: Option<Stretch<R>>,
-    sample: Stretch<R>,
-    decision: Stretch<R>,
+    on_way: Option<Stretch>,
+    sample: Stretch,
     /// Tried commands, shape (trials, devices), and those that follow them.
     tried: Vec<R>,
     tails: Vec<R>,
@@ -169,9 +154,8 @@ struct Planner<'a, M: DamperModel, R: Lanes> {
     per_steps: R,
     n_steps: usize,
     ends: Vec<bool>,
-    /// The motion at the instant when the command acts, and that of a trial.
-    start: Moment<M, R>,
-    trial: Moment<M, R>,
+    /// The motion at the instant when the command acts.
+    start: Moment<R>,
     /// Forecast at the start, middle and end of each step.
     ground: Vec<R>,
     /// Squares of the largest drift and absolute acceleration so far.
@@ -182,20 +166,22 @@ struct Planner<'a, M: DamperModel, R: Lanes> {
     number: usize,
 }
 
-impl<M: DamperModel, R: Lanes> Plan<R> for Planner<'_, M, R> {
-    fn command(&mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
+impl<R: Lanes> Planner<'_, R> {
+    /// Commands of a sample.
+    pub(crate) fn command(&mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         R::out_of_line(Decide { planner: self, gains, measured, command });
     }
 }
 
-struct Decide<'a, 'b, M: DamperModel, R: Lanes> {
-    planner: &'a mut Planner<'b, M, R>,
+struct Decide<'a, 'b, R: Lanes> {
+    planner: &'a mut Planner<'b, R>,
     gains: &'a Gains<'a, R>,
     measured: &'a Measurement<'a, R>,
     command: &'a mut [R],
 }
 
-impl<M: DamperModel, R: Lanes> OutOfLine for Decide<'_, '_, M, R> {
+impl<R: Lanes> OutOfLine for Decide<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { planner, gains, measured, command } = self;
@@ -237,7 +223,7 @@ fn squares<R: Real>(building: &Building, displacement: &[R], acceleration: &[R],
     found
 }
 
-impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
+impl<R: Lanes> Planner<'_, R> {
     /// Takes the readings of a sample into the memory; returns zero, or not a number where a reading is not finite.
     #[inline(always)]
     fn observe(&mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, decides: bool) -> R {
@@ -257,12 +243,12 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
             self.strongest = ground.abs().max(self.strongest);
         }
         let known = doubt.equal(doubt);
-        self.copy.advance(&mut self.prediction, &self.timing, self.number, measured);
-        self.copy.compare(&mut self.prediction, measured, gains.of_loop(FORCE_CORRECTION), decides);
-        self.prediction.force.copy_from_slice(measured.force);
-        self.prediction.accelerate(measured.displacement, measured.velocity, ground);
-        let now =
-            squares(self.prediction.building, measured.displacement, &self.prediction.acceleration, ground);
+        self.copy.advance(&self.timing, self.number, measured);
+        let factors = decides.then(|| self.prediction.scale());
+        self.copy.compare(measured, gains.of_loop(FORCE_CORRECTION), factors);
+        let Measurement { displacement, velocity, force, .. } = *measured;
+        self.prediction.accelerate(displacement, velocity, force, &ground);
+        let now = squares(self.prediction.building(), displacement, self.prediction.acceleration(), ground);
         for (peak, largest) in self.peaks.iter_mut().zip(now.largest) {
             *peak = R::select(known, largest, zero).max(*peak);
         }
@@ -276,42 +262,30 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
     /// Predicts the motion at the instant when the command will act, with the commands that are on their way.
     #[inline(always)]
     fn foresee(&mut self, measured: &Measurement<'_, R>) {
-        let Self { prediction, scratch, copy, forecast, timing, start, number, .. } = self;
+        let Self { prediction, copy, forecast, timing, start, number, .. } = self;
         start.displacement.copy_from_slice(measured.displacement);
         start.velocity.copy_from_slice(measured.velocity);
-        start.current.copy_from_slice(&copy.current);
-        start.states.copy_from_slice(&copy.states);
+        copy.save(&mut start.devices);
         if *number > 0 {
             let first = usize::from(self.on_way.is_none());
             let mut time = 0.0;
+            prediction.begin(start, self.sample.step());
             for piece in first..=timing.delay_samples {
-                let stretch = match (&self.on_way, piece) {
+                let stretch = match (self.on_way, piece) {
                     (Some(on_way), 0) => on_way,
-                    _ => &self.sample,
+                    _ => self.sample,
                 };
                 let command = copy.sent_at(*number + piece, timing.delay_samples + 1);
-                if !prediction.lagged {
-                    start.current.copy_from_slice(command);
-                }
-                prediction.set_currents(&start.current);
-                prediction.evaluate(start, forecast.at(time / timing.hold));
                 let step = stretch.step();
+                prediction.set_step(step);
                 for _ in 0..stretch.steps {
-                    let ground = [0.0, 0.5, 1.0].map(|share| step.mul_add(share, time) / timing.hold);
-                    let ground = [forecast.at(ground[0]), forecast.at(ground[1]), forecast.at(ground[2])];
-                    R::out_of_line(Step {
-                        prediction: &mut *prediction,
-                        scratch: &mut *scratch,
-                        moment: &mut *start,
-                        length: step,
-                        command,
-                        decay: &stretch.decay,
-                        ground: &ground,
-                        next_command: command,
-                    });
+                    prediction.evaluate(command, &forecast.at(time / timing.hold));
+                    let middle = forecast.at(step.mul_add(0.5, time) / timing.hold);
                     time += step;
+                    prediction.advance(&middle, &forecast.at(time / timing.hold));
                 }
             }
+            prediction.save(start);
         }
         for (place, ground) in self.ground.iter_mut().enumerate() {
             let time = (0.5 * timing.step()).mul_add(count(place), self.delay);
@@ -343,39 +317,24 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
     /// Cost of a command that is held for a decision and followed by its tail.
     #[inline(always)]
     fn cost(&mut self, gains: &Gains<'_, R>, trial: usize) -> R {
-        let Self { prediction, scratch, trial: moment, tried, tails, timing, .. } = self;
+        let Self { prediction, start, tried, tails, timing, .. } = self;
         let n_devices = self.held.len();
         let tried = &tried[trial * n_devices..][..n_devices];
         let tail = &tails[trial * n_devices..][..n_devices];
-        let held_at = |step: usize| if step < timing.steps as usize { tried } else { tail };
-        moment.copy_from(&self.start);
-        if !prediction.lagged {
-            moment.current.copy_from_slice(tried);
-        }
-        prediction.set_currents(&moment.current);
-        prediction.evaluate(moment, self.ground[0]);
+        prediction.begin(start, timing.step());
+        prediction.evaluate(tried, &self.ground[0]);
         let zero = R::splat(0.0);
         let mut sums = [zero; 2];
         let mut peaks = self.peaks;
         let mut energy = zero;
         for step in 0..self.n_steps {
-            R::out_of_line(Step {
-                prediction: &mut *prediction,
-                scratch: &mut *scratch,
-                moment: &mut *moment,
-                length: timing.step(),
-                command: held_at(step),
-                decay: &self.decision.decay,
-                ground: &self.ground[2 * step..2 * step + 3],
-                next_command: held_at(step + 1),
-            });
+            let [middle, end] = [self.ground[2 * step + 1], self.ground[2 * step + 2]];
+            prediction.advance(&middle, &end);
+            let held = if step + 1 < timing.steps as usize { tried } else { tail };
+            prediction.evaluate(held, &end);
             let number = R::splat(count(step + 1));
-            let now = squares(
-                prediction.building,
-                &moment.displacement,
-                &prediction.acceleration,
-                self.ground[2 * step + 2],
-            );
+            let now =
+                squares(prediction.building(), prediction.displacement(), prediction.acceleration(), end);
             // Lanes whose horizon has ended wait for the others.
             let over = self.steps.less(number);
             for kind in 0..sums.len() {
@@ -383,7 +342,8 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
                 peaks[kind] = R::select(over, zero, now.largest[kind]).max(peaks[kind]);
             }
             if self.ends[step + 1] {
-                let twice = twice_energy(prediction.building, &moment.displacement, &moment.velocity);
+                let twice =
+                    twice_energy(prediction.building(), prediction.displacement(), prediction.velocity());
                 energy = R::select(self.steps.equal(number), twice, energy);
             }
         }
@@ -401,7 +361,7 @@ impl<M: DamperModel, R: Lanes> Planner<'_, M, R> {
 
 /// q'K q + q''M q' [J].
 #[inline(always)]
-fn twice_energy<R: Real>(building: &Building, displacement: &[R], velocity: &[R]) -> R {
+fn twice_energy<R: Lanes>(building: &Building, displacement: &[R], velocity: &[R]) -> R {
     let mut sum = R::splat(0.0);
     for coordinate in 0..building.n {
         sum = building.springs.rows.sprung(coordinate, displacement).mul_add(displacement[coordinate], sum);

@@ -1,13 +1,13 @@
 //! Passive elements of a building in lanes: loops that yield and losses of head, which follow no command.
 
-use super::reductions::Reductions;
+use super::Energies;
 use crate::building::{Building, Element};
 use crate::damper::Hysteresis;
-use crate::lanes::{Lanes, OutOfLine};
-use crate::real::Real;
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real};
 
 /// Share of the dissipative term of the loop: it unloads with the slope with which it began to load.
-pub(super) const UNLOADING: f64 = 0.5;
+pub(crate) const UNLOADING: f64 = 0.5;
 
 /// All elements, during the stages of a step.
 pub(super) struct Elements<'a, R: Real> {
@@ -51,9 +51,9 @@ impl<'a, R: Lanes> Elements<'a, R> {
     }
 
     /// Adds a weighted stage to the loops and to the work, and moves `reach` ahead for the next; zero ends the step.
-    pub(super) fn advance(&mut self, weight: f64, reach: f64, reductions: &mut Reductions<R>) {
+    pub(super) fn advance(&mut self, weight: f64, reach: f64, energies: &mut Energies<R>) {
         if !self.force.is_empty() {
-            R::out_of_line(Advance { elements: self, weight, reach, reductions });
+            R::out_of_line(Advance { elements: self, weight, reach, energies });
         }
     }
 }
@@ -64,6 +64,7 @@ struct Evaluate<'a, 'b, R: Real> {
 }
 
 impl<R: Lanes> OutOfLine for Evaluate<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
         let Self { elements, velocity } = self;
@@ -82,17 +83,18 @@ struct Advance<'a, 'b, R: Real> {
     elements: &'a mut Elements<'b, R>,
     weight: f64,
     reach: f64,
-    reductions: &'a mut Reductions<R>,
+    energies: &'a mut Energies<R>,
 }
 
 impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
+    type Home = Self;
     #[inline(always)]
     fn run(self) {
-        let Self { elements, reductions, .. } = self;
+        let Self { elements, energies, .. } = self;
         let (weight, reach) = (R::splat(self.weight), R::splat(self.reach));
         for (index, own) in elements.loops.iter_mut().enumerate() {
             let power = elements.force[index] * elements.velocity[index];
-            reductions.element_work[index] = power.mul_add(weight, reductions.element_work[index]);
+            energies.elements[index] = power.mul_add(weight, energies.elements[index]);
             own.next = own.rate.mul_add(weight, own.next);
             if self.reach == 0.0 {
                 own.now = own.next;

@@ -1,0 +1,523 @@
+//! The coordinates of a building in lanes, during the stages of a step.
+
+use super::elements::Elements;
+use crate::building::{Building, Coefficient, Link, OfLanes, SparseRows, SpringRows};
+use crate::lanes::Lanes;
+use crate::real::{OutOfLine, Real};
+
+/// Number of stages of a step.
+const STAGES: usize = 4;
+/// The last of them.
+const LAST: usize = STAGES - 1;
+
+/// Motion of the coordinates.
+///
+/// Classical Runge-Kutta in the form for second-order systems: in a step the displacement increment is
+/// h v + h^2 (a1 + a2 + a3)/6, the velocity increment h (a1 + 2 a2 + 2 a3 + a4)/6.
+pub(crate) struct Plant<'a, R: Lanes> {
+    building: &'a Building,
+    /// Its stiffness and damping.
+    pub(crate) springs: LaneSprings<'a, R>,
+    step: f64,
+    pub(crate) displacement: Vec<R>,
+    pub(crate) velocity: Vec<R>,
+    staged_displacement: Vec<R>,
+    staged_velocity: Vec<R>,
+    /// Accelerations relative to the ground, of each stage.
+    accelerations: [Vec<R>; STAGES],
+    /// Resisting force of each coordinate of a building that is no chain [N].
+    resisting: Vec<R>,
+    /// Passive elements; `None` for a model of the building that leaves them to its matrices.
+    elements: Option<Elements<'a, R>>,
+    /// Elongations of the devices and their rates at the current stage.
+    pub(crate) elongation: Vec<R>,
+    pub(crate) rate: Vec<R>,
+    /// Power of the ground and of the damping at the current stage [W].
+    input: R,
+    damping: R,
+}
+
+/// Work on a building since its start [J].
+pub(crate) struct Energies<R> {
+    /// Of the ground.
+    pub(crate) input: R,
+    /// Of the building's own damping.
+    pub(crate) damping: R,
+    /// Of each device.
+    pub(crate) devices: Vec<R>,
+    /// On each element, but for its spring and dashpot.
+    pub(crate) elements: Vec<R>,
+}
+
+impl<R: Real> Energies<R> {
+    pub(crate) fn zero(building: &Building) -> Self {
+        let zero = R::splat(0.0);
+        Self {
+            input: zero,
+            damping: zero,
+            devices: vec![zero; building.n_devices()],
+            elements: vec![zero; building.n_elements()],
+        }
+    }
+}
+
+/// Motion of the coordinates relative to the ground at the start of a step.
+#[derive(Clone, Copy)]
+pub(crate) struct PlantMotion<'a, R> {
+    pub(crate) displacement: &'a [R],
+    pub(crate) velocity: &'a [R],
+    pub(crate) acceleration: &'a [R],
+    /// Forces of the elements, but for their springs and dashpots [N].
+    pub(crate) element_force: &'a [R],
+}
+
+impl<R: Real> PlantMotion<'_, R> {
+    /// Elongation, rate and whole force of an element.
+    #[inline(always)]
+    pub(crate) fn of_element(&self, building: &Building, element: usize) -> [R; 3] {
+        let x = building.elements.dot(element, self.displacement);
+        let v = building.elements.dot(element, self.velocity);
+        let force = building.element_parameters[element].with_spring(self.element_force[element], x, v);
+        [x, v, force]
+    }
+}
+
+impl<'a, R: Lanes> Plant<'a, R> {
+    /// The building at rest with its passive elements; `springs` are those of each run, of one pattern.
+    pub(crate) fn at_rest(building: &'a Building, springs: &[&'a SpringRows<f64>], step: f64) -> Self {
+        Self {
+            elements: Some(Elements::at_rest(building)),
+            springs: LaneSprings::of(springs),
+            ..Self::without_elements(building, step)
+        }
+    }
+
+    /// The building at rest, without forces of passive elements beyond those in its matrices.
+    pub(crate) fn without_elements(building: &'a Building, step: f64) -> Self {
+        let zero = || vec![R::splat(0.0); building.n];
+        let per_device = || vec![R::splat(0.0); building.n_devices()];
+        Self {
+            building,
+            springs: LaneSprings::Shared(&building.springs.rows),
+            step,
+            displacement: zero(),
+            velocity: zero(),
+            staged_displacement: zero(),
+            staged_velocity: zero(),
+            accelerations: [zero(), zero(), zero(), zero()],
+            resisting: zero(),
+            elements: None,
+            elongation: per_device(),
+            rate: per_device(),
+            input: R::splat(0.0),
+            damping: R::splat(0.0),
+        }
+    }
+
+    pub(crate) fn building(&self) -> &'a Building {
+        self.building
+    }
+
+    /// Length of a step [s].
+    pub(crate) fn step(&self) -> f64 {
+        self.step
+    }
+
+    pub(crate) fn set_step(&mut self, step: f64) {
+        self.step = step;
+    }
+
+    /// Goes on from this motion.
+    #[inline(always)]
+    pub(crate) fn place(&mut self, displacement: &[R], velocity: &[R]) {
+        self.displacement.copy_from_slice(displacement);
+        self.velocity.copy_from_slice(velocity);
+        for device in 0..self.elongation.len() {
+            self.elongation[device] = self.building.devices.dot(device, displacement);
+            self.rate[device] = self.building.devices.dot(device, velocity);
+        }
+    }
+
+    /// Motion at the start of the step, and forces of the elements, once they were evaluated.
+    pub(crate) fn motion(&self) -> PlantMotion<'_, R> {
+        PlantMotion {
+            displacement: &self.displacement,
+            velocity: &self.velocity,
+            acceleration: &self.accelerations[0],
+            element_force: self.elements.as_ref().map_or(&[], |elements| &elements.force),
+        }
+    }
+
+    /// Evaluates accelerations and powers at the start of a step, for these device forces and ground acceleration.
+    pub(crate) fn accelerate(&mut self, force: &[R], ground: &R) {
+        if let Some(elements) = &mut self.elements {
+            elements.evaluate(&self.velocity);
+        }
+        R::out_of_line(Accelerate { plant: self, force, ground });
+    }
+
+    /// Moves from the start of a step, once it was evaluated, to the next stage; adds its powers to the energies.
+    pub(crate) fn advance(&mut self, force: &[R], mut energies: Option<&mut Energies<R>>) {
+        let Moves { weight, reach } = Moves::after(0, self.step);
+        if let (Some(elements), Some(energies)) = (&mut self.elements, energies.as_deref_mut()) {
+            elements.advance(weight, reach, energies);
+        }
+        R::out_of_line(Advance { plant: self, force, energies });
+    }
+
+    /// Evaluates a later stage, for these device forces and ground acceleration, adds its powers to the energies, and moves
+    /// to the next stage or, after the last, to the next step.
+    pub(crate) fn pass(
+        &mut self,
+        stage: usize,
+        force: &[R],
+        ground: &R,
+        mut energies: Option<&mut Energies<R>>,
+    ) {
+        if let (Some(elements), Some(energies)) = (&mut self.elements, energies.as_deref_mut()) {
+            let Moves { weight, reach } = Moves::after(stage, self.step);
+            elements.evaluate(&self.staged_velocity);
+            elements.advance(weight, reach, energies);
+        }
+        R::out_of_line(Pass { plant: self, stage, force, ground, energies });
+    }
+}
+
+/// Weight of a stage in the integrals over the step, and how far after the start of the step the next stage is [s].
+struct Moves {
+    weight: f64,
+    reach: f64,
+}
+
+impl Moves {
+    #[inline(always)]
+    fn after(stage: usize, step: f64) -> Self {
+        Self {
+            weight: if stage == 0 || stage == LAST { step / 6.0 } else { step / 3.0 },
+            reach: match stage {
+                LAST => 0.0,
+                _ if stage == LAST - 1 => step,
+                _ => 0.5 * step,
+            },
+        }
+    }
+}
+
+/// Stiffness and damping in lanes: those of all runs, or of each.
+pub(crate) enum LaneSprings<'a, R> {
+    Shared(&'a SpringRows<f64>),
+    Each(SpringRows<OfLanes<R>>),
+}
+
+impl<'a, R: Lanes> LaneSprings<'a, R> {
+    fn of(each: &[&'a SpringRows<f64>]) -> Self {
+        if each.iter().all(|springs| core::ptr::eq(*springs, each[0])) {
+            return Self::Shared(each[0]);
+        }
+        Self::Each(SpringRows::of_lanes(each))
+    }
+
+    /// Forces of the stiffness and of the damping on a coordinate [N].
+    #[inline(always)]
+    fn coupling(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2] {
+        match self {
+            Self::Shared(springs) => springs.coupling(coordinate, displacement, velocity),
+            Self::Each(springs) => springs.coupling(coordinate, displacement, velocity),
+        }
+    }
+
+    /// Force of the stiffness on a coordinate [N].
+    #[inline(always)]
+    pub(crate) fn sprung(&self, coordinate: usize, displacement: &[R]) -> R {
+        match self {
+            Self::Shared(springs) => springs.sprung(coordinate, displacement),
+            Self::Each(springs) => springs.sprung(coordinate, displacement),
+        }
+    }
+}
+
+struct Accelerate<'a, 'b, R: Lanes> {
+    plant: &'a mut Plant<'b, R>,
+    force: &'a [R],
+    ground: &'a R,
+}
+
+impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        let Self { plant, force, ground } = self;
+        plant.accelerate_at(0, force, ground, None);
+    }
+}
+
+struct Advance<'a, 'b, R: Lanes> {
+    plant: &'a mut Plant<'b, R>,
+    force: &'a [R],
+    energies: Option<&'a mut Energies<R>>,
+}
+
+impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        let Self { plant, force, mut energies } = self;
+        if let Some(energies) = energies.as_deref_mut() {
+            let weight = R::splat(Moves::after(0, plant.step).weight);
+            energies.input = plant.input.mul_add(weight, energies.input);
+            energies.damping = plant.damping.mul_add(weight, energies.damping);
+        }
+        plant.leave(0, force, energies);
+    }
+}
+
+struct Pass<'a, 'b, R: Lanes> {
+    plant: &'a mut Plant<'b, R>,
+    stage: usize,
+    force: &'a [R],
+    ground: &'a R,
+    energies: Option<&'a mut Energies<R>>,
+}
+
+impl<R: Lanes> OutOfLine for Pass<'_, '_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        let Self { plant, stage, force, ground, energies } = self;
+        let mut energies = energies;
+        plant.accelerate_at(stage, force, ground, energies.as_deref_mut());
+        plant.leave(stage, force, energies);
+    }
+}
+
+impl<R: Lanes> Plant<'_, R> {
+    /// Writes the accelerations at a stage; adds the work of the ground and of the damping to the energies or, without
+    /// these, keeps their powers.
+    #[inline(always)]
+    fn accelerate_at(
+        &mut self,
+        stage: usize,
+        force: &[R],
+        ground: &R,
+        mut energies: Option<&mut Energies<R>>,
+    ) {
+        let weight = Moves::after(stage, self.step).weight;
+        let Self { building, springs, resisting, elements, .. } = self;
+        let n = building.n;
+        let (displacement, velocity) = match stage {
+            0 => (&self.displacement[..n], &self.velocity[..n]),
+            _ => (&self.staged_displacement[..n], &self.staged_velocity[..n]),
+        };
+        let at = At { building, displacement, velocity, ground };
+        let acceleration = &mut self.accelerations[stage][..n];
+        let element_force = elements.as_ref().map_or(&[][..], |elements| &elements.force);
+        let Some(per_mass) = &building.per_mass else {
+            let powers = at.resist(springs, resisting);
+            push(resisting, force, &building.devices, None);
+            push(resisting, element_force, &building.elements, None);
+            for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
+                *acceleration = building.acceleration(coordinate, resisting, *ground);
+            }
+            self.keep(powers, weight, energies);
+            return;
+        };
+        let per_mass = &per_mass[..n];
+        let chain = match springs {
+            LaneSprings::Shared(springs) => springs.links().map(Chain::Shared),
+            LaneSprings::Each(springs) => springs.links().map(Chain::Each),
+        };
+        match chain {
+            Some(chain) => {
+                for vector in 0..R::VECTORS {
+                    let [input, damping] = match &chain {
+                        Chain::Shared(links) => at.chain(&links[..n], per_mass, vector, acceleration),
+                        Chain::Each(links) => at.chain(&links[..n], per_mass, vector, acceleration),
+                    };
+                    match &mut energies {
+                        Some(energies) => {
+                            add(&mut energies.input, vector, input, weight);
+                            add(&mut energies.damping, vector, damping, weight);
+                        }
+                        None => {
+                            self.input.set_vector(vector, input);
+                            self.damping.set_vector(vector, damping);
+                        }
+                    }
+                }
+            }
+            None => {
+                let powers = at.resist(springs, resisting);
+                for i in 0..n {
+                    let pushed = *ground * R::splat(-building.influence[i]);
+                    acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
+                }
+                push(acceleration, force, &building.devices, Some(per_mass));
+                push(acceleration, element_force, &building.elements, Some(per_mass));
+                self.keep(powers, weight, energies);
+                return;
+            }
+        }
+        push(acceleration, force, &building.devices, Some(per_mass));
+        push(acceleration, element_force, &building.elements, Some(per_mass));
+    }
+
+    /// Adds the work of powers of the ground and of the damping to the energies or, without these, keeps the powers.
+    #[inline(always)]
+    fn keep(&mut self, [input, damping]: [R; 2], weight: f64, energies: Option<&mut Energies<R>>) {
+        match energies {
+            Some(energies) => {
+                energies.input = input.mul_add(R::splat(weight), energies.input);
+                energies.damping = damping.mul_add(R::splat(weight), energies.damping);
+            }
+            None => (self.input, self.damping) = (input, damping),
+        }
+    }
+
+    /// Adds the work of the devices at a stage to the energies, and moves to the next stage or completes the step.
+    #[inline(always)]
+    fn leave(&mut self, stage: usize, force: &[R], energies: Option<&mut Energies<R>>) {
+        if let Some(energies) = energies {
+            let weight = R::splat(Moves::after(stage, self.step).weight);
+            for (device, &force) in force.iter().enumerate() {
+                let power = force * self.rate[device];
+                energies.devices[device] = power.mul_add(weight, energies.devices[device]);
+            }
+        }
+        if stage == LAST {
+            self.end();
+        } else {
+            self.reach(stage);
+        }
+        let (displacement, velocity) = match stage {
+            LAST => (&self.displacement, &self.velocity),
+            _ => (&self.staged_displacement, &self.staged_velocity),
+        };
+        for device in 0..self.elongation.len() {
+            self.elongation[device] = self.building.devices.dot(device, displacement);
+            self.rate[device] = self.building.devices.dot(device, velocity);
+        }
+    }
+
+    /// The motion at the stage after this one.
+    #[inline(always)]
+    fn reach(&mut self, stage: usize) {
+        let n = self.building.n;
+        let reach = R::splat(Moves::after(stage, self.step).reach);
+        let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
+        let acceleration = &self.accelerations[stage][..n];
+        let staged_displacement = &mut self.staged_displacement[..n];
+        let staged_velocity = &mut self.staged_velocity[..n];
+        if stage == 0 {
+            for i in 0..n {
+                staged_displacement[i] = velocity[i].mul_add(reach, displacement[i]);
+                staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+            }
+            return;
+        }
+        for i in 0..n {
+            staged_displacement[i] = staged_velocity[i].mul_add(reach, displacement[i]);
+            staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+        }
+    }
+
+    /// Completes the step.
+    #[inline(always)]
+    fn end(&mut self) {
+        let n = self.building.n;
+        let step = R::splat(self.step);
+        let (sixth, third) = (R::splat(self.step / 6.0), R::splat(self.step / 3.0));
+        let square = R::splat(self.step * self.step / 6.0);
+        let [first, second, third_stage, last] = &self.accelerations;
+        let (first, second, third_stage, last) = (&first[..n], &second[..n], &third_stage[..n], &last[..n]);
+        let (displacement, velocity) = (&mut self.displacement[..n], &mut self.velocity[..n]);
+        for i in 0..n {
+            let middle = second[i] + third_stage[i];
+            let drifted = velocity[i].mul_add(step, displacement[i]);
+            displacement[i] = (first[i] + middle).mul_add(square, drifted);
+            velocity[i] = middle.mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
+        }
+    }
+}
+
+/// Adds a weighted power to a vector of a sum.
+#[inline(always)]
+fn add<R: Lanes>(sum: &mut R, vector: usize, power: R::Vector, weight: f64) {
+    sum.set_vector(vector, power.mul_add(R::Vector::splat(weight), sum.vector(vector)));
+}
+
+/// Adds forces to what resists at the coordinates on which they act, or takes what they accelerate from accelerations.
+#[inline(always)]
+fn push<R: Real>(coordinates: &mut [R], force: &[R], rows: &SparseRows, per_mass: Option<&[f64]>) {
+    for (number, &force) in force.iter().enumerate() {
+        for &(coordinate, reach) in rows.row(number) {
+            let share = per_mass.map_or(reach, |per_mass| -reach * per_mass[coordinate]);
+            coordinates[coordinate] = force.mul_add(R::splat(share), coordinates[coordinate]);
+        }
+    }
+}
+
+/// The links of a building whose coordinates are a chain.
+enum Chain<'a, R> {
+    Shared(&'a [Link<f64>]),
+    Each(&'a [Link<OfLanes<R>>]),
+}
+
+/// The coordinates at a stage.
+struct At<'a, R> {
+    building: &'a Building,
+    displacement: &'a [R],
+    velocity: &'a [R],
+    ground: &'a R,
+}
+
+impl<R: Lanes> At<'_, R> {
+    /// Writes the accelerations of a vector relative to the ground, without the forces of devices and elements; returns the
+    /// powers of the ground and of the damping.
+    ///
+    /// One coordinate after the other: displacement and velocity of the neighbours stay in registers.
+    #[inline(always)]
+    fn chain<N: Coefficient<R>>(
+        &self,
+        links: &[Link<N>],
+        per_mass: &[f64],
+        vector: usize,
+        acceleration: &mut [R],
+    ) -> [R::Vector; 2] {
+        let n = links.len();
+        let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
+        let (per_mass, acceleration) = (&per_mass[..n], &mut acceleration[..n]);
+        let influence = &self.building.influence[..n];
+        let pushed_mass = &self.building.pushed_mass[..n];
+        let ground = self.ground.vector(vector);
+        let zero = R::Vector::splat(0.0);
+        let (mut damping, mut momentum) = (zero, zero);
+        let mut below = [zero; 2];
+        let mut own = [displacement[0].vector(vector), velocity[0].vector(vector)];
+        for i in 0..n {
+            // Beyond the end of the chain nothing is connected.
+            let next = if i + 1 < n { i + 1 } else { i };
+            let above = [displacement[next].vector(vector), velocity[next].vector(vector)];
+            let [of_springs, of_damping] = links[i].coupling(vector, below, own, above);
+            damping = of_damping.mul_add(own[1], damping);
+            momentum = own[1].mul_add(R::Vector::splat(pushed_mass[i]), momentum);
+            let pushed = ground * R::Vector::splat(-influence[i]);
+            let moved = (of_springs + of_damping).mul_add(R::Vector::splat(-per_mass[i]), pushed);
+            acceleration[i].set_vector(vector, moved);
+            (below, own) = (own, above);
+        }
+        [-(momentum * ground), damping]
+    }
+
+    /// Writes what resists at each coordinate of any building; returns the powers of the ground and of the damping.
+    #[inline(always)]
+    fn resist(&self, springs: &LaneSprings<'_, R>, resisting: &mut [R]) -> [R; 2] {
+        let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
+        for (i, resisting) in resisting.iter_mut().enumerate() {
+            let [of_springs, of_damping] = springs.coupling(i, self.displacement, self.velocity);
+            *resisting = of_springs + of_damping;
+            damping = of_damping.mul_add(self.velocity[i], damping);
+            momentum = self.velocity[i].mul_add(R::splat(self.building.pushed_mass[i]), momentum);
+        }
+        [-(momentum * *self.ground), damping]
+    }
+}
