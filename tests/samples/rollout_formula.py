@@ -6,19 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mrwork import Device
 from mrwork.control import ControlLaw
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-
-
-def at_command(columns: dict[str, float], names: Sequence[str], command: Floats) -> dict[str, Floats]:
-    """Parameters whose laws are polynomials in the command: `name` alone, or `name.0`, `name.1`, ..."""
-    return {
-        name: columns[name] + 0.0 * command
-        if name in columns
-        else sum((columns.get(f"{name}.{power}", 0.0) * command**power for power in range(4)), 0.0 * command)
-        for name in names
-    }
 
 
 def _static(p: dict[str, Floats], z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
@@ -38,6 +29,43 @@ MODELS: dict[str, Callable[[dict[str, Floats], Floats, Floats, Floats], tuple[Fl
 }
 
 
+class Dampers:
+    """The dampers of a loop side by side: arrays of shape (..., n_devices, n_sides). A side that is not there counts 0.
+
+    A parameter is `name` alone or a polynomial of the current, `name.0`, `name.1`, ...; it is evaluated once a step.
+    """
+
+    def __init__(self, devices: Sequence[Device]) -> None:
+        spec = devices[0].spec
+        self.model = MODELS[spec.name]
+        columns = [dict(zip(spec.names, device.draws[0], strict=True)) for device in devices]
+        plain = [parameter.name for parameter in spec.plain]
+        self.constants = {
+            name: np.array([[of[name]] for of in columns]) for name in plain if name in spec.names
+        }
+        self.varying = [name for name in plain if name not in spec.names]
+        self.powers = np.array(
+            [
+                [[[of.get(f"{name}.{power}", 0.0)] for of in columns] for name in self.varying]
+                for power in range(4)
+            ]
+        ).reshape(4, len(self.varying), len(devices), 1)
+        self.sign = np.array([1.0, -1.0])
+        self.count = np.array([[device.count, device.count * device.differential] for device in devices])
+
+    def parameters(self, current: Floats) -> Floats:
+        """Those that vary, shape (..., n_varying, n_devices, 1), at currents of shape (..., n_devices)."""
+        i = current[..., None, :, None]
+        a, b, c, d = self.powers
+        return a + i * (b + i * (c + i * d))
+
+    def forces(self, varying: Floats, z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Force of each device without its factor, shape (..., n_devices), and the rates of the states of its sides."""
+        p = self.constants | {name: varying[..., k, :, :] for k, name in enumerate(self.varying)}
+        own, rates = self.model(p, z, x[..., None] * self.sign, v[..., None] * self.sign)
+        return np.sum(own * (self.count * self.sign), axis=-1), rates
+
+
 class RolloutInNumPy:
     """The law with its memory; call `command` at the samples of a run, one after the other."""
 
@@ -55,15 +83,12 @@ class RolloutInNumPy:
         assert law.model is not None
         building, devices = law.model.building, law.model.devices
         self.mass, self.damping, self.stiffness = building.mass, building.damping, building.stiffness
+        self.inverse_mass = np.linalg.inv(self.mass)
         self.influence, self.floors, self.drifts = building.influence, building.floors, building.drifts
         self.rows = np.array([np.asarray(device.row) for device in devices])
-        self.spec = devices[0].spec
-        self.sides = [
-            [(1.0, device.count), (-1.0, device.count)] if device.differential else [(1.0, device.count)]
-            for device in devices
-        ]
-        self.columns = [dict(zip(self.spec.names, device.draws[0], strict=True)) for device in devices]
-        self.lagged = self.spec.current is not None and self.spec.current.lagged
+        self.dampers = Dampers(devices)
+        current = devices[0].spec.current
+        self.lagged = current is not None and current.lagged
         self.lag = np.array([device.draws[0][-1] if self.lagged else np.inf for device in devices])
         self.largest = np.array([device.largest_command for device in devices])
         g = {name: np.asarray(gain, dtype=np.float64) for name, gain in law.gains.items()}
@@ -90,7 +115,7 @@ class RolloutInNumPy:
         self.number = 0
         self.sent: list[Floats] = []
         self.current = self.trials[0].copy()
-        self.z = [np.zeros(len(sides)) for sides in self.sides]
+        self.z = np.zeros((n_devices, 2))
         self.x, self.v = np.zeros(n_devices), np.zeros(n_devices)
         self.measured, self.expected, self.strongest = np.zeros(n_devices), np.zeros(n_devices), 0.0
         self.scale = np.ones(n_devices)
@@ -102,17 +127,6 @@ class RolloutInNumPy:
         self.costs: Floats = np.zeros(len(self.trials))
 
     # The dampers.
-
-    def forces(self, device: int, current: Floats, z: Floats, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Force of the dampers of a device without its factor, and the rates of its states, sides as last axis."""
-        model = MODELS[self.spec.name]
-        names = [parameter.name for parameter in self.spec.plain]
-        p = at_command(self.columns[device], names, current)
-        force, rates = 0.0 * x, np.zeros_like(z)
-        for number, (side, count) in enumerate(self.sides[device]):
-            own, rates[..., number] = model(p, z[..., number], side * x, side * v)
-            force = force + side * count * own
-        return force, rates
 
     def lagging(self, current: Floats, command: Floats, time: float) -> Floats:
         """Currents after a time with a command."""
@@ -137,17 +151,15 @@ class RolloutInNumPy:
                 if not self.lagged:
                     self.current = command.copy()
                 currents = [self.lagging(self.current, command, share * h) for share in (0.0, 0.5, 1.0)]
-                for device in range(len(self.sides)):
-                    z = self.z[device]
-                    rates: list[Floats] = []
-                    for place, reach in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
-                        share = (offset + h * (number + place / 2)) / self.Ts
-                        at_x = self.x[device] + share * (x[device] - self.x[device])
-                        at_v = self.v[device] + share * (v[device] - self.v[device])
-                        staged = z + reach * h * rates[-1] if rates else z
-                        rates.append(self.forces(device, currents[place][device], staged, at_x, at_v)[1])
-                    a, b, c, d = rates
-                    self.z[device] = z + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+                parameters = [self.dampers.parameters(each) for each in currents]
+                rates: list[Floats] = []
+                for place, reach in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
+                    share = (offset + h * (number + place / 2)) / self.Ts
+                    at_x, at_v = self.x + share * (x - self.x), self.v + share * (v - self.v)
+                    staged = self.z + reach * h * rates[-1] if rates else self.z
+                    rates.append(self.dampers.forces(parameters[place], staged, at_x, at_v)[1])
+                a, b, c, d = rates
+                self.z = self.z + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
                 self.current = currents[2]
 
     # The forecast.
@@ -182,47 +194,41 @@ class RolloutInNumPy:
 
     def accelerations(self, q: Floats, v: Floats, force: Floats, ground: float) -> Floats:
         resisting = q @ self.stiffness.T + v @ self.damping.T + force @ self.rows
-        return -np.linalg.solve(self.mass, resisting.T).T - self.influence * ground
+        return -resisting @ self.inverse_mass.T - self.influence * ground
 
     def evaluate(
-        self, q: Floats, v: Floats, current: Floats, z: list[Floats], ground: float
-    ) -> tuple[Floats, list[Floats]]:
+        self, q: Floats, v: Floats, parameters: Floats, z: Floats, ground: float
+    ) -> tuple[Floats, Floats]:
         """Accelerations of all rows, and the rates of the damper states."""
-        x, rate = q @ self.rows.T, v @ self.rows.T
-        found = [
-            self.forces(device, current[:, device], z[device], x[:, device], rate[:, device])
-            for device in range(len(self.sides))
-        ]
-        force = np.stack([own for own, _ in found], axis=1) * self.scale
-        return self.accelerations(q, v, force, ground), [rates for _, rates in found]
+        force, rates = self.dampers.forces(parameters, z, q @ self.rows.T, v @ self.rows.T)
+        return self.accelerations(q, v, force * self.scale, ground), rates
 
     def advance(
         self,
-        motion: tuple[Floats, Floats, Floats, list[Floats]],
+        motion: tuple[Floats, Floats, Floats, Floats],
         command: Floats,
         h: float,
         ground: Sequence[float],
-    ) -> tuple[Floats, Floats, Floats, list[Floats]]:
+    ) -> tuple[Floats, Floats, Floats, Floats]:
         """A Runge-Kutta step of all rows."""
         q, v, current, z = motion
         if not self.lagged:
             current = command
-        currents = [self.lagging(current, command, share * h) for share in (0.0, 0.5, 1.0)]
+        currents = np.stack([self.lagging(current, command, share * h) for share in (0.0, 0.5, 1.0)])
+        parameters = self.dampers.parameters(currents)
         speeds, pulls, drifts = [], [], []
         at_q, at_v, at_z = q, v, z
         for place, reach in ((0, 0.5), (1, 0.5), (1, 1.0), (2, 0.0)):
-            pull, rates = self.evaluate(at_q, at_v, currents[place], at_z, ground[place])
+            pull, rates = self.evaluate(at_q, at_v, parameters[place], at_z, ground[place])
             speeds.append(at_v)
             pulls.append(pull)
             drifts.append(rates)
-            at_q, at_v = q + reach * h * at_v, v + reach * h * pull
-            at_z = [own + reach * h * rate for own, rate in zip(z, rates, strict=True)]
+            at_q, at_v, at_z = q + reach * h * at_v, v + reach * h * pull, z + reach * h * rates
 
         def mean(four: Sequence[Floats]) -> Floats:
             return (four[0] + 2.0 * four[1] + 2.0 * four[2] + four[3]) / 6.0
 
-        moved = [own + h * mean([rates[device] for rates in drifts]) for device, own in enumerate(z)]
-        return q + h * mean(speeds), v + h * mean(pulls), currents[2], moved
+        return q + h * mean(speeds), v + h * mean(pulls), currents[2], z + h * mean(drifts)
 
     def squares(self, q: Floats, acceleration: Floats, ground: float) -> tuple[Floats, Floats]:
         """Sums and largest of the squares of drifts and absolute accelerations, shape (2, rows)."""
@@ -245,12 +251,7 @@ class RolloutInNumPy:
         self.x, self.v = x, rate
         decides = self.number % self.samples == 0
         weight = min(1.0, self.Ts / self.time)
-        own = np.array(
-            [
-                self.forces(device, self.current[device], self.z[device], x[device], rate[device])[0]
-                for device in range(len(self.sides))
-            ]
-        )
+        own, _ = self.dampers.forces(self.dampers.parameters(self.current), self.z, x, rate)
         self.measured = self.measured + weight * (force**2 - self.measured)
         self.expected = self.expected + weight * (own**2 - self.expected)
         self.strongest = max(self.strongest, abs(ground))
@@ -277,7 +278,7 @@ class RolloutInNumPy:
         def forecast(time: float) -> float:
             return float(np.interp(time / self.hold, np.arange(count), nodes))
 
-        motion = (q[None], v[None], self.current[None], [z[None] for z in self.z])
+        motion = (q[None], v[None], self.current[None], self.z[None])
         time = 0.0
         if self.number:
             pieces = [(self.Ts, self.arrived(self.number - self.late + piece)) for piece in range(self.late)]
@@ -291,13 +292,8 @@ class RolloutInNumPy:
                     motion = self.advance(motion, command[None], h, ground)
                     time += h
         rows = len(self.trials)
-        q, v, current, z = motion
-        motion = (
-            np.repeat(q, rows, axis=0),
-            np.repeat(v, rows, axis=0),
-            np.repeat(current, rows, axis=0),
-            [np.repeat(each, rows, axis=0) for each in z],
-        )
+        q, v, current, z = (np.repeat(each, rows, axis=0) for each in motion)
+        motion = (q, v, current, z)
         sums, peaks = np.zeros((2, rows)), np.repeat(self.peaks[:, None], rows, axis=1)
         for step in range(self.n_steps):
             command = self.trials if step < self.hold_steps else self.tails
@@ -306,7 +302,8 @@ class RolloutInNumPy:
             motion = self.advance(motion, command, self.step, ground)
             q, v, current, z = motion
             following = self.trials if step + 1 < self.hold_steps else self.tails
-            acceleration = self.evaluate(q, v, current if self.lagged else following, z, ground[2])[0]
+            parameters = self.dampers.parameters(current if self.lagged else following)
+            acceleration = self.evaluate(q, v, parameters, z, ground[2])[0]
             total, largest = self.squares(q, acceleration, ground[2])
             sums += total
             peaks = np.maximum(peaks, largest)
