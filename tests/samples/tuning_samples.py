@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 import mrwork as mr
 from mrwork.tuning import tune
-from mrwork.tuning.results import LawResult, chosen_study
+from mrwork.tuning.results import LawResult, TuningResults, chosen_study
 
 STUDY = """title = "Small"
 
@@ -54,16 +56,28 @@ def study_file(folder: Path, *, tune: str = TUNE, motions: str = "", more: str =
     return path
 
 
+@cache
+def small_study() -> mr.Study:
+    """The study file above. Its plant keeps the designs of the references, which are most of the time of a tuning."""
+    with TemporaryDirectory() as folder:
+        return mr.read_study(study_file(Path(folder)))
+
+
+def tuned(folder: Path, table: str) -> TuningResults:
+    """Results of the small study with what another table tunes."""
+    return tune(small_study(), mr.read_study(study_file(folder, tune=table)).tunes, threads=1)
+
+
 def tuned_law_with_its_score(folder: Path, table: str) -> LawResult:
     """The law that a table tunes, which has the score of its test in the chosen study, too."""
     source = study_file(folder, tune=table)
-    results = tune(mr.read_study(source), threads=1)
-    tuned = results.laws[0]
+    results = tune(small_study(), mr.read_study(source).tunes, threads=1)
+    law = results.laws[0]
     chosen = folder / "chosen" / "chosen.toml"
     chosen.parent.mkdir()
     chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
-    row = [each.label for each in found.rows].index(tuned.label)
-    assert tuned.test is not None
-    assert found.score(row) == pytest.approx(tuned.test.score, rel=1e-12)
-    return tuned
+    row = [each.label for each in found.rows].index(law.label)
+    assert law.test is not None
+    assert found.score(row) == pytest.approx(law.test.score, rel=1e-12)
+    return law

@@ -55,9 +55,7 @@ def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins(tmp_p
         TuneTable(laws=(LAW,)),
         LAW,
         magnitudes_of(
-            benches_of(
-                mr.read_study(tuning_samples.study_file(tmp_path)), journal=None, threads=1, clock=Clock()
-            ).training
+            benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
         ),
     )
     *units, bias = space.candidate(space.start).settings["network"]

@@ -35,8 +35,8 @@ def without_times(results: TuningResults) -> Any:
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> mr.Study:
-    return mr.read_study(tuning_samples.study_file(tmp_path_factory.mktemp("tuning")))
+def study() -> mr.Study:
+    return tuning_samples.small_study()
 
 
 @pytest.fixture(scope="module")
@@ -138,8 +138,8 @@ def test_designed_weights_and_numbers_with_units_are_held(tmp_path: Path) -> Non
         + 'settings = { full_force = "2 kN", designed = { rms_drift = "2 mm", budget = "0.5 kN" } }\n'
         + "free = { control_weight = [1e-4, 10] }\n"
     )
-    source = tuning_samples.study_file(tmp_path, tune=text)
-    found = tune(mr.read_study(source), threads=1)
+    found = tuning_samples.tuned(tmp_path, text)
+    source = tmp_path / "study.toml"
     settings = found.laws[0].settings
     assert settings["full_force"] == 2000.0
     assert settings["designed"] == {"rms_drift": 0.002, "budget": 500.0}
@@ -202,7 +202,7 @@ def test_without_training_motions_the_score_is_said_to_be_of_the_motions_tuned_o
 def test_a_limit_that_holds_is_kept(tmp_path: Path, results: TuningResults) -> None:
     limit = 0.5 * results.laws[0].train.largest["rms_current"]
     text = tuning_samples.TUNE.replace("16", "96") + f"constraints = {{ rms_current = {limit} }}\n"
-    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    found = tuning_samples.tuned(tmp_path, text)
     assert found.laws[0].train.violation == 0.0
     assert found.laws[0].train.largest["rms_current"] <= limit
 
@@ -213,14 +213,14 @@ def test_chatter_is_limited_as_other_criteria_are(
 ) -> None:
     limit = 0.7 * results.laws[0].train.largest[name]
     text = tuning_samples.TUNE.replace("16", "96") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
-    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    found = tuning_samples.tuned(tmp_path, text)
     assert found.laws[0].train.violation == 0.0
     assert found.laws[0].train.largest[name] <= limit * (1.0 + 1e-5)
 
 
 def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise(tmp_path: Path) -> None:
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
-    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1).laws[0].train
+    found = tuning_samples.tuned(tmp_path, text).laws[0].train
     ratios = [found.criteria[name] for name in SCORE]
     assert found.score == pytest.approx(sum(ratios) / 4)
     weighted = 2.0 * found.criteria["peak_acceleration"] + found.criteria["peak_drift"]
@@ -231,7 +231,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command(tmp_path
     peaks = ("peak_drift", "peak_acceleration")
     keys = f'criteria = {list(peaks)}\nrelative_to = "best_passive"\ncombine = "largest"\n'
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
-    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    found = tuning_samples.tuned(tmp_path, text)
     law, constant = (
         each.test for each in (found.laws[0], next(r for r in found.references if r.label == OPTIMAL_PASSIVE))
     )
@@ -313,7 +313,7 @@ def test_points_of_a_front_are_ratios_whatever_the_limits(tmp_path: Path) -> Non
     text = '[[tune]]\nlaws = ["clipped_optimal"]\nbudget = 5\npopulation = 5\n'
     text += 'objectives = ["peak_drift", "rms_drift"]\n'
     limit = "constraints = { peak_stroke = 1e-9 }\n"
-    front = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text + limit)), threads=1).fronts[0]
+    front = tuning_samples.tuned(tmp_path, text + limit).fronts[0]
     assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())
 
 

@@ -35,7 +35,7 @@ def test_a_free_dead_zone_and_slope_stand_in_the_chosen_study_with_its_score(tmp
 def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
     """Where the search has chosen them: the controller of the chosen study, the words of pages, the law of the row."""
     study = mr.read_study(tuning_samples.study_file(tmp_path, tune=TUNE))
-    results = tune(study, threads=1)
+    results = tune(tuning_samples.small_study(), study.tunes, threads=1)
     settings = {"drifts": 1.0, "control_weight": 1e-12, "largest_command": 1.5}
     shaped = {**settings, "dead_zone": 0.004, "command_slope": 25.0}
     law = replace(results.laws[0], settings=shaped)
@@ -52,9 +52,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone(tmp_path: Path) -> None:
-    bench = benches_of(
-        mr.read_study(tuning_samples.study_file(tmp_path)), journal=None, threads=1, clock=Clock()
-    ).training
+    bench = benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),

@@ -30,7 +30,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> mr.Study:
 @pytest.fixture(scope="module")
 def found(study: mr.Study) -> mr.TuningResults:
     pytest.importorskip("pymoo")
-    return mr.tune(study, threads=1)
+    return mr.tune(tuning_samples.small_study(), study.tunes, threads=1)
 
 
 def test_a_point_of_a_front_is_a_row_that_is_simulated_as_it_was_tuned(
