@@ -25,7 +25,7 @@ FILES = {
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("inputs")
-    tuning_samples.study_file(place).rename(place / "tuned.toml")
+    tuning_samples.study_file(place, building=tuning_samples.TWO_STOREYS).rename(place / "tuned.toml")
     small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
     (place / "small.toml").write_text(small)
     return place

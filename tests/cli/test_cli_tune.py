@@ -25,7 +25,7 @@ def still(document: object) -> object:
 
 
 def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
-    study = tuning_samples.study_file(tmp_path)
+    study = tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS)
     document = json.loads(printed("tune", study, "--out", tmp_path / "out", "--threads", 1, "--json"))
     for law in (*document["laws"], *document["references"]):
         assert {"law", "settings", "train", "test", "candidates", "seconds", "certificate"} <= set(law)
@@ -48,7 +48,7 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
 
 
 def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
-    study = tuning_samples.study_file(tmp_path)
+    study = tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS)
     whole = mrwork("tune", study, "--out", tmp_path / "whole", "--threads", 1, "--json")
     journal = tmp_path / "cut.part" / "journal.jsonl"
     with started(*COMMAND, "tune", study, "--out", tmp_path / "cut", "--threads", "1", "--json") as process:
@@ -70,7 +70,7 @@ def test_bad_input_is_one_line_and_status_two(tmp_path: Path, refused: Refused) 
 def test_the_folder_has_the_study_that_was_read(
     verb: str, function: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = tuning_samples.study_file(tmp_path)
+    study = tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS)
     content = study.read_bytes()
     module, _, name = function.rpartition(".")
     computed = getattr(importlib.import_module(f"mrwork.{module}"), name)

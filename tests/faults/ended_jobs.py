@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from sinusoidal_tests import MOTIONS, sinusoidal_test
-from tuning_samples import motion, study_file
+from tuning_samples import TWO_STOREYS, motion, study_file
 
 from mrwork.store.child_reader import read_members
 
@@ -67,6 +67,7 @@ class Job:
                 seed += 1
         study_file(
             folder,
+            building=TWO_STOREYS,
             motions="".join(motion(name, number, use) for number, (name, use) in enumerate(_MOTIONS)),
             more='\n[[controller]]\nlaw = "clipped_optimal"\n[controller.settings]\ncontrol_weight = 1e-13\n',
         )

@@ -385,7 +385,7 @@ def test_a_forged_journal_of_a_study_is_refused_or_resumed(study: Path, tmp_path
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("tuning")
-    file = tuning_samples.study_file(place)
+    file = tuning_samples.study_file(place, building=tuning_samples.TWO_STOREYS)
     ended = mrwork("tune", file, "--out", place / "out", "--threads", 1, "--quick", "--json", "--quiet")
     assert ended.returncode == 0, ended
     return place

@@ -19,7 +19,7 @@ import pytest
 from command_line import Ended, mrwork
 from study_texts import study_text
 from test_command_line_options import written_record
-from tuning_samples import study_file
+from tuning_samples import TWO_STOREYS, study_file
 
 from mrwork.cli.door import verbs
 
@@ -123,7 +123,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "two.csv").write_text("\n".join([lines[0], *wider]) + "\n")
     small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
     (place / "small.toml").write_text(small)
-    study_file(place)
+    study_file(place, building=TWO_STOREYS)
     return place
 
 

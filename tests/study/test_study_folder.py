@@ -229,7 +229,16 @@ def test_the_folder_of_a_study_opens_and_its_journal_is_that_of_earlier_versions
 
 def test_the_folder_of_a_tuning_opens(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    assert mrwork("tune", tuning_samples.study_file(tmp_path), "--out", run, "--quiet").returncode == 0
+    assert (
+        mrwork(
+            "tune",
+            tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS),
+            "--out",
+            run,
+            "--quiet",
+        ).returncode
+        == 0
+    )
     now = mr.tuning.read_tuning(run)
     assert {*FORMER} <= {each.label for each in now.references}
     with_former_labels(run / "results.json")
