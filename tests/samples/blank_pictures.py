@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -10,6 +11,10 @@ from typing import Any
 import pytest
 
 _BLANK = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 360 270"></svg>'
+# One transparent point.
+_BLANK_PNG = b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR4nGNgYGBgAAAABQABh6FO1AAAAABJRU5ErkJggg=="
+)
 
 
 class _NoTicks:
@@ -44,6 +49,8 @@ def blank() -> Iterator[None]:
     def savefig(drawn: Any, target: Any, *, format: str, **given: Any) -> None:
         if format == "svg":
             target.write(_BLANK)
+        elif format == "png":
+            target.write(_BLANK_PNG)
         else:
             does[figure, "savefig"](drawn, target, format=format, **given)
 
