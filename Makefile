@@ -6,6 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
+# A build is for the machine it stands on; MRWORK_BUILD_SETS=all builds every instruction set (crates/mrwork-dynamics/build.rs).
 # The virtual environment is chosen here, whatever else is active in the shell.
 export VIRTUAL_ENV := $(abspath $(VENV))
 unexport CONDA_PREFIX

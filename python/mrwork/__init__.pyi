@@ -31,6 +31,8 @@ from .identification.candidates import sensitivities as sensitivities
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
 from .identification.problem import start_from as start_from
+from .kernels import InstructionSets as InstructionSets
+from .kernels import instruction_set as instruction_set
 from .motions.ground_motion import GroundMotion as GroundMotion
 from .motions.read import read_motion as read_motion
 from .motions.read import read_motions as read_motions

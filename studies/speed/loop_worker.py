@@ -51,7 +51,7 @@ def ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
             from mrwork import kernels as core
             from studies.speed import loop_ours
 
-            name = f"simulate_loop, {core.instruction_set()}"
+            name = f"simulate_loop, {core.instruction_set().used}"
             yield name, lambda workload: loop_ours.prepare(workload, threads)
         case "numba" | "numba_series":
             from studies.speed import loop_numba

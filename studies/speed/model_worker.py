@@ -79,7 +79,7 @@ def measure_model(
         variants=variants,
         flops_per_step=float(core.flops_per_step(spec.name, workload.theta[0])),
         fma_peak=fma_peak,
-        instruction_set=core.instruction_set(),
+        instruction_set=core.instruction_set().used,
     )
 
 

@@ -117,7 +117,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
         variants=variants,
         flops_per_step=float(core.flops_per_step(MODEL, theta[0])),
         fma_peak=fma_peak,
-        instruction_set=str(core.instruction_set()),
+        instruction_set=core.instruction_set().used,
     )
 
 

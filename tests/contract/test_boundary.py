@@ -92,6 +92,7 @@ def test_the_sweep_knows_every_function_that_takes_an_array():
         "fma_peak",
         "history_signals",
         "instruction_set",
+        "instruction_sets",
         "run_quantities",
     }
     assert functions == set(CALLS) | without_arrays

@@ -353,6 +353,8 @@ pub struct Building {
     /// r' M r [kg].
     pub(crate) total_mass: f64,
     pub(crate) floors: SparseRows,
+    /// Whether the floors are the coordinates, in order.
+    pub(crate) floors_are_coordinates: bool,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
     /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
@@ -418,6 +420,9 @@ impl Building {
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
             total_mass,
+            floors_are_coordinates: matrices.floors.len() == n * n
+                && (0..n * n)
+                    .all(|entry| matrices.floors[entry] == f64::from(u8::from(entry % (n + 1) == 0))),
             floors: SparseRows::new(matrices.floors, n),
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),

@@ -49,7 +49,7 @@ impl InstructionSet {
     /// All instruction sets, fastest first.
     pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Plain];
 
-    /// The fastest one that this processor supports.
+    /// The fastest one that this build and this processor have.
     #[must_use]
     pub fn detect() -> Self {
         Self::ALL.into_iter().find(|set| set.is_supported()).unwrap_or(Self::Plain)
@@ -65,13 +65,23 @@ impl InstructionSet {
         }
     }
 
-    /// Whether this processor supports it.
+    /// Whether this build has it, see `build.rs`.
     #[must_use]
-    pub fn is_supported(self) -> bool {
+    pub const fn is_compiled(self) -> bool {
+        match self {
+            Self::Avx512 => cfg!(compiled_avx512),
+            Self::Avx2 => cfg!(compiled_avx2),
+            Self::Plain => true,
+        }
+    }
+
+    /// Whether this processor has it.
+    #[must_use]
+    pub fn is_of_processor(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
-                Self::Avx2.is_supported()
+                Self::Avx2.is_of_processor()
                     && is_x86_feature_detected!("avx512f")
                     && is_x86_feature_detected!("avx512dq")
                     && is_x86_feature_detected!("avx512vl")
@@ -84,7 +94,13 @@ impl InstructionSet {
         }
     }
 
-    /// This one, or [`InstructionSet::Plain`] if the processor does not support it.
+    /// Whether this build has it and this processor, too.
+    #[must_use]
+    pub fn is_supported(self) -> bool {
+        self.is_compiled() && self.is_of_processor()
+    }
+
+    /// This one, or [`InstructionSet::Plain`] if it is not supported.
     #[must_use]
     pub fn or_plain(self) -> Self {
         if self.is_supported() { self } else { Self::Plain }
@@ -112,15 +128,15 @@ impl InstructionSet {
 
     /// Runs `job` in the widest pack that `candidates` fill.
     ///
-    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
+    /// An instruction set that is not supported falls back to [`InstructionSet::Plain`].
     pub fn run<J: LaneJob>(self, candidates: usize, job: J) -> J::Output {
         match self {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx512)]
             // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe {
                 <J::Home as x86::Compiled>::run_avx512(candidates, job)
             },
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx2)]
             // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe {
                 <J::Home as x86::Compiled>::run_avx2(candidates, job)
@@ -142,15 +158,15 @@ impl InstructionSet {
     /// Runs `job` in a pack of medium width, narrower if `runs` fill no more, for work with independent arithmetic and a
     /// large state.
     ///
-    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
+    /// An instruction set that is not supported falls back to [`InstructionSet::Plain`].
     pub fn run_middle<J: LaneJob>(self, runs: usize, job: J) -> J::Output {
         match self {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx512)]
             // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe {
                 <J::Home as x86::Compiled>::run_middle_avx512(runs, job)
             },
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx2)]
             // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_avx2(runs, job) },
             _ => <J::Home as Plainly>::run_middle(job),
@@ -169,15 +185,15 @@ impl InstructionSet {
 
     /// Runs `job` in a single vector, for numbers that are several vectors each.
     ///
-    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`], one lane.
+    /// An instruction set that is not supported falls back to [`InstructionSet::Plain`], one lane.
     pub fn run_vector<J: LaneJob>(self, job: J) -> J::Output {
         match self {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx512)]
             // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe {
                 <J::Home as x86::Compiled>::run_vector_avx512(job)
             },
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx2)]
             // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_vector_avx2(job) },
             _ => <J::Home as Plainly>::run_vector(job),
@@ -186,15 +202,15 @@ impl InstructionSet {
 
     /// Runs `job` in eight lanes, for work that is not compiled for every width.
     ///
-    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
+    /// An instruction set that is not supported falls back to [`InstructionSet::Plain`].
     pub fn run_narrow<J: LaneJob>(self, job: J) -> J::Output {
         match self {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx512)]
             // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe {
                 <J::Home as x86::Compiled>::run_vector_avx512(job)
             },
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(compiled_avx2)]
             // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_narrow_avx2(job) },
             _ => <J::Home as Plainly>::run(job),
@@ -219,4 +235,5 @@ impl<T: ?Sized> Plainly for T {}
 
 #[cfg(target_arch = "x86_64")]
 #[allow(clippy::wildcard_imports)] // some sixty intrinsics
+#[cfg_attr(not(all(compiled_avx512, compiled_avx2)), allow(dead_code))] // of a set that is not compiled
 mod x86;

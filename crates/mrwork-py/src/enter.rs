@@ -18,6 +18,13 @@ const WATCH: Duration = Duration::from_millis(20);
 /// Environment variable that forces an instruction set; empty is as if it were not set.
 const INSTRUCTION_SET: &str = "MRWORK_INSTRUCTION_SET";
 
+/// Environment variable that builds every instruction set from source.
+const BUILD_SETS: &str = "MRWORK_BUILD_SETS";
+
+/// How many times slower simulations are without vectors and fused multiply-adds: the smallest ratio to AVX2 that was
+/// measured (the loop; batches of the normalised Bouc-Wen model 19 to 20 times, all on an AMD EPYC of family 26).
+const SLOWDOWN: u32 = 17;
+
 /// Runs `work` without the interpreter; `work` must often call its argument, which says whether to stop.
 ///
 /// On the calling thread that call checks for an interrupt, which is raised after `work` has returned.
@@ -91,16 +98,39 @@ pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
     let forced =
         InstructionSet::ALL.into_iter().find(|set| wanted.to_str() == Some(set.name()) && set.is_supported());
     forced.ok_or_else(|| {
-        let usable: Vec<&str> = InstructionSet::ALL
-            .into_iter()
-            .filter(|set| set.is_supported())
-            .map(InstructionSet::name)
-            .collect();
         // Quoted and escaped; what is no text has replacement characters.
-        let wanted = wanted.to_string_lossy();
-        PyValueError::new_err(format!(
-            "{INSTRUCTION_SET} is {wanted:?}, this machine has {}; unset it or name one of these",
-            usable.join(", ")
-        ))
+        let text = wanted.to_string_lossy();
+        let left_out = InstructionSet::ALL
+            .into_iter()
+            .any(|set| wanted.to_str() == Some(set.name()) && set.is_of_processor());
+        let remedy = if left_out {
+            format!(
+                "build it from source with {BUILD_SETS}=all, unset {INSTRUCTION_SET} or name one of these"
+            )
+        } else {
+            "unset it or name one of these".to_owned()
+        };
+        let has = if left_out { "this build of mrwork has" } else { "this machine has" };
+        let usable = names(InstructionSet::is_supported).join(", ");
+        PyValueError::new_err(format!("{INSTRUCTION_SET} is {text:?}, {has} {usable}; {remedy}"))
     })
+}
+
+/// Names of the instruction sets of which this holds, fastest first.
+pub fn names(holds: impl Fn(InstructionSet) -> bool) -> Vec<&'static str> {
+    InstructionSet::ALL.into_iter().filter(|&set| holds(set)).map(InstructionSet::name).collect()
+}
+
+/// A sentence where vectors of the processor lie idle because this build has none of them.
+pub fn idle_vectors() -> Option<String> {
+    if InstructionSet::detect() != InstructionSet::Plain {
+        return None;
+    }
+    let idle = names(|set| set.is_of_processor() && set != InstructionSet::Plain);
+    idle.first()?;
+    Some(format!(
+        "this build of mrwork has none of the vector instructions of this machine ({}) and is at least {SLOWDOWN} times \
+         slower than it could be: it was built from source on another machine; build it here, or there with {BUILD_SETS}=all",
+        idle.join(", ")
+    ))
 }

@@ -15,9 +15,15 @@ mod matrix_equations;
 use pyo3::prelude::*;
 use pyo3::types::PyModule;
 
+use crate::enter::idle_vectors;
+
 #[pymodule]
 mod _rust {
-    use super::{Bound, PyModule, PyModuleMethods, PyResult};
+    use std::ffi::CString;
+
+    use pyo3::exceptions::PyRuntimeWarning;
+
+    use super::{Bound, PyErr, PyModule, PyModuleMethods, PyResult, idle_vectors};
 
     #[pymodule_export]
     use crate::closed_loop::{Building, Dampers, Observer, history_signals, respond, run_quantities};
@@ -30,12 +36,16 @@ mod _rust {
     #[pymodule_export]
     use crate::loading::LoadingHistory;
     #[pymodule_export]
-    use crate::machine::{flops_per_step, fma_peak, instruction_set};
+    use crate::machine::{flops_per_step, fma_peak, instruction_set, instruction_sets};
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        if let Some(sentence) = idle_vectors() {
+            let category = module.py().get_type::<PyRuntimeWarning>();
+            PyErr::warn(module.py(), &category, &CString::new(sentence)?, 1)?;
+        }
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

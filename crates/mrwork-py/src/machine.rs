@@ -1,5 +1,6 @@
 //! Instruction set, peak rate and operation counts, for provenance and benchmarks.
 
+use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::peak;
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -7,7 +8,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::contiguous;
 use crate::damper::{check_count, named};
-use crate::enter::{chosen_instruction_set, interruptible};
+use crate::enter::{chosen_instruction_set, interruptible, names};
 
 const MOST_THREADS: usize = 1024;
 const LONGEST: f64 = 60.0;
@@ -16,6 +17,12 @@ const LONGEST: f64 = 60.0;
 #[pyfunction]
 pub fn instruction_set() -> PyResult<&'static str> {
     Ok(chosen_instruction_set()?.name())
+}
+
+/// Names of the instruction sets of this build, and of those that this processor has, fastest first.
+#[pyfunction]
+pub fn instruction_sets() -> (Vec<&'static str>, Vec<&'static str>) {
+    (names(InstructionSet::is_compiled), names(InstructionSet::is_of_processor))
 }
 
 /// Peak rate of fused multiply-adds [flop/s] on that many threads, measured for about `seconds`.

@@ -55,15 +55,24 @@ def whole_parser() -> CommandParser:
     return _parser_with(verbs())
 
 
-def _parser_with(declared: Collection[str]) -> CommandParser:
-    from mrwork import __version__
+class _ShowVersion(argparse.Action):
+    """Print the version, and which vector instructions this build and this machine have."""
 
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from mrwork import __version__
+        from mrwork.kernels import instruction_set
+
+        show(f"mrwork {__version__}\n{instruction_set()}")
+        parser.exit()
+
+
+def _parser_with(declared: Collection[str]) -> CommandParser:
     root = CommandParser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
         epilog="mrwork VERB --help describes a verb, with its options and examples; mrwork alone shows where to begin.",
     )
-    root.add_argument("--version", action="version", version=f"mrwork {__version__}")
+    root.add_argument("--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit")
     root.set_defaults(run=_show_tour)
     commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
     for verb, purpose in _VERBS.items():

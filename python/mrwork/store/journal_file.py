@@ -17,8 +17,8 @@ from mrwork.store.codec import plain
 from mrwork.store.input_file import FileKind
 from mrwork.store.parse import json_value
 
-# Increased whenever names or order of the entries change, so that older journals are refused.
-FORMAT = 2
+# Increased whenever names or order of the entries change, or the bits of what is computed: older journals are refused.
+FORMAT = 3
 
 JOURNAL_FILE: Final = FileKind(
     name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"

@@ -107,6 +107,29 @@ impl<R: Real> Extent<R> {
     }
 }
 
+impl<R: Real> Extent<R> {
+    /// Takes the values of all.
+    #[inline(always)]
+    fn take_all(&mut self, values: &[R]) {
+        let (peak, squares) = (&mut self.peak[..values.len()], &mut self.squares[..values.len()]);
+        for i in 0..values.len() {
+            peak[i] = peak[i].max(values[i].abs());
+            squares[i] = values[i].mul_add(values[i], squares[i]);
+        }
+    }
+
+    /// Takes all values, to each of which the same is added.
+    #[inline(always)]
+    fn take_sums(&mut self, values: &[R], added: R) {
+        let (peak, squares) = (&mut self.peak[..values.len()], &mut self.squares[..values.len()]);
+        for i in 0..values.len() {
+            let value = values[i] + added;
+            peak[i] = peak[i].max(value.abs());
+            squares[i] = value.mul_add(value, squares[i]);
+        }
+    }
+}
+
 /// Peak of a rate, and its largest change in a step in which it changed sign.
 struct Reversal<R> {
     peak: Vec<R>,
@@ -298,10 +321,15 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
     fn run(self) {
         let Self { building, ref motion, force, current, into, .. } = self;
         let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
-        for floor in 0..building.n_floors() {
-            into.displacement.take(floor, building.floors.dot(floor, displacement));
-            let absolute = building.floors.add_dot(floor, acceleration, *self.ground_acceleration);
-            into.acceleration.take(floor, absolute);
+        if building.floors_are_coordinates {
+            into.displacement.take_all(displacement);
+            into.acceleration.take_sums(acceleration, *self.ground_acceleration);
+        } else {
+            for floor in 0..building.n_floors() {
+                into.displacement.take(floor, building.floors.dot(floor, displacement));
+                let absolute = building.floors.add_dot(floor, acceleration, *self.ground_acceleration);
+                into.acceleration.take(floor, absolute);
+            }
         }
         for storey in 0..building.n_storeys() {
             into.drift.take(storey, building.storeys.dot(storey, displacement));
