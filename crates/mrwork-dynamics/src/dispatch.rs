@@ -3,36 +3,24 @@
 //! Only this file and `dispatch/x86.rs` contain `unsafe` code. Every intrinsic there requires a processor feature; its
 //! vectors are reached only through the methods `run` of [`InstructionSet`], which check the processor first.
 
-use crate::lanes::{Lanes, Pack};
+mod job;
 
-/// Vectors in the widest pack: enough to hide the latency of a power and a division.
-const GROUPS: usize = 8;
-/// The same for AVX2: half as many registers of half the width.
-const AVX2_GROUPS: usize = 4;
-/// The same in the loop: shared data are loaded once, and the state of a step stays in the cache.
-const MIDDLE_GROUPS: usize = 4;
+pub use job::LaneJob;
+use job::{AVX2_GROUPS, GROUPS, MIDDLE_GROUPS};
+
+use crate::lanes::Lanes;
 
 /// A pack of the baseline of the target: plain arrays, which the compiler turns into the vectors of NEON.
 #[cfg(not(target_arch = "x86_64"))]
-type Plain = Pack<f64, 8>;
+type Plain = crate::lanes::Pack<f64, 8>;
 /// The same in the loop.
 #[cfg(not(target_arch = "x86_64"))]
-type PlainMiddle = Pack<f64, 4>;
+type PlainMiddle = crate::lanes::Pack<f64, 4>;
 /// Without fused multiply-adds in hardware, more lanes gain nothing.
 #[cfg(target_arch = "x86_64")]
 type Plain = f64;
 #[cfg(target_arch = "x86_64")]
 type PlainMiddle = f64;
-
-/// Work that is written once for any number of lanes.
-pub trait LaneJob {
-    /// What the work returns.
-    type Output;
-    /// The type in whose module the job is compiled, see [`crate::lanes::OutOfLine::Home`].
-    type Home;
-    /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
-    fn run<R: Lanes>(self) -> Self::Output;
-}
 
 /// The vector instructions of a batch. The choice changes the speed, never a bit of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

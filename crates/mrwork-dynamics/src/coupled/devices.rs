@@ -2,7 +2,7 @@
 
 use core::hint::black_box;
 
-use super::{END, MIDDLE};
+use super::stages::{END, MIDDLE};
 use crate::current_law::{CurrentLaws, Evaluate, Follow, Prepare};
 use crate::damper::model::{DamperModel, Motion, State};
 use crate::elementary::exp;

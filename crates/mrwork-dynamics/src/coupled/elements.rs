@@ -1,6 +1,6 @@
 //! Passive elements of a building in lanes: loops that yield and losses of head, which follow no command.
 
-use super::Energies;
+use super::energies::Energies;
 use crate::building::{Building, Element};
 use crate::damper::Hysteresis;
 use crate::lanes::Lanes;

@@ -1,6 +1,7 @@
 //! The coordinates of a building in lanes, during the stages of a step.
 
 use super::elements::Elements;
+use super::energies::Energies;
 use crate::building::{Building, Coefficient, Link, OfLanes, SparseRows, SpringRows};
 use crate::lanes::Lanes;
 use crate::real::{OutOfLine, Real};
@@ -35,30 +36,6 @@ pub(crate) struct Plant<'a, R: Lanes> {
     /// Power of the ground and of the damping at the current stage [W].
     input: R,
     damping: R,
-}
-
-/// Work on a building since its start [J].
-pub(crate) struct Energies<R> {
-    /// Of the ground.
-    pub(crate) input: R,
-    /// Of the building's own damping.
-    pub(crate) damping: R,
-    /// Of each device.
-    pub(crate) devices: Vec<R>,
-    /// On each element, but for its spring and dashpot.
-    pub(crate) elements: Vec<R>,
-}
-
-impl<R: Real> Energies<R> {
-    pub(crate) fn zero(building: &Building) -> Self {
-        let zero = R::splat(0.0);
-        Self {
-            input: zero,
-            damping: zero,
-            devices: vec![zero; building.n_devices()],
-            elements: vec![zero; building.n_elements()],
-        }
-    }
 }
 
 /// Motion of the coordinates relative to the ground at the start of a step.

@@ -11,7 +11,8 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
+use super::job::{AVX2_GROUPS, GROUPS, LaneJob, MIDDLE_GROUPS};
+use crate::lanes::{Lanes, Pack};
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Real,
     SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,

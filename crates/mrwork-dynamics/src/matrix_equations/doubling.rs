@@ -5,12 +5,12 @@ use crate::lanes::Lanes;
 use crate::real::Real;
 use crate::threads::StopRequested;
 
-use super::Time;
 use super::dense::{
     add, add_to_diagonal, identity, product, replace_where, scale, square, subtract, symmetric_product,
     symmetrise, transpose,
 };
 use super::elimination::{ln_determinant, solve};
+use super::equations::Time;
 
 /// Sixty doublings suffice for every loop that is stable in double precision.
 const MOST_DOUBLINGS: usize = 60;

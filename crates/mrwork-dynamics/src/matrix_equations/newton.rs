@@ -3,13 +3,13 @@
 use crate::lanes::Lanes;
 use crate::threads::StopRequested;
 
-use super::Time;
 use super::dense::{
     add, add_to_diagonal, norm, product, replace_where, subtract, symmetric_product, transpose,
     transposed_product,
 };
 use super::doubling::{Buffers, Loop, lyapunov};
 use super::elimination::{cholesky, floored_cholesky, solve_lower, solve_upper, upper_inverse};
+use super::equations::Time;
 
 const MOST_STEPS: usize = 40;
 /// A correction of this share of P needs no further step.

@@ -7,8 +7,8 @@ use crate::threads::StopRequested;
 use super::dense::{identity, norm, product, subtract, symmetric_product, symmetrise, transposed_product};
 use super::doubling::{Buffers, Equation, Loop, lyapunov, mean_pole, riccati};
 use super::elimination::{cholesky, divide_by_upper, solve, solve_upper};
+use super::equations::{Equations, LARGEST_RESIDUAL, Solution, Stack, Status, Time};
 use super::newton::{Best, Coordinates, Problem, refine};
-use super::{Equations, LARGEST_RESIDUAL, Solution, Stack, Status, Time};
 
 /// Sweeps that balance the rows and columns of A; it then changes by some per cent only.
 const BALANCING_SWEEPS: usize = 6;

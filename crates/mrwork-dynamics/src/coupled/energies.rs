@@ -1,0 +1,28 @@
+//! Work on a building in lanes, integrated with the stages of the motion; plant and elements add to it.
+
+use crate::building::Building;
+use crate::real::Real;
+
+/// Work on a building since its start [J].
+pub(crate) struct Energies<R> {
+    /// Of the ground.
+    pub(crate) input: R,
+    /// Of the building's own damping.
+    pub(crate) damping: R,
+    /// Of each device.
+    pub(crate) devices: Vec<R>,
+    /// On each element, but for its spring and dashpot.
+    pub(crate) elements: Vec<R>,
+}
+
+impl<R: Real> Energies<R> {
+    pub(crate) fn zero(building: &Building) -> Self {
+        let zero = R::splat(0.0);
+        Self {
+            input: zero,
+            damping: zero,
+            devices: vec![zero; building.n_devices()],
+            elements: vec![zero; building.n_elements()],
+        }
+    }
+}

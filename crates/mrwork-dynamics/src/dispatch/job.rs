@@ -1,0 +1,20 @@
+//! Work for any number of lanes, and how many vectors the packs have in which it runs.
+
+use crate::lanes::Lanes;
+
+/// Vectors in the widest pack: enough to hide the latency of a power and a division.
+pub(super) const GROUPS: usize = 8;
+/// The same for AVX2: half as many registers of half the width.
+pub(super) const AVX2_GROUPS: usize = 4;
+/// The same in the loop: shared data are loaded once, and the state of a step stays in the cache.
+pub(super) const MIDDLE_GROUPS: usize = 4;
+
+/// Work that is written once for any number of lanes.
+pub trait LaneJob {
+    /// What the work returns.
+    type Output;
+    /// The type in whose module the job is compiled, see [`crate::real::OutOfLine::Home`].
+    type Home;
+    /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
+    fn run<R: Lanes>(self) -> Self::Output;
+}
