@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{contiguous, shaped, with_shape};
-use crate::closed_loop::{Building, Dampers};
+use crate::coupled::{Building, Dampers};
 use crate::damper::parsed_laws;
 use crate::enter::value_error;
 

@@ -6,6 +6,7 @@ mod arrays;
 mod asked_law;
 mod closed_loop;
 mod control;
+mod coupled;
 mod damper;
 mod enter;
 mod loading;
@@ -26,9 +27,11 @@ mod _rust {
     use super::{Bound, PyErr, PyModule, PyModuleMethods, PyResult, idle_vectors};
 
     #[pymodule_export]
-    use crate::closed_loop::{Building, Dampers, Observer, history_signals, respond, run_quantities};
+    use crate::closed_loop::{Observer, history_signals, respond, run_quantities};
     #[pymodule_export]
     use crate::control::{Controller, ForceCurve, LoopModel, control_laws};
+    #[pymodule_export]
+    use crate::coupled::{Building, Dampers};
     #[pymodule_export]
     use crate::damper::{
         current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities, stiffness_shares,
