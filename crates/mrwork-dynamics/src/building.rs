@@ -36,6 +36,12 @@ impl SparseRows {
             .collect()
     }
 
+    /// Whether it is ones on the diagonal and nothing else.
+    fn is_identity(&self) -> bool {
+        self.diagonal()
+            .is_some_and(|diagonal| diagonal.iter().all(|entry| entry.to_bits() == 1_f64.to_bits()))
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -224,10 +230,15 @@ impl<N: Copy> SpringRows<N> {
         &self.entries[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// The links of a chain; `None` for another building.
+    /// Whether the coordinates are a chain, each connected to its neighbours alone.
+    pub(crate) fn is_chain(&self) -> bool {
+        self.links.is_some()
+    }
+
+    /// The links of a chain; none of another building.
     #[inline(always)]
-    pub(crate) fn links(&self) -> Option<&[Link<N>]> {
-        self.links.as_deref()
+    pub(crate) fn links(&self) -> &[Link<N>] {
+        self.links.as_deref().unwrap_or_default()
     }
 
     /// Forces of the stiffness and of the damping on a coordinate [N].
@@ -353,7 +364,7 @@ pub struct Building {
     /// r' M r [kg].
     pub(crate) total_mass: f64,
     pub(crate) floors: SparseRows,
-    /// Whether the floors are the coordinates, in order.
+    /// Whether the floors are the first coordinates, in order.
     pub(crate) floors_are_coordinates: bool,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
@@ -410,6 +421,7 @@ impl Building {
             rows.chunks_exact(n).map(moved).collect()
         };
         let (device_mass, element_mass) = (moved_masses(matrices.devices), moved_masses(matrices.elements));
+        let floors = SparseRows::new(matrices.floors, n);
         let mass_inverse = SparseRows::new(inverse.transpose().as_slice(), n);
         Ok(Self {
             n,
@@ -420,10 +432,8 @@ impl Building {
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
             total_mass,
-            floors_are_coordinates: matrices.floors.len() == n * n
-                && (0..n * n)
-                    .all(|entry| matrices.floors[entry] == f64::from(u8::from(entry % (n + 1) == 0))),
-            floors: SparseRows::new(matrices.floors, n),
+            floors_are_coordinates: floors.is_identity(),
+            floors,
             storeys: SparseRows::new(matrices.storeys, n),
             devices: SparseRows::new(matrices.devices, n),
             device_floors: weights_of_floors(matrices, n),

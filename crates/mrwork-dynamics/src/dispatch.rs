@@ -6,7 +6,7 @@
 mod job;
 
 pub use job::LaneJob;
-use job::{AVX2_GROUPS, GROUPS, MIDDLE_GROUPS};
+use job::{AVX2_GROUPS, GROUPS, MIDDLE_PAIRS};
 
 use crate::lanes::Lanes;
 
@@ -137,8 +137,8 @@ impl InstructionSet {
     #[must_use]
     pub const fn middle_width(self) -> usize {
         match self {
-            Self::Avx512 => MIDDLE_GROUPS * 8,
-            Self::Avx2 => AVX2_GROUPS * 4,
+            Self::Avx512 => MIDDLE_PAIRS * 16,
+            Self::Avx2 => MIDDLE_PAIRS * 8,
             Self::Plain => PlainMiddle::WIDTH,
         }
     }
@@ -156,7 +156,9 @@ impl InstructionSet {
             },
             #[cfg(compiled_avx2)]
             // SAFETY: the guard has found both features that the function enables.
-            Self::Avx2 if self.is_supported() => unsafe { <J::Home as x86::Compiled>::run_avx2(runs, job) },
+            Self::Avx2 if self.is_supported() => unsafe {
+                <J::Home as x86::Compiled>::run_middle_avx2(runs, job)
+            },
             _ => <J::Home as Plainly>::run_middle(job),
         }
     }

@@ -106,7 +106,7 @@ impl<'a> Schedule<'a> {
             (false, true) => instruction_set.side_by_side_width(),
             (false, false) => instruction_set.block_width(),
         };
-        Ok(Self { short, laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
+        Ok(Self { laws, theta, loading, settings, rows, order, threads, short, block_width, steps, varying })
     }
 
     /// Blocks of these candidates, a subsequence of `order`.

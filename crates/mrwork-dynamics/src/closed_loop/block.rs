@@ -78,7 +78,12 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
         let devices =
             DamperDevices::<M, R>::at_rest(batch.laws, batch.mountings, device_columns(batch, runs));
         let mut results = vec![LaneResult::default(); runs.len()];
-        R::out_of_line(IntegrateBlock { block, histories, devices, results: &mut results });
+        R::out_of_line(IntegrateBlock {
+            block,
+            histories,
+            devices: Box::new(devices),
+            results: &mut results,
+        });
         results
     }
 }

@@ -322,8 +322,8 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         let Self { building, ref motion, force, current, into, .. } = self;
         let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
         if building.floors_are_coordinates {
-            into.displacement.take_all(displacement);
-            into.acceleration.take_sums(acceleration, *self.ground_acceleration);
+            into.displacement.take_all(&displacement[..building.n_floors()]);
+            into.acceleration.take_sums(&acceleration[..building.n_floors()], *self.ground_acceleration);
         } else {
             for floor in 0..building.n_floors() {
                 into.displacement.take(floor, building.floors.dot(floor, displacement));

@@ -87,9 +87,7 @@ struct Device<M: DamperModel, R: Real> {
 
 /// States of the dampers on one side of a device, during the stages of a step.
 struct DamperStates<M: DamperModel, R: Real> {
-    /// Whether they shorten when the device lengthens.
-    shortens: bool,
-    /// Number of dampers, negative for those that shorten.
+    /// Number of dampers, negative for those that shorten when the device lengthens.
     share: f64,
     now: M::State<R>,
     staged: M::State<R>,
@@ -99,21 +97,28 @@ struct DamperStates<M: DamperModel, R: Real> {
 
 impl<M: DamperModel, R: Real> DamperStates<M, R> {
     #[inline(always)]
-    fn at_rest(side: f64, count: f64) -> Self {
+    fn at_rest(share: f64) -> Self {
         let rest = M::State::splat(R::splat(0.0));
-        Self { shortens: side < 0.0, share: side * count, now: rest, staged: rest, rate: rest, next: rest }
+        Self { share, now: rest, staged: rest, rate: rest, next: rest }
     }
 }
 
 impl<'a, M: DamperModel, R: Lanes> DamperDevices<'a, M, R> {
     /// Dampers at rest, before the first command; `columns` are those of `theta` of each device.
-    pub(crate) fn at_rest(laws: &'a CurrentLaws, mountings: &[Mounting], columns: Vec<Vec<R>>) -> Box<Self> {
-        let mut found = None;
-        R::out_of_line(AtRest { laws, mountings, columns, found: &mut found });
-        match found {
-            Some(found) => found,
-            None => unreachable!("the work sets it"),
-        }
+    pub(crate) fn at_rest(laws: &'a CurrentLaws, mountings: &[Mounting], columns: Vec<Vec<R>>) -> Self {
+        let zeros = vec![R::splat(0.0); mountings.len()];
+        let mut dampers = DamperDevices {
+            laws,
+            follows: !laws.are_constant(),
+            lagged: laws.lag_column().is_some(),
+            devices: Vec::with_capacity(mountings.len()),
+            force: zeros.clone(),
+            current: zeros,
+            scale: vec![R::splat(1.0); mountings.len()],
+            step: 0.0,
+        };
+        R::out_of_line(AtRest { mountings, columns, dampers: &mut dampers });
+        dampers
     }
 
     /// Evaluates the parameters of a device at its current and stores them for `moment`.
@@ -189,31 +194,29 @@ impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
     }
 }
 
-/// Devices before the first step, with the parameters at zero current.
+/// Fills in the devices, with the parameters at zero current.
 struct AtRest<'a, 'b, M: DamperModel, R: Real> {
-    laws: &'a CurrentLaws,
     mountings: &'b [Mounting],
     columns: Vec<Vec<R>>,
-    found: &'b mut Option<Box<DamperDevices<'a, M, R>>>,
+    dampers: &'b mut DamperDevices<'a, M, R>,
 }
 
 impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
     type Home = M;
     #[inline(always)]
     fn run(self) {
-        let Self { laws, mountings, columns, found } = self;
-        let mut devices = Vec::with_capacity(mountings.len());
+        let Self { mountings, columns, dampers: DamperDevices { laws, devices, .. } } = self;
         for (&mounting, mut columns) in mountings.iter().zip(columns) {
             let merged = mounting.differential && M::SPEC.odd && M::SPEC.offset_adds;
             let count = mounting.count;
-            let sides: &[[f64; 2]] = match (merged, mounting.differential) {
-                (true, _) => &[[1.0, 2.0 * count]],
-                (false, true) => &[[1.0, count], [-1.0, count]],
-                (false, false) => &[[1.0, count]],
+            let sides: &[f64] = match (merged, mounting.differential) {
+                (true, _) => &[2.0 * count],
+                (false, true) => &[count, -count],
+                (false, false) => &[count],
             };
             let mut dampers = Vec::with_capacity(sides.len());
-            for &[side, count] in sides {
-                dampers.push(DamperStates::at_rest(side, count));
+            for &share in sides {
+                dampers.push(DamperStates::at_rest(share));
             }
             let cancelled = if merged { offsets(M::SPEC.parameters) } else { Vec::new() };
             let mut values = vec![R::splat(f64::NAN); laws.n_params()];
@@ -231,17 +234,6 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
             let (command, decay) = (R::splat(0.0), R::splat(0.0));
             devices.push(Device { columns, values, command, decay, cancelled, at, dampers });
         }
-        let zeros = vec![R::splat(0.0); mountings.len()];
-        *found = Some(Box::new(DamperDevices {
-            laws,
-            follows: !laws.are_constant(),
-            lagged: laws.lag_column().is_some(),
-            devices,
-            force: zeros.clone(),
-            current: zeros,
-            scale: vec![R::splat(1.0); mountings.len()],
-            step: 0.0,
-        }));
     }
 }
 
@@ -328,9 +320,10 @@ impl<M: DamperModel, R: Lanes> OutOfLine for EvaluateForces<'_, '_, M, R> {
                 // Else all parameters would be read before the loop, more than there are registers.
                 let p = black_box(&device.at[moment]);
                 let (x, v) = (elongation[index], rate[index]);
-                let motion = match states.shortens {
-                    false => Motion { displacement: x, velocity: v },
-                    true => Motion { displacement: -x, velocity: -v },
+                let motion = if states.share < 0.0 {
+                    Motion { displacement: -x, velocity: -v }
+                } else {
+                    Motion { displacement: x, velocity: v }
                 };
                 sum = M::force(p, states.staged, motion).mul_add(R::splat(states.share), sum);
                 if M::SPEC.n_states > 0 {

@@ -33,9 +33,8 @@ pub(crate) struct Plant<'a, R: Lanes> {
     /// Elongations of the devices and their rates at the current stage.
     pub(crate) elongation: Vec<R>,
     pub(crate) rate: Vec<R>,
-    /// Power of the ground and of the damping at the current stage [W].
-    input: R,
-    damping: R,
+    /// Powers of the ground and of the damping at the start of the step [W].
+    powers: [R; 2],
 }
 
 /// Motion of the coordinates relative to the ground at the start of a step.
@@ -86,8 +85,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             elements: None,
             elongation: per_device(),
             rate: per_device(),
-            input: R::splat(0.0),
-            damping: R::splat(0.0),
+            powers: [R::splat(0.0); 2],
         }
     }
 
@@ -194,6 +192,14 @@ impl<'a, R: Lanes> LaneSprings<'a, R> {
         Self::Each(SpringRows::of_lanes(each))
     }
 
+    /// Whether the coordinates are a chain, each connected to its neighbours alone.
+    fn is_chain(&self) -> bool {
+        match self {
+            Self::Shared(springs) => springs.is_chain(),
+            Self::Each(springs) => springs.is_chain(),
+        }
+    }
+
     /// Forces of the stiffness and of the damping on a coordinate [N].
     #[inline(always)]
     fn coupling(&self, coordinate: usize, displacement: &[R], velocity: &[R]) -> [R; 2] {
@@ -240,9 +246,7 @@ impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
     fn run(self) {
         let Self { plant, force, mut energies } = self;
         if let Some(energies) = energies.as_deref_mut() {
-            let weight = R::splat(Moves::after(0, plant.step).weight);
-            energies.input = plant.input.mul_add(weight, energies.input);
-            energies.damping = plant.damping.mul_add(weight, energies.damping);
+            energies.add(plant.powers, Moves::after(0, plant.step).weight);
         }
         plant.leave(0, force, energies);
     }
@@ -271,14 +275,7 @@ impl<R: Lanes> Plant<'_, R> {
     /// Writes the accelerations at a stage; adds the work of the ground and of the damping to the energies or, without
     /// these, keeps their powers.
     #[inline(always)]
-    fn accelerate_at(
-        &mut self,
-        stage: usize,
-        force: &[R],
-        ground: &R,
-        mut energies: Option<&mut Energies<R>>,
-    ) {
-        let weight = Moves::after(stage, self.step).weight;
+    fn accelerate_at(&mut self, stage: usize, force: &[R], ground: &R, energies: Option<&mut Energies<R>>) {
         let Self { building, springs, resisting, elements, .. } = self;
         let n = building.n;
         let (displacement, velocity) = match stage {
@@ -288,65 +285,35 @@ impl<R: Lanes> Plant<'_, R> {
         let at = At { building, displacement, velocity, ground };
         let acceleration = &mut self.accelerations[stage][..n];
         let element_force = elements.as_ref().map_or(&[][..], |elements| &elements.force);
-        let Some(per_mass) = &building.per_mass else {
+        let powers = if let Some(per_mass) = &building.per_mass {
+            let powers = match (&*springs, springs.is_chain()) {
+                (LaneSprings::Shared(springs), true) => at.chain(springs.links(), per_mass, acceleration),
+                (LaneSprings::Each(springs), true) => at.chain(springs.links(), per_mass, acceleration),
+                (_, false) => {
+                    let powers = at.resist(springs, resisting);
+                    for i in 0..n {
+                        let pushed = *ground * R::splat(-building.influence[i]);
+                        acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
+                    }
+                    powers
+                }
+            };
+            push(acceleration, force, &building.devices, Some(per_mass));
+            push(acceleration, element_force, &building.elements, Some(per_mass));
+            powers
+        } else {
             let powers = at.resist(springs, resisting);
             push(resisting, force, &building.devices, None);
             push(resisting, element_force, &building.elements, None);
             for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
                 *acceleration = building.acceleration(coordinate, resisting, *ground);
             }
-            self.keep(powers, weight, energies);
-            return;
+            powers
         };
-        let per_mass = &per_mass[..n];
-        let chain = match springs {
-            LaneSprings::Shared(springs) => springs.links().map(Chain::Shared),
-            LaneSprings::Each(springs) => springs.links().map(Chain::Each),
-        };
-        match chain {
-            Some(chain) => {
-                for vector in 0..R::VECTORS {
-                    let [input, damping] = match &chain {
-                        Chain::Shared(links) => at.chain(&links[..n], per_mass, vector, acceleration),
-                        Chain::Each(links) => at.chain(&links[..n], per_mass, vector, acceleration),
-                    };
-                    match &mut energies {
-                        Some(energies) => {
-                            add(&mut energies.input, vector, input, weight);
-                            add(&mut energies.damping, vector, damping, weight);
-                        }
-                        None => {
-                            self.input.set_vector(vector, input);
-                            self.damping.set_vector(vector, damping);
-                        }
-                    }
-                }
-            }
-            None => {
-                let powers = at.resist(springs, resisting);
-                for i in 0..n {
-                    let pushed = *ground * R::splat(-building.influence[i]);
-                    acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
-                }
-                push(acceleration, force, &building.devices, Some(per_mass));
-                push(acceleration, element_force, &building.elements, Some(per_mass));
-                self.keep(powers, weight, energies);
-                return;
-            }
-        }
-        push(acceleration, force, &building.devices, Some(per_mass));
-        push(acceleration, element_force, &building.elements, Some(per_mass));
-    }
-
-    /// Adds the work of powers of the ground and of the damping to the energies or, without these, keeps the powers.
-    #[inline(always)]
-    fn keep(&mut self, [input, damping]: [R; 2], weight: f64, energies: Option<&mut Energies<R>>) {
-        match energies {
-            Some(energies) => {
-                energies.input = input.mul_add(R::splat(weight), energies.input);
-                energies.damping = damping.mul_add(R::splat(weight), energies.damping);
-            }
-            None => (self.input, self.damping) = (input, damping),
+        if let Some(energies) = energies {
+            energies.add(powers, Moves::after(stage, self.step).weight);
+        } else {
+            self.powers = powers;
         }
     }
 
@@ -416,12 +383,6 @@ impl<R: Lanes> Plant<'_, R> {
     }
 }
 
-/// Adds a weighted power to a vector of a sum.
-#[inline(always)]
-fn add<R: Lanes>(sum: &mut R, vector: usize, power: R::Vector, weight: f64) {
-    sum.set_vector(vector, power.mul_add(R::Vector::splat(weight), sum.vector(vector)));
-}
-
 /// Adds forces to what resists at the coordinates on which they act, or takes what they accelerate from accelerations.
 #[inline(always)]
 fn push<R: Real>(coordinates: &mut [R], force: &[R], rows: &SparseRows, per_mass: Option<&[f64]>) {
@@ -433,12 +394,6 @@ fn push<R: Real>(coordinates: &mut [R], force: &[R], rows: &SparseRows, per_mass
     }
 }
 
-/// The links of a building whose coordinates are a chain.
-enum Chain<'a, R> {
-    Shared(&'a [Link<f64>]),
-    Each(&'a [Link<OfLanes<R>>]),
-}
-
 /// The coordinates at a stage.
 struct At<'a, R> {
     building: &'a Building,
@@ -448,41 +403,45 @@ struct At<'a, R> {
 }
 
 impl<R: Lanes> At<'_, R> {
-    /// Writes the accelerations of a vector relative to the ground, without the forces of devices and elements; returns the
+    /// Writes the accelerations of a chain relative to the ground, without the forces of devices and elements; returns the
     /// powers of the ground and of the damping.
     ///
-    /// One coordinate after the other: displacement and velocity of the neighbours stay in registers.
+    /// Vector by vector, one coordinate after the other: displacement and velocity of the neighbours stay in registers.
     #[inline(always)]
     fn chain<N: Coefficient<R>>(
         &self,
         links: &[Link<N>],
         per_mass: &[f64],
-        vector: usize,
         acceleration: &mut [R],
-    ) -> [R::Vector; 2] {
+    ) -> [R; 2] {
         let n = links.len();
         let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
         let (per_mass, acceleration) = (&per_mass[..n], &mut acceleration[..n]);
         let influence = &self.building.influence[..n];
         let pushed_mass = &self.building.pushed_mass[..n];
-        let ground = self.ground.vector(vector);
         let zero = R::Vector::splat(0.0);
-        let (mut damping, mut momentum) = (zero, zero);
-        let mut below = [zero; 2];
-        let mut own = [displacement[0].vector(vector), velocity[0].vector(vector)];
-        for i in 0..n {
-            // Beyond the end of the chain nothing is connected.
-            let next = if i + 1 < n { i + 1 } else { i };
-            let above = [displacement[next].vector(vector), velocity[next].vector(vector)];
-            let [of_springs, of_damping] = links[i].coupling(vector, below, own, above);
-            damping = of_damping.mul_add(own[1], damping);
-            momentum = own[1].mul_add(R::Vector::splat(pushed_mass[i]), momentum);
-            let pushed = ground * R::Vector::splat(-influence[i]);
-            let moved = (of_springs + of_damping).mul_add(R::Vector::splat(-per_mass[i]), pushed);
-            acceleration[i].set_vector(vector, moved);
-            (below, own) = (own, above);
+        let mut powers = [R::splat(0.0); 2];
+        for vector in 0..R::VECTORS {
+            let ground = self.ground.vector(vector);
+            let (mut damping, mut momentum) = (zero, zero);
+            let mut below = [zero; 2];
+            let mut own = [displacement[0].vector(vector), velocity[0].vector(vector)];
+            for i in 0..n {
+                // Beyond the end of the chain nothing is connected.
+                let next = if i + 1 < n { i + 1 } else { i };
+                let above = [displacement[next].vector(vector), velocity[next].vector(vector)];
+                let [of_springs, of_damping] = links[i].coupling(vector, below, own, above);
+                damping = of_damping.mul_add(own[1], damping);
+                momentum = own[1].mul_add(R::Vector::splat(pushed_mass[i]), momentum);
+                let pushed = ground * R::Vector::splat(-influence[i]);
+                let moved = (of_springs + of_damping).mul_add(R::Vector::splat(-per_mass[i]), pushed);
+                acceleration[i].set_vector(vector, moved);
+                (below, own) = (own, above);
+            }
+            powers[0].set_vector(vector, -(momentum * ground));
+            powers[1].set_vector(vector, damping);
         }
-        [-(momentum * ground), damping]
+        powers
     }
 
     /// Writes what resists at each coordinate of any building; returns the powers of the ground and of the damping.

@@ -129,14 +129,14 @@ impl<R: Real> Hysteresis<R> {
                 // A loop: a power is much code.
                 let mut shares = [w; 4];
                 let mut at = w;
-                for stage in 0..4 {
+                for (stage, entry) in shares.iter_mut().enumerate() {
                     let (own, drive) = match stage {
                         0 => (start, &first),
                         3 => (end, &last),
                         _ => (middle, &second),
                     };
                     let share = own.share(drive, at, powf(at.abs(), &own.exponent));
-                    shares[stage] = share;
+                    *entry = share;
                     at = match stage {
                         0 => w + first.reach * share,
                         1 => second.reach.mul_add(share, w),

@@ -6,8 +6,9 @@ use crate::lanes::Lanes;
 pub(super) const GROUPS: usize = 8;
 /// The same for AVX2: half as many registers of half the width.
 pub(super) const AVX2_GROUPS: usize = 4;
-/// The same in the loop: shared data are loaded once, and the state of a step stays in the cache.
-pub(super) const MIDDLE_GROUPS: usize = 4;
+/// Pairs of vectors in a pack of the loop: shared data are loaded once, and the state of a step stays in the cache. Work that
+/// keeps its numbers in registers takes one pair after the other.
+pub(super) const MIDDLE_PAIRS: usize = 2;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {

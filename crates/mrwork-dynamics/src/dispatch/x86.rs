@@ -11,7 +11,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::job::{AVX2_GROUPS, GROUPS, LaneJob, MIDDLE_GROUPS};
+use super::job::{AVX2_GROUPS, GROUPS, LaneJob, MIDDLE_PAIRS};
 use crate::lanes::{Lanes, Pack};
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Real,
@@ -53,7 +53,7 @@ pub(super) trait Compiled {
     unsafe fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
         match runs {
             ..=16 => job.run::<Pack<Avx512, 2>>(),
-            _ => job.run::<Pack<Avx512, MIDDLE_GROUPS>>(),
+            _ => job.run::<Pack<Pack<Avx512, 2>, MIDDLE_PAIRS>>(),
         }
     }
 
@@ -76,6 +76,18 @@ pub(super) trait Compiled {
         match candidates {
             ..=8 => job.run::<Pack<Avx2, 2>>(),
             _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
+        }
+    }
+
+    /// Runs a job of the loop.
+    ///
+    /// # Safety
+    /// The processor has the features.
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Output {
+        match runs {
+            ..=8 => job.run::<Pack<Avx2, 2>>(),
+            _ => job.run::<Pack<Pack<Avx2, 2>, MIDDLE_PAIRS>>(),
         }
     }
 

@@ -112,6 +112,6 @@ struct AtRest<'a, R> {
 
 impl<'a, R: Lanes + 'a> ModelVisitor<Box<dyn Devices<R> + 'a>> for AtRest<'a, R> {
     fn visit<M: DamperModel + 'static>(self) -> Box<dyn Devices<R> + 'a> {
-        DamperDevices::<M, R>::at_rest(self.laws, self.mountings, self.columns)
+        Box::new(DamperDevices::<M, R>::at_rest(self.laws, self.mountings, self.columns))
     }
 }
