@@ -131,10 +131,7 @@ impl<'a, M: DamperModel, R: Lanes> DamperDevices<'a, M, R> {
             current: &self.current[device],
             values: &mut own.values,
         });
-        for &parameter in &own.cancelled {
-            own.values[parameter] = R::splat(0.0);
-        }
-        own.at[moment].follow(&own.values, self.laws.follows());
+        R::out_of_line(TakeParameters { laws: self.laws, device: own, moment });
     }
 }
 
@@ -153,8 +150,10 @@ impl<M: DamperModel, R: Lanes> Devices<R> for DamperDevices<'_, M, R> {
 
     #[allow(clippy::float_cmp)] // the same number, or another
     fn set_step(&mut self, step: f64) {
-        if self.lagged && step != self.step {
-            R::out_of_line(SetDecay { dampers: self, step });
+        if let (Some(column), true) = (self.laws.lag_column(), step != self.step) {
+            for Device { columns, decay, .. } in &mut self.devices {
+                R::out_of_line(SetDecay { rate: &columns[column], step, decay });
+            }
         }
         self.step = step;
     }
@@ -237,21 +236,36 @@ impl<M: DamperModel, R: Lanes> OutOfLine for AtRest<'_, '_, M, R> {
     }
 }
 
-struct SetDecay<'a, 'b, M: DamperModel, R: Real> {
-    dampers: &'a mut DamperDevices<'b, M, R>,
-    step: f64,
+/// Parameters of a device from the values that depend on the current.
+struct TakeParameters<'a, M: DamperModel, R: Real> {
+    laws: &'a CurrentLaws,
+    device: &'a mut Device<M, R>,
+    moment: usize,
 }
 
-impl<M: DamperModel, R: Lanes> OutOfLine for SetDecay<'_, '_, M, R> {
+impl<M: DamperModel, R: Lanes> OutOfLine for TakeParameters<'_, M, R> {
     type Home = M;
     #[inline(always)]
     fn run(self) {
-        let Self { dampers, step } = self;
-        if let Some(column) = dampers.laws.lag_column() {
-            for device in &mut dampers.devices {
-                device.decay = exp(device.columns[column] * R::splat(-0.5 * step));
-            }
+        let Self { laws, device, moment } = self;
+        for &parameter in &device.cancelled {
+            device.values[parameter] = R::splat(0.0);
         }
+        device.at[moment].follow(&device.values, laws.follows());
+    }
+}
+
+struct SetDecay<'a, R> {
+    rate: &'a R,
+    step: f64,
+    decay: &'a mut R,
+}
+
+impl<R: Lanes> OutOfLine for SetDecay<'_, R> {
+    type Home = Self;
+    #[inline(always)]
+    fn run(self) {
+        *self.decay = exp(*self.rate * R::splat(-0.5 * self.step));
     }
 }
 
