@@ -35,7 +35,9 @@ def test_the_version_is_told_with_the_instruction_sets():
     assert told == [f"mrwork {mr.__version__}", str(mr.instruction_set())]
 
 
-@pytest.mark.skipif("avx2" not in _rust.instruction_sets()[1], reason="this machine has no vectors to lie idle")
+@pytest.mark.skipif(
+    "avx2" not in _rust.instruction_sets()[1], reason="this machine has no vectors to lie idle"
+)
 def test_a_build_for_all_sets_says_nothing_when_it_is_loaded():
     if _rust.instruction_set() == "plain" and not os.environ.get("MRWORK_INSTRUCTION_SET"):
         pytest.skip("this build has the plain set alone")

@@ -1,9 +1,10 @@
 //! Chooses the instruction sets that are compiled: those of this machine, or all of the architecture.
 //!
 //! All are compiled with the feature `all-sets`, where `MRWORK_BUILD_SETS` is `all`, and for another target than this
-//! machine. Else a build from source is for the machine that it stands on: its best set, AVX2 and plain.
+//! machine; plain alone where it is `plain`, which builds soonest. Else a build from source is for the machine that it
+//! stands on: its best set, AVX2 and plain.
 
-/// Environment variable that asks for all sets.
+/// Environment variable that asks for `all` sets, or for `plain` alone.
 const BUILD_SETS: &str = "MRWORK_BUILD_SETS";
 
 fn main() {
@@ -14,10 +15,16 @@ fn main() {
     if variable("CARGO_CFG_TARGET_ARCH") != "x86_64" {
         return;
     }
+    let asked = variable(BUILD_SETS);
+    if !["", "all", "plain"].contains(&asked.as_str()) {
+        println!(
+            "cargo::error={BUILD_SETS} is {asked:?}; give all or plain, or unset it for the sets of this machine"
+        );
+    }
     let all = std::env::var_os("CARGO_FEATURE_ALL_SETS").is_some()
-        || variable(BUILD_SETS) == "all"
+        || asked == "all"
         || variable("HOST") != variable("TARGET");
-    let [avx512, avx2] = of_this_machine();
+    let [avx512, avx2] = if asked == "plain" { [false; 2] } else { of_this_machine() };
     if all || avx512 {
         println!("cargo::rustc-cfg=compiled_avx512");
     }

@@ -1,4 +1,4 @@
-"""Compiled kernels for studies of speed and stepping, and the instruction sets that they have; other users call `mr.simulate`."""
+"""Compiled kernels for studies of speed and stepping, and the sets of vector instructions that they have."""
 
 from __future__ import annotations
 

@@ -72,7 +72,9 @@ def _parser_with(declared: Collection[str]) -> CommandParser:
         description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
         epilog="mrwork VERB --help describes a verb, with its options and examples; mrwork alone shows where to begin.",
     )
-    root.add_argument("--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit")
+    root.add_argument(
+        "--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit"
+    )
     root.set_defaults(run=_show_tour)
     commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
     for verb, purpose in _VERBS.items():

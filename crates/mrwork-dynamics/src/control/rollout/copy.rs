@@ -138,7 +138,7 @@ impl<'a, R: Lanes> DamperCopy<'a, R> {
         self.devices.receive(&self.sent[place..place + n_devices], false);
         for number in 0..stretch.steps {
             let start = passed + step * f64::from(number);
-            self.evaluate((start) / whole, END);
+            self.evaluate(start / whole, END);
             self.devices.advance_drivers();
             for stage in stages(step) {
                 self.devices.advance(stage.weight, stage.reach);
