@@ -117,6 +117,7 @@ impl InstructionSet {
     /// Runs `job` in the widest pack that `candidates` fill.
     ///
     /// An instruction set that is not supported falls back to [`InstructionSet::Plain`].
+    #[cfg_attr(not(compiled_avx2), allow(unused_variables))] // without vectors there is one width
     pub fn run<J: LaneJob>(self, candidates: usize, job: J) -> J::Output {
         match self {
             #[cfg(compiled_avx512)]
@@ -147,6 +148,7 @@ impl InstructionSet {
     /// large state.
     ///
     /// An instruction set that is not supported falls back to [`InstructionSet::Plain`].
+    #[cfg_attr(not(compiled_avx2), allow(unused_variables))] // without vectors there is one width
     pub fn run_middle<J: LaneJob>(self, runs: usize, job: J) -> J::Output {
         match self {
             #[cfg(compiled_avx512)]

@@ -22,9 +22,7 @@ use crate::enter::idle_vectors;
 mod _rust {
     use std::ffi::CString;
 
-    use pyo3::exceptions::PyRuntimeWarning;
-
-    use super::{Bound, PyErr, PyModule, PyModuleMethods, PyResult, idle_vectors};
+    use super::{Bound, PyAnyMethods, PyErr, PyModule, PyModuleMethods, PyResult, idle_vectors};
 
     #[pymodule_export]
     use crate::closed_loop::{Observer, history_signals, respond, run_quantities};
@@ -46,7 +44,8 @@ mod _rust {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         if let Some(sentence) = idle_vectors() {
-            let category = module.py().get_type::<PyRuntimeWarning>();
+            // A warning of the package: the command shows it in one line on stderr, and hides those of libraries.
+            let category = module.py().import("mrwork.errors")?.getattr("MrworkWarning")?;
             PyErr::warn(module.py(), &category, &CString::new(sentence)?, 1)?;
         }
         module.add("__version__", env!("CARGO_PKG_VERSION"))
