@@ -122,10 +122,10 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for OnePack<'_, '_, M, C> {
             return SideBySide { block, output, command, model }.run::<R>();
         }
         let driver = command.driver::<R>(block, block.candidates);
-        let mut pack =
-            Integrated::<M, R, _, _>::new(block, block.candidates, driver, output.target, output.rows);
-        let samples = integrate_span(block, &mut pack);
-        block_result(&[pack], samples)
+        let mut pack = Integrated::new(block, block.candidates, driver, output.target, output.rows);
+        let state = state_at_start::<M, R>(block, block.candidates);
+        let (state, samples) = integrate_span(block, &mut pack, state);
+        block_result(&[WithState { pack, state }], samples)
     }
 }
 
@@ -148,9 +148,10 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for SideBySide<'_, '_, M, C> {
         for candidates in block.candidates.chunks(R::WIDTH) {
             let driver = command.driver::<R>(block, candidates);
             let rows = rows.next().unwrap_or_default();
-            packs.push(Integrated::<M, R, _, _>::new(block, candidates, driver, output.target, rows));
+            let pack = Integrated::new(block, candidates, driver, output.target, rows);
+            packs.push(WithState { pack, state: state_at_start::<M, R>(block, candidates) });
         }
-        let samples = integrate_span(block, &mut packs);
+        let ((), samples) = integrate_span(block, &mut packs, ());
         block_result(&packs, samples)
     }
 }
@@ -220,16 +221,22 @@ pub(crate) fn columns<R: Lanes>(block: &Block<'_>, candidates: &[usize]) -> Vec<
     columns
 }
 
-/// A pack of candidates during a span.
+/// States at the start of the span; excess lanes repeat the last candidate.
+#[inline(always)]
+fn state_at_start<M: DamperModel, R: Lanes>(block: &Block<'_>, candidates: &[usize]) -> M::State<R> {
+    let (states, n, last) = (&block.progress.states, M::SPEC.n_states, candidates.len() - 1);
+    M::State::<R>::from_fn(|number| R::from_fn(|lane| states[candidates[lane.min(last)] * n + number]))
+}
+
+/// A pack of candidates during a span, apart from their states.
 pub(crate) struct Integrated<M: DamperModel, R: Real, D, S> {
     pub(crate) driver: D,
-    pub(crate) state: M::State<R>,
     pub(crate) sink: S,
-    pub(crate) number: PhantomData<R>,
+    pub(crate) kind: PhantomData<(M, R)>,
 }
 
 impl<'a, 'b, M: DamperModel, R: Lanes, D> Integrated<M, R, D, ForceAccumulator<'a, 'b, R>> {
-    /// Candidates as they were at the start of the span; excess lanes repeat the last.
+    /// Sums as they were at the start of the span; excess lanes repeat the last candidate.
     #[inline(always)]
     fn new(
         block: &Block<'_>,
@@ -238,36 +245,25 @@ impl<'a, 'b, M: DamperModel, R: Lanes, D> Integrated<M, R, D, ForceAccumulator<'
         target: Option<Target<'a>>,
         rows: &'a mut [&'b mut [f64]],
     ) -> Self {
-        let progress = block.progress;
-        let last = candidates.len() - 1;
-        let entry =
-            |lane: usize, entry| progress.states[candidates[lane.min(last)] * M::SPEC.n_states + entry];
-        Self {
-            driver,
-            state: M::State::<R>::from_fn(|number| R::from_fn(|lane| entry(lane, number))),
-            sink: ForceAccumulator {
-                target,
-                rows,
-                sum: R::from_fn(|lane| progress.sums[candidates[lane.min(last)]]),
-                limit: R::from_fn(|lane| progress.limits[candidates[lane.min(last)]]),
-            },
-            number: PhantomData,
-        }
+        let (progress, last) = (block.progress, candidates.len() - 1);
+        let sum = R::from_fn(|lane| progress.sums[candidates[lane.min(last)]]);
+        let limit = R::from_fn(|lane| progress.limits[candidates[lane.min(last)]]);
+        Self { driver, sink: ForceAccumulator { target, rows, sum, limit }, kind: PhantomData }
     }
 }
 
 /// Sums and states of packs.
 #[inline(always)]
 fn block_result<M: DamperModel, R: Lanes, D>(
-    packs: &[Integrated<M, R, D, ForceAccumulator<'_, '_, R>>],
+    packs: &[WithState<Integrated<M, R, D, ForceAccumulator<'_, '_, R>>, M::State<R>>],
     samples: usize,
 ) -> BlockResult {
     let n_states = M::SPEC.n_states;
     let mut sums = Vec::with_capacity(packs.len() * R::WIDTH);
     let mut states = vec![0.0; packs.len() * R::WIDTH * n_states];
-    for (number, pack) in packs.iter().enumerate() {
+    for (number, WithState { pack, state }) in packs.iter().enumerate() {
         let first = number * R::WIDTH;
-        pack.state.for_each(|entry, values| {
+        state.for_each(|entry, values| {
             values.for_each(|lane, value| states[(first + lane) * n_states + entry] = value);
         });
         pack.sink.sum.for_each(|_, sum| sums.push(sum));
@@ -275,32 +271,56 @@ fn block_result<M: DamperModel, R: Lanes, D>(
     BlockResult { sums, states, samples }
 }
 
-/// One pack, or several side by side: a single one is kept in registers and read apart from what never changes.
+/// A pack and its states.
+struct WithState<P, S> {
+    pack: P,
+    state: S,
+}
+
+/// One pack, whose states are a value apart and stay where a step leaves them, or several side by side with theirs.
 pub(crate) trait Packs {
+    /// The states of a single pack.
+    type State;
+    /// Whether each pack takes the force at a sample together with the step that begins there: it then meets its state once.
+    const TAKES_WITH_STEP: bool;
     /// Takes the force at a sample, with the command that begins there.
-    fn take(&mut self, sample: usize, motion: Motion<f64>);
-    /// Moves by a step, whose motions are given at its start, middle and end; takes the force of a sample that begins with it.
-    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64);
+    fn take(&mut self, sample: usize, state: &Self::State, motion: Motion<f64>);
+    /// The state after a step, whose motions are given at its start, middle and end; takes the force of a sample that
+    /// begins with it.
+    fn advance(
+        &mut self,
+        begins: Option<usize>,
+        state: Self::State,
+        motions: [Motion<f64>; 3],
+        step: f64,
+    ) -> Self::State;
     /// Whether later samples cannot change the result.
     fn is_settled(&self) -> bool;
 }
 
 impl<M: DamperModel, R: Real, D: Driver<M, R>, S: ForceSink<M, R, D>> Packs for Integrated<M, R, D, S> {
+    type State = M::State<R>;
+    const TAKES_WITH_STEP: bool = false;
+
     #[inline(always)]
-    fn take(&mut self, sample: usize, motion: Motion<f64>) {
+    fn take(&mut self, sample: usize, state: &M::State<R>, motion: Motion<f64>) {
         self.driver.begin(sample);
-        self.sink.take(sample, &self.driver, self.state, motion.splat());
+        self.sink.take(sample, &self.driver, *state, motion.splat());
     }
 
     #[inline(always)]
-    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64) {
+    fn advance(
+        &mut self,
+        begins: Option<usize>,
+        state: M::State<R>,
+        motions: [Motion<f64>; 3],
+        step: f64,
+    ) -> M::State<R> {
         if let Some(sample) = begins {
-            self.take(sample, motions[0]);
+            self.take(sample, &state, motions[0]);
         }
         let parameters = self.driver.step();
-        if M::SPEC.n_states > 0 {
-            self.state = M::step::<R>(parameters, self.state, motions, step);
-        }
+        if M::SPEC.n_states > 0 { M::step::<R>(parameters, state, motions, step) } else { state }
     }
 
     #[inline(always)]
@@ -309,34 +329,41 @@ impl<M: DamperModel, R: Real, D: Driver<M, R>, S: ForceSink<M, R, D>> Packs for 
     }
 }
 
-impl<P: Packs> Packs for Vec<P> {
+impl<P: Packs<State: Copy>> Packs for Vec<WithState<P, P::State>> {
+    type State = ();
+    const TAKES_WITH_STEP: bool = true;
+
     #[inline(always)]
-    fn take(&mut self, sample: usize, motion: Motion<f64>) {
-        for pack in self {
-            pack.take(sample, motion);
+    fn take(&mut self, sample: usize, (): &(), motion: Motion<f64>) {
+        for WithState { pack, state } in self {
+            pack.take(sample, state, motion);
         }
     }
 
     #[inline(always)]
-    fn advance(&mut self, begins: Option<usize>, motions: [Motion<f64>; 3], step: f64) {
-        for pack in self {
-            pack.advance(begins, motions, step);
+    fn advance(&mut self, begins: Option<usize>, (): (), motions: [Motion<f64>; 3], step: f64) {
+        for WithState { pack, state } in self {
+            *state = pack.advance(begins, *state, motions, step);
         }
     }
 
     #[inline(always)]
     fn is_settled(&self) -> bool {
         let mut settled = true;
-        for pack in self {
+        for WithState { pack, .. } in self {
             settled &= pack.is_settled();
         }
         settled
     }
 }
 
-/// Integrates packs over the span of a block; returns the number of samples simulated.
+/// Integrates packs over the span of a block; returns their states at its end and the number of samples simulated.
 #[inline(always)]
-pub(crate) fn integrate_span(block: &Block<'_>, packs: &mut impl Packs) -> usize {
+pub(crate) fn integrate_span<P: Packs>(
+    block: &Block<'_>,
+    packs: &mut P,
+    mut state: P::State,
+) -> (P::State, usize) {
     let Block { loading, ref span, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
@@ -349,18 +376,22 @@ pub(crate) fn integrate_span(block: &Block<'_>, packs: &mut impl Packs) -> usize
             break;
         }
         let mut start = interval.motion(0.0);
+        if !P::TAKES_WITH_STEP {
+            packs.take(sample, &state, start);
+        }
         for substep in 0..substeps {
+            let begins = (P::TAKES_WITH_STEP && substep == 0).then_some(sample);
             let u = f64::from(substep) * fraction;
             let middle = interval.motion(u + 0.5 * fraction);
             let end = interval.motion(u + fraction);
-            packs.advance((substep == 0).then_some(sample), [start, middle, end], step);
+            state = packs.advance(begins, state, [start, middle, end], step);
             start = end;
         }
         samples += 1;
     }
     if span.start + samples == loading.n_time() - 1 && span.end == loading.n_time() {
-        packs.take(loading.n_time() - 1, loading.last());
+        packs.take(loading.n_time() - 1, &state, loading.last());
         samples += 1;
     }
-    samples
+    (state, samples)
 }

@@ -94,10 +94,9 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
         } else {
             Either::Steady(Steady { parameters: M::Parameters::from_slice(&of_states) })
         };
-        let state = M::State::splat(Dual::splat(0.0));
         let sink = RowWriter { rows, force_only };
-        let mut pack = Integrated::<M, Numbers<R>, _, _> { driver, state, sink, number: PhantomData };
-        integrate_span(block, &mut pack);
+        let mut pack = Integrated::<M, Numbers<R>, _, _> { driver, sink, kind: PhantomData };
+        integrate_span(block, &mut pack, M::State::splat(Dual::splat(0.0)));
     }
 }
 

@@ -14,6 +14,8 @@ use crate::threads::thread_count;
 
 /// Fewest steps per thread: below, starting another thread costs more than it saves.
 const STEPS_PER_THREAD: u64 = 60_000;
+/// Short steps that take as long as one of the others.
+const SHORT_STEPS: u64 = 4;
 /// Fewest steps per thread and span: below, regrouping the remaining candidates costs more than it saves.
 const STEPS_PER_SPAN: u64 = 20_000;
 /// Most spans of a record.
@@ -97,11 +99,12 @@ impl<'a> Schedule<'a> {
         // A batch too small to fill every thread with full blocks is cut into narrower ones.
         let steps: u64 =
             rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
-        let threads = worthwhile_threads(threads, steps);
         let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
         let short: Vec<bool> =
             theta.chunks_exact(n_columns).map(|theta| damper.has_short_step(theta, laws)).collect();
-        let block_width = match (varying, short.iter().all(|&short| short)) {
+        let all_short = short.iter().all(|&short| short);
+        let threads = worthwhile_threads(threads, if all_short { steps / SHORT_STEPS } else { steps });
+        let block_width = match (varying, all_short) {
             (true, _) => VECTOR_WIDTH,
             (false, true) => instruction_set.side_by_side_width(),
             (false, false) => instruction_set.block_width(),
