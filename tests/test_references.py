@@ -80,4 +80,4 @@ def test_without_a_run_the_package_is_cited() -> None:
 def test_a_folder_without_a_manifest_is_refused(tmp_path: Path) -> None:
     ended = mrwork("cite", tmp_path)
     assert ended.returncode == 2
-    assert "is no run folder" in ended.stderr
+    assert "is not a run folder" in ended.stderr

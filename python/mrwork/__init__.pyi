@@ -50,6 +50,7 @@ from .simulation import simulate_force as simulate_force
 from .store.journal import Journal as Journal
 from .stored import StoredRun as StoredRun
 from .stored import load as load
+from .study.folder import StoredStudy as StoredStudy
 from .study.reading import read_study as read_study
 from .study.results import StudyResults as StudyResults
 from .study.run import run_study as run_study

@@ -45,6 +45,7 @@ class Drawn:
 
 
 MODEL = ("Fit", "StoredRun", "Prediction")
+RUNS = ("Responses", "StudyResults", "StoredStudy")
 FORCE, BOTH = ("time", "force"), (("time", "force"), ("time", "model_force"))
 SPECTRUM = (("period", "pseudo_acceleration"),)
 DRAWN = [
@@ -87,8 +88,8 @@ DRAWN = [
         figure="bands", kind="StoredRun", options={"over": "velocity"}, pairs=(("velocity", "model_force"),)
     ),
     *(Drawn(figure="spectra", kind=kind, pairs=SPECTRUM) for kind in ("GroundMotion", "ResponseSpectrum")),
-    *(Drawn(figure="storey_profiles", kind=kind) for kind in ("Responses", "StudyResults")),
-    *(Drawn(figure="energies", kind=kind) for kind in ("Responses", "StudyResults")),
+    *(Drawn(figure="storey_profiles", kind=kind) for kind in RUNS),
+    *(Drawn(figure="energies", kind=kind) for kind in RUNS),
     Drawn(figure="energies", kind="History", pairs=(("time", "input"),)),
     *(Drawn(figure="fronts", kind=kind) for kind in ("Front", "TuningResults")),
     Drawn(figure="fronts", kind="SizeFront", pairs=(("envelope_volume", "dynamic_range"),)),

@@ -130,9 +130,6 @@ def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
 def test_what_is_no_run_folder_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(MrworkError, match="run folder"):
         mr.load(tmp_path)
-    (tmp_path / "results.json").write_text("{}")
-    with pytest.raises(RecordError, match="folder of a study"):
-        mr.load(tmp_path)
 
 
 def test_the_page_is_well_formed_and_small_and_its_links_lead_somewhere(whole: Path) -> None:

@@ -435,7 +435,7 @@ def studies_calls(_: Path) -> Calls:
     yield call(mr.read_study, path="missing.toml", seed=0, on_python=print)
     yield call(mr.study.read_results, folder="missing")
     yield call(mr.tuning.read_tuning, folder="missing")
-    yield call(mr.load, run="missing")
+    yield call(mr.load, run="missing", kind=mr.StoredRun)
     yield call(mr.run_study, study=None)
     yield call(mr.tuning.with_tuned_law, study=None, found=None, point=None, label="a")
     yield call(mr.tune, study=None)

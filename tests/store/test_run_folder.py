@@ -469,7 +469,6 @@ def test_arrays_of_other_values_than_finite_numbers_are_refused(
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("kind", "tuning"),
         ("model", "bingham"),
         ("model", None),
         ("status", "stopped"),

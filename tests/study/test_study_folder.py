@@ -114,7 +114,10 @@ def test_a_file_that_is_older_than_a_criterion_opens_without_it(name: str, tmp_p
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert criterion(name).title not in " ".join(compared(stored).in_words(4))
     said = f"results.json is older than {name}; run `mrwork respond` again for it."
-    assert stored.warnings() == [said, *results.warnings()]
+    lacking = (
+        "results.json lacks quantities of floors, storeys and devices; run `mrwork respond` again for them."
+    )
+    assert stored.warnings() == [said, lacking, *results.warnings()]
 
 
 def test_a_file_with_a_criterion_of_a_later_version_opens_with_the_others(tmp_path: Path) -> None:
@@ -169,6 +172,7 @@ def test_results_that_contradict_themselves_are_refused(
 def test_a_manifest_of_another_study_is_refused(tmp_path: Path, refused: Refused) -> None:
     for name, value in (
         ("kind", "tuning"),
+        ("verb", "publish"),
         ("title", "Another"),
         ("status", "interrupted"),
         ("status", None),

@@ -24,6 +24,7 @@ FOUND: dict[str, Callable[[dict[str, Any]], bool]] = {
         found["shown"] == ["Force (N)", "Residual (N)", "Pseudo-acceleration (m/s²)"]
         and found["table"]["pseudo_acceleration"].shape == (50,)
     ),
+    "read_runs_back": lambda found: found["found"] == f"a fit of {found['fit'].fit_percent:.1f} %",
     "identify_and_predict": lambda found: list(found["parameters"].index) == list(found["fit"].spec.names),
 }
 

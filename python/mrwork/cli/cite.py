@@ -24,7 +24,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.settings import is_synthetic
 from mrwork.store.input_file import is_file, make_stored_kind, text_of
 from mrwork.store.parse import json_value, toml_table
-from mrwork.store.run_folder import ADDITIONS, FIT, MANIFEST, RANKING, RESULTS, STUDY, read_manifest
+from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunKind, read_kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,11 +97,7 @@ def _once(parts: Sequence[_Part]) -> list[_Cited]:
 
 def _parts(folder: Path) -> list[_Part]:
     """Parts of a run, each with the works it rests on; a part without a published source is left out."""
-    manifest = read_manifest(folder, verb="identify")
-    if manifest is None:
-        raise RecordError(
-            f"{folder} has no {MANIFEST} and is no run folder; give the folder that a verb has written with --out"
-        )
+    kind, manifest = read_kind(folder)
     names = dict.fromkeys(_texts(manifest.get("model")))
     if is_file(folder / STUDY):
         names |= dict.fromkeys(_texts(_stored(folder / STUDY, toml_table)))
@@ -112,12 +108,12 @@ def _parts(folder: Path) -> list[_Part]:
     sources = _sources()
     parts = [(part, references_in(source, name)) for name in names for part, source in sources.get(name, ())]
     parts += [(f"method: {name}", references_of([name])) for name in names]
-    return parts + _records(folder, manifest)
+    return parts + _records(folder, kind, manifest)
 
 
-def _records(folder: Path, manifest: Mapping[str, Any]) -> list[_Part]:
+def _records(folder: Path, kind: RunKind, manifest: Mapping[str, Any]) -> list[_Part]:
     """Measured tests of a fit and recorded motions of a study; what was computed is none."""
-    inputs = manifest.get("inputs") if is_file(folder / FIT) else None
+    inputs = manifest.get("inputs") if kind is FIT_RUN else None
     tests = inputs if isinstance(inputs, Mapping) else {}
     parts: list[_Part] = [
         (f"record: {name}", (reference_of_file(Path(name).name, digest),))

@@ -12,14 +12,12 @@ from mrwork.errors import OutputError, SettingError
 from mrwork.exporting.damper_text import force_table, opensees_damper
 from mrwork.exporting.matlab_file import matlab_of_fit, matlab_of_groups
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit
 from mrwork.records.columns import StatedCommand
 from mrwork.store.input_file import exists
 from mrwork.store.output_file import replacing
-from mrwork.store.run_folder import STUDY_RUN, TUNING_RUN, kind_of, read_manifest
-from mrwork.study.folder import read_results
+from mrwork.stored import read_run
 from mrwork.study.results import StudyCriteria
-from mrwork.tuning.results import TuningResults, read_tuning
+from mrwork.tuning.results import TuningResults
 
 Target = Literal["mat", "opensees", "csv"]
 
@@ -131,7 +129,7 @@ def exported(
                 f"the {name.replace('_', ' ')} is only for an export to {' or '.join(takes)}; leave it out"
             )
     stated = None if command is None else StatedCommand.of(command)
-    opened = _read(run) if isinstance(run, str | Path) else run
+    opened = read_run(Path(run)) if isinstance(run, str | Path) else run
     if isinstance(opened, Fit):
         match to:
             case "mat":
@@ -157,12 +155,3 @@ def exported(
         return matlab_of_groups(opened.title, {"scores": opened._named_arrays()})
     groups = {name: each._named_arrays() for name, each in opened._groups().items()}
     return matlab_of_groups(opened.title, groups)
-
-
-def _read(run: str | Path) -> Fit | StudyCriteria | TuningResults:
-    """What the folder of a run holds."""
-    place = Path(run)
-    kind = kind_of(read_manifest(place, verb="identify") or {})
-    if kind is STUDY_RUN:
-        return read_results(place)
-    return read_tuning(place) if kind is TUNING_RUN else read_fit(place)

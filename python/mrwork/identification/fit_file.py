@@ -11,17 +11,15 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, parse_document, read_document, record_from_json, record_of
-from mrwork.store.input_file import exists, is_folder, is_there, make_stored_kind, text_of
+from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     FIT,
     FIT_RUN,
     JOURNAL,
-    MANIFEST,
     REPORT,
     check_manifest,
-    is_part,
-    read_manifest,
+    read_kind,
 )
 from mrwork.store.unfinished import INTERRUPTED
 
@@ -69,19 +67,7 @@ def fit_content(fit: Fit) -> bytes:
 def read_fit(path: str | Path) -> Fit:
     """The `Fit` of the run folder at `path`."""
     place = Path(path)
-    if not is_folder(place):
-        what = "is a file" if exists(place) else "does not exist"
-        raise RecordError(f"{path} {what}; give the run folder that `mrwork identify --out` wrote")
-    if is_part(place):
-        raise RecordError(
-            f"{path} is the journal of an unfinished run; run the command that began it again with --resume"
-        )
-    manifest = read_manifest(place, verb="identify")
-    if manifest is None:
-        raise RecordError(
-            f"{path} is not a run folder, it has no {MANIFEST}; "
-            "give the folder that `mrwork identify --out` wrote"
-        )
+    _, manifest = read_kind(place, FIT_RUN)
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
@@ -101,7 +87,6 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
 def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
     """Admissible values of each key in the manifest of a fit."""
     return {
-        "kind": (FIT_RUN.kind,),
         "model": (fit.model,),
         # In an interrupted comparison, the fit itself may be finished.
         "status": (fit.status, INTERRUPTED),

@@ -36,7 +36,8 @@ from mrwork.report.study.figures import (
     strokes,
 )
 from mrwork.report.study.tuning_page import add_front
-from mrwork.study.results import StudyResults
+from mrwork.study.folder import StoredStudy
+from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.tuning.results import Front, TuningResults
 from mrwork.values import Floats
 
@@ -150,7 +151,7 @@ _MOST_BARS = 60
 
 @overload
 def storey_profiles(
-    result: Responses | StudyResults,
+    result: Responses | StudyResults | StoredStudy,
     ax: Axes | None = None,
     *,
     quantity: str = "peak_drift",
@@ -160,7 +161,7 @@ def storey_profiles(
 ) -> Axes: ...
 @overload
 def storey_profiles(
-    result: Responses | StudyResults,
+    result: Responses | StudyResults | StoredStudy,
     ax: Axes | None = None,
     *,
     quantity: str = "peak_drift",
@@ -171,7 +172,7 @@ def storey_profiles(
 @checked
 @style.drawn_in_style()
 def storey_profiles(
-    result: Responses | StudyResults,
+    result: Responses | StudyResults | StoredStudy,
     ax: Axes | None = None,
     *,
     quantity: str = "peak_drift",
@@ -184,7 +185,7 @@ def storey_profiles(
     Parameters
     ----------
     result
-        Runs of a batch, of which the first draw is shown, or of a study.
+        Runs of a batch, of which the first draw is shown, or of a study, also where `mr.load` has read it.
     ax
         Axes to draw into; by default those of a new figure.
     quantity
@@ -242,7 +243,7 @@ def storey_profiles(
 
 @overload
 def energies(
-    result: Responses | StudyResults | History,
+    result: Responses | StudyResults | StoredStudy | History,
     ax: Axes | None = None,
     *,
     motion: str | int | None = None,
@@ -251,7 +252,7 @@ def energies(
 ) -> Axes: ...
 @overload
 def energies(
-    result: Responses | StudyResults | History,
+    result: Responses | StudyResults | StoredStudy | History,
     ax: Axes | None = None,
     *,
     motion: str | int | None = None,
@@ -261,7 +262,7 @@ def energies(
 @checked
 @style.drawn_in_style()
 def energies(
-    result: Responses | StudyResults | History,
+    result: Responses | StudyResults | StoredStudy | History,
     ax: Axes | None = None,
     *,
     motion: str | int | None = None,
@@ -320,13 +321,16 @@ class _Run:
 
 
 def _runs(
-    result: Responses | StudyResults, motion: str | int | None, rows: Sequence[str | int]
+    result: Responses | StudyResults | StoredStudy, motion: str | int | None, rows: Sequence[str | int]
 ) -> list[_Run]:
     """The runs of these rows or candidates under a motion that finished."""
-    if isinstance(result, StudyResults):
+    if isinstance(result, StudyCriteria):
         place = chosen(motion, [each.name for each in result.motions], "motion")
         labels = [each.label for each in result.rows]
-        numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
+        if result.quantities is None:
+            raise SettingError(f"nothing can be drawn of {result.title!r}: {result.file_warnings[-1]}")
+        runs = result.quantities.runs(0)
+        numbers = {row: runs[row, place].numbers for row in result.finished_rows(place)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
@@ -341,7 +345,7 @@ def _runs(
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
     of_row = (
         dict(enumerate(strokes(result)))
-        if isinstance(result, StudyResults)
+        if isinstance(result, StudyCriteria)
         else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
     )
     finished = [
@@ -359,10 +363,10 @@ def _stroke(number: int, count: int) -> Stroke:
     return Stroke(colour=to_hex(style.TONES(number / (count - 1))), pattern="-", width=0.6)
 
 
-def _heights(result: Responses | StudyResults, axis: str, count: int) -> tuple[str, ...]:
+def _heights(result: Responses | StudyResults | StoredStudy, axis: str, count: int) -> tuple[str, ...]:
     """Names of the storeys or floors."""
-    if isinstance(result, StudyResults):
-        return result.storey_names if axis == "storey" else result.floor_names
+    if isinstance(result, StudyCriteria):
+        return () if result.quantities is None else result.quantities.axes[axis]
     return tuple(f"{axis} {number}" for number in range(1, count + 1))
 
 

@@ -1,12 +1,13 @@
 """Folder of a run: names of its files, the verbs that write one, and its manifest, read back and compared.
 
-The contents of each file are defined in the module of its type.
+The contents of each file are defined in the module of its type. Every reader of a folder asks `read_kind` first.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,8 +15,9 @@ from typing import Any, Final
 from mrwork.errors import RecordError
 from mrwork.escaping import escape_text
 from mrwork.store.codec import finite, parse_document
-from mrwork.store.input_file import is_there, make_stored_kind, text_of
+from mrwork.store.input_file import exists, is_file, is_folder, is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
+from mrwork.summary import list_names
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
@@ -48,6 +50,9 @@ CHOSEN = "chosen.toml"
 SCORES_TABLE = "scores.csv"
 
 _PART = ".part"
+_RESUME = "run the command that began it again with --resume"
+# Runs in a folder that a message names.
+_NAMED: Final = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,9 +96,13 @@ TUNING_RUN: Final = RunKind(
 )
 
 
+RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
+"""Every kind of run folder."""
+
+
 def kind_of(manifest: Mapping[str, Any]) -> RunKind | None:
     """The kind of the run folder that has a manifest; `None` where no verb of `mrwork` has written it."""
-    for known in (FIT_RUN, STUDY_RUN, TUNING_RUN):
+    for known in RUN_KINDS:
         if manifest.get("verb") == known.verb and manifest.get("kind") == known.kind:
             return known
     return None
@@ -127,15 +136,67 @@ def name_unfinished(kept: Path) -> Path:
 _SHOWN: Final = 40
 
 
-def read_manifest(place: Path, *, verb: str) -> Mapping[str, Any] | None:
-    """Content of the manifest of the folder at `place`, `None` where there is none; `verb` names the writing verb."""
-    path, kind = place / MANIFEST, make_stored_kind(verb, name="the manifest")
-    if not is_there(path, kind):
-        return None
-    stated = parse_document(text_of(path, kind), origin=str(path), verb=verb)
+def read_kind(place: Path, wanted: RunKind | None = None) -> tuple[RunKind, Mapping[str, Any]]:
+    """Kind and manifest of the run folder at `place`, which must be of the kind `wanted`, by default of any."""
+    verbs = [f"`mrwork {each.verb}`" for each in ((wanted,) if wanted else RUN_KINDS)]
+    give = f"give a folder that {', '.join(verbs[:-1])} or {verbs[-1]} has written".replace("  or", "")
+    kind_by_files = _kind_by_files(place)
+    file = make_stored_kind(kind_by_files.verb, name="the manifest")
+    path = place / MANIFEST
+    if not (is_folder(place) and is_there(path, file)):
+        raise RecordError(_no_run(place, give))
+    stated = parse_document(text_of(path, file), origin=str(path), verb=kind_by_files.verb)
     if not isinstance(stated, Mapping):
-        raise RecordError(f"{path} is not a manifest, which is an object of JSON; run `mrwork {verb}` again")
-    return stated
+        raise RecordError(
+            f"{path} is not a manifest, which is an object of JSON; run `mrwork {kind_by_files.verb}` again"
+        )
+    # What a manifest does not state contradicts nothing.
+    found = [
+        each
+        for each in RUN_KINDS
+        if stated.get("kind", each.kind) == each.kind and stated.get("verb", each.verb) == each.verb
+    ]
+    if not found:
+        raise RecordError(f"the {MANIFEST} of {place} is not that of a run of mrwork; {give}")
+    if wanted is not None and wanted not in found:
+        raise RecordError(
+            f"{place} is a run of `mrwork {found[0].verb}`, where one of {verbs[0]} was expected; give the folder of "
+            "one, or read this one back with `mr.load`"
+        )
+    return wanted or (found[0] if len(found) == 1 else kind_by_files), stated
+
+
+def _kind_by_files(place: Path) -> RunKind:
+    """The kind of a folder, by the files that no other kind has; of a fit where there are none of these."""
+    for known in RUN_KINDS:
+        others = frozenset().union(*(each.written for each in RUN_KINDS if each is not known))
+        if any(exists(place / name) for name in known.written - others):
+            return known
+    return FIT_RUN
+
+
+def _no_run(place: Path, give: str) -> str:
+    """Why what is at `place` is no run folder, and what to give instead."""
+    for around in place.parents[:2]:
+        if exists(place) and kind_of(read_manifest_if_whole(around / MANIFEST)):
+            return f"{place} is a part of the run {around}; give that folder"
+    if is_part(place):
+        return f"{place} is the journal of an unfinished run; {_RESUME}"
+    if not exists(place):
+        part = part_of(place)
+        return (
+            f"{place} is not written yet, {part} is the journal of its unfinished run; {_RESUME}"
+            if is_folder(part)
+            else f"{place} does not exist; {give}"
+        )
+    if not is_folder(place):
+        return f"{place} is a file; {give}"
+    runs: list[str] = []
+    with suppress(OSError):
+        runs = sorted(each.name for each in place.iterdir() if is_file(each / MANIFEST))
+    if runs:
+        return f"{place} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
+    return f"{place} is not a run folder, it has no {MANIFEST}; {give}"
 
 
 def read_manifest_if_whole(manifest: Path) -> Mapping[str, Any]:

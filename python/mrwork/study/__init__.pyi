@@ -1,5 +1,6 @@
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
+from .folder import StoredStudy as StoredStudy
 from .folder import read_results as read_results
 from .reading import read_study as read_study
 from .results import StudyResults as StudyResults

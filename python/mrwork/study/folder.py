@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mrwork import arguments
 from mrwork.arguments import Count, NotNegative, Positive, Whole
@@ -15,18 +18,20 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
+from mrwork.store.input_file import exists, is_there, make_stored_kind
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
     HISTORIES,
     JOURNAL,
+    MANIFEST,
     PROFILES_TABLE,
     REPORT,
     RESULTS,
     STUDY,
     STUDY_RUN,
     check_manifest,
-    read_manifest,
+    read_kind,
 )
 from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.comparison import (
@@ -37,7 +42,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.labelled import NOMINAL, criteria_of_runs
+from mrwork.study.labelled import NOMINAL, Axes, LabelledRuns, criteria_of_runs, quantities_of_runs
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -51,6 +56,8 @@ from mrwork.study.run_result import (
     Histories,
     OutcomeName,
     RunEnd,
+    RunResult,
+    kept_quantities,
     largest_demand,
     names_outside,
     worst_by_quantity,
@@ -170,6 +177,16 @@ def _store_clairvoyant(optimum: Clairvoyant) -> StoredClairvoyant:
     )
 
 
+# Beside the quantities of a run.
+_LEAST_STROKE = "least_stroke"
+
+
+@cache
+def _kept() -> dict[str, str]:
+    """Axis of each quantity that a run has."""
+    return {each.name: each.axis for each in kept_quantities()}
+
+
 # Every criterion by name; NaN if the run has none, `null` in the file.
 _Criteria = dict[str, OrNan]
 
@@ -193,7 +210,7 @@ class StoredStudyRun(RunEnd, Related):
 
     `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
     these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper. `bands` are those of
-    the criteria over the realisations of [uncertainty].
+    the criteria over the realisations of [uncertainty]. `quantities` are those of `RunResult`, with `least_stroke`.
     """
 
     controller: str
@@ -211,6 +228,7 @@ class StoredStudyRun(RunEnd, Related):
     exceedances: tuple[Exceedance, ...] = ()
     demand: OperatingRange | None = None
     bands: dict[str, RealisationBand] = field(default_factory=dict)
+    quantities: dict[str, tuple[OrNan, ...] | OrNan] = field(default_factory=dict)
 
     def disagreement(self) -> str:
         """First contradiction: tables with different criteria, or a finished run without the value of a criterion."""
@@ -232,6 +250,7 @@ class _Document(Related):
 
     `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
     under single motions. `changes` has the rows of each rank together, the lowest score first; older files have none.
+    `floors` and `storeys` are the names along the quantities of the runs.
     """
 
     title: str
@@ -242,6 +261,8 @@ class _Document(Related):
     warnings: tuple[str, ...]
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
+    floors: tuple[str, ...] = ()
+    storeys: tuple[str, ...] = ()
     results: tuple[StoredStudyRun, ...]
     best_passive: str | None = None
     judged_on: str = ""
@@ -273,7 +294,22 @@ class _Document(Related):
                 return f"it has two runs of {where}"
             if run.criteria.keys() != self.results[0].criteria.keys():
                 return f"its run of {where} has other criteria than the first"
+            if run.quantities.keys() != self.results[0].quantities.keys():
+                return f"its run of {where} has other quantities than the first"
+            if strange := self._misshapen(run):
+                return f"its run of {where} has {strange} of another length than the axis"
         return self._gap(names, runs) if self.complete else ""
+
+    def _misshapen(self, run: StoredStudyRun) -> str:
+        """First quantity of a run that is not as long as its axis; that of devices may have any length."""
+        lengths = {"run": None, "floor": len(self.floors), "storey": len(self.storeys)}
+        for name, value in run.quantities.items():
+            if name not in {*_kept(), _LEAST_STROKE}:
+                continue
+            length = len(value) if isinstance(value, tuple) else None
+            if length != lengths.get(_kept().get(name, "device"), length or 0):
+                return name
+        return ""
 
     def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
         """First run that is missing from a complete study, or that lacks its repetition with half the step."""
@@ -287,13 +323,34 @@ class _Document(Related):
                     return f"{row} under {motion} is not repeated with half the step, as others are"
         return ""
 
+    def labelled_quantities(self, axes: Axes) -> LabelledRuns | None:
+        """The quantities of the runs over named axes; `None` where the file is older than one of them."""
+        if not all(run.quantities.keys() >= {*_kept(), _LEAST_STROKE} for run in self.results):
+            return None
+        runs = {
+            (
+                axes["row"].index(present_label(run.controller)),
+                axes["motion"].index(run.motion),
+                0,
+            ): RunResult(
+                outcome=run.outcome,
+                steps=run.steps,
+                numbers={name: np.array(run.quantities[name])[()] for name in _kept()},
+                least_stroke=np.array(run.quantities[_LEAST_STROKE]),
+            )
+            for run in self.results
+        }
+        return quantities_of_runs(
+            runs, {**axes, "floor": self.floors, "storey": self.storeys}, self.command_unit
+        )
+
 
 _OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "chosen_on")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredStudy(StudyCriteria):
-    """The results of a study as stored in its folder: criteria instead of responses.
+    """The results of a study as stored in its folder: criteria and quantities of every run.
 
     Rows of an interrupted study without a run are among `rows` with the kind "controller". Criteria that the file has
     not are NaN, since it was written by an earlier version; those that this version has not are only among `runs`.
@@ -316,6 +373,10 @@ class StoredStudy(StudyCriteria):
             warnings.append(
                 f"{RESULTS} has {list_names(unknown)}, no criterion of this version; it is left out."
             )
+        if self.quantities is None:
+            warnings.append(
+                f"{RESULTS} lacks quantities of floors, storeys and devices; run `mrwork respond` again for them."
+            )
         return tuple(warnings)
 
     @property
@@ -336,7 +397,7 @@ class StoredStudy(StudyCriteria):
 
 @arguments.checked
 def read_results(folder: str | Path) -> StoredStudy:
-    """Read the results of a study back from its folder.
+    """Read the results of a study back from its folder, as `mr.load` does.
 
     Raises
     ------
@@ -350,31 +411,34 @@ def read_results(folder: str | Path) -> StoredStudy:
     >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
     0.0123
     """
-    place = Path(folder) / RESULTS
-    document = read_document(_Document, place, name="study", verb="respond")
+    place = Path(folder)
+    # A file of results that was copied without its manifest is read, too.
+    file = make_stored_kind("respond", name="a study")
+    alone = not exists(place / MANIFEST) and is_there(place / RESULTS, file)
+    stated = {} if alone else read_kind(place, STUDY_RUN)[1]
+    document = read_document(_Document, place / RESULTS, name="study", verb="respond")
     if document is None:
-        raise RecordError(f"{folder} has no {RESULTS}; give the folder that `mrwork respond --out` wrote")
-    facts = {
-        "kind": (STUDY_RUN.kind,),
-        "title": (document.title,),
-        "status": ("finished" if document.complete else INTERRUPTED,),
-    }
-    stated = read_manifest(Path(folder), verb="respond")
-    check_manifest(Path(folder), stated or {}, facts, file=RESULTS, verb="respond")
+        raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork respond` again")
+    facts = {"title": (document.title,), "status": ("finished" if document.complete else INTERRUPTED,)}
+    check_manifest(place, stated, facts, file=RESULTS, verb="respond")
     rows = {label: Row(label=present_label(label), kind="controller") for label in document.scores}
     for run in document.results:
         rows[run.controller] = replace(rows[run.controller], kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
-    labelled = criteria_of_runs(
-        {"row": tuple(row.label for row in rows.values()), "motion": tuple(names), "realisation": (NOMINAL,)}
-    )
+    axes = {
+        "row": tuple(row.label for row in rows.values()),
+        "motion": tuple(names),
+        "realisation": (NOMINAL,),
+    }
+    labelled = criteria_of_runs(axes, command_unit=document.command_unit)
     for key, run in runs.items():
         for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
             labelled.numbers[name][key] = value
     return StoredStudy(
         rows=tuple(rows.values()),
         labelled=labelled,
+        quantities=document.labelled_quantities(axes),
         runs=runs,
         damper_warnings=tuple(map(present_sentence, document.damper_warnings)),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
@@ -423,6 +487,8 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         warnings=tuple(results.warnings()),
         building_warnings=results.building_warnings,
         damper_warnings=results.damper_warnings,
+        floors=results.floor_names,
+        storeys=results.storey_names,
         results=tuple(_store_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         judged_on=judged_in_words(results),
@@ -514,6 +580,10 @@ def _store_run(results: StudyResults, row: int, motion: int, passive: int | None
             entry.name: band
             for entry in criteria()
             if (band := criterion_band(results, row, motion, entry.name))
+        },
+        quantities={
+            name: np.asarray(value).tolist()
+            for name, value in {**run.numbers, _LEAST_STROKE: run.least_stroke}.items()
         },
     )
 

@@ -142,10 +142,11 @@ def candidate_axes(n_candidates: int, motions: Sequence[GroundMotion], realisati
     }
 
 
-def criteria_of_runs(axes: Axes, value: float = np.nan) -> LabelledRuns:
+def criteria_of_runs(axes: Axes, value: float = np.nan, *, command_unit: str = "") -> LabelledRuns:
     """Every criterion and the error of energy over three axes, with one value, to be filled."""
     shape = tuple(map(len, axes.values()))
     units = {entry.name: entry.unit for entry in criteria()} | {"energy_error": unit_of("energy_error")}
+    units = _with_command(units, command_unit) if command_unit else units
     return LabelledRuns(axes=axes, numbers={name: np.full(shape, value) for name in units}, units=units)
 
 
@@ -158,7 +159,7 @@ def criteria_of_study(
     weight: float,
 ) -> LabelledRuns:
     """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
-    found = criteria_of_runs(axes)
+    found = criteria_of_runs(axes, command_unit=command_unit)
     for place, run in runs.items():
         named = values(run, weight=weight) if run.finished else dict.fromkeys(found.numbers, np.inf)
         for name, value in {**named, "energy_error": run.energy_error}.items():
@@ -166,7 +167,7 @@ def criteria_of_study(
     for row, part in realised.items():
         for name, array in part.numbers.items():
             found.numbers[name][row, :, -part.shape[2] :] = array[0]
-    return replace(found, units=_with_command(found.units, command_unit))
+    return found
 
 
 def quantities_of_runs(runs: Mapping[Place, RunResult], axes: Axes, command_unit: str) -> LabelledRuns:

@@ -93,22 +93,30 @@ class StudyCriteria(Summarised, ABC):
     """Criteria of a study, and the ratios, scores and warnings that follow from them.
 
     `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
-    are the building without dampers and i = 0. `runs` say how each run ended, by (row, motion). `chosen_on` are the
+    are the building without dampers and i = 0. `quantities` has those of the runs over row, motion and realisation,
+    `None` where an older folder lacks them. `runs` say how each run ended, by (row, motion). `chosen_on` are the
     names of the motions that the best constant command is chosen on, `building_warnings` sentences on modes of the
     building without damping or stiffness.
     """
 
-    _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
+    _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
 
     title: str
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
     labelled: LabelledRuns
+    quantities: LabelledRuns | None = None
     runs: Mapping[Key, RunEnd]
     command_unit: str
     device_names: tuple[str, ...] = ()
     chosen_on: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
+
+    @property
+    def plot(self) -> ResponsesPlots:
+        """Figures of the runs, see `mr.plots`."""
+        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
+        return made
 
     @property
     @abstractmethod
@@ -132,12 +140,13 @@ class StudyCriteria(Summarised, ABC):
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
     def _groups(self) -> dict[str, LabelledRuns]:
-        return {"criteria": self.labelled}
+        more = {} if self.quantities is None else {"quantities": self.quantities}
+        return {"criteria": self.labelled, **more}
 
     def to_xarray(self) -> DataTree:
         """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
 
-        Results that were read from their folder have the criteria alone.
+        Results that were read from their folder have the quantities of the nominal realisation.
 
         Examples
         --------
@@ -315,12 +324,6 @@ class StudyResults(StudyCriteria):
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
-    @property
-    def plot(self) -> ResponsesPlots:
-        """Figures of the runs, see `mr.plots`."""
-        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
-        return made
-
     def __post_init__(self) -> None:
         whole = self.quantities.runs(0)
         object.__setattr__(self, "runs", whole)
@@ -373,9 +376,6 @@ class StudyResults(StudyCriteria):
             return None
         other = self.labelled.criteria((row, motion, 1))
         return {name: _relative_change(value, other[name]) for name, value in whole.items()}
-
-    def _groups(self) -> dict[str, LabelledRuns]:
-        return {"criteria": self.labelled, "quantities": self.quantities}
 
 
 def _relative_change(value: float, other: float) -> float:

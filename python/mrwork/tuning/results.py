@@ -32,7 +32,7 @@ from mrwork.store.run_folder import (
     STUDY,
     TUNING_RUN,
     check_manifest,
-    read_manifest,
+    read_kind,
 )
 from mrwork.study.results import RealisationBand
 from mrwork.study.schema import present_label
@@ -550,7 +550,7 @@ def write_tuning(
 
 @checked
 def read_tuning(folder: str | Path) -> TuningResults:
-    """Read the results of a tuning back from its folder.
+    """Read the results of a tuning back from its folder, as `mr.load` does.
 
     Raises
     ------
@@ -564,11 +564,10 @@ def read_tuning(folder: str | Path) -> TuningResults:
     {'drifts': 1.0, 'control_weight': 1.2e-13, 'largest_command': 1.316}
     """
     place = Path(folder)
-    manifest = read_manifest(place, verb="tune")
-    is_tuning = manifest is not None and manifest.get("kind") == TUNING_RUN.kind
-    found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune") if is_tuning else None
-    if manifest is None or found is None:
-        raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
+    _, manifest = read_kind(place, TUNING_RUN)
+    found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
+    if found is None:
+        raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork tune` again")
     facts = {"title": (found.title,), "status": (found.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
     references = tuple(replace(each, label=present_label(each.label)) for each in found.references)

@@ -36,7 +36,7 @@ from mrwork.study.comparison import (
     motion_groups,
     times_better,
 )
-from mrwork.study.results import StudyResults
+from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.table import Table
@@ -61,7 +61,7 @@ class Stroke:
     width: float = 1.4
 
 
-def strokes(results: StudyResults) -> tuple[Stroke, ...]:
+def strokes(results: StudyCriteria) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
     strokes_of_rows: list[Stroke] = []
     number = 0

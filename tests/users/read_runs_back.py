@@ -1,0 +1,19 @@
+"""The run of a verb read back: by the type that is expected, or told apart by the type that comes."""
+
+import subprocess
+import sys
+
+import mrwork as mr
+
+subprocess.run([sys.executable, "-m", "mrwork", "demo", "--quiet", "--out", "demo"], check=True)
+fit = mr.load("demo", mr.StoredRun).fit
+forces = mr.simulate(fit.spec, fit.theta, mr.synthetic_test("spencer1997"))
+
+run = mr.load("demo")
+if isinstance(run, mr.StoredRun):
+    found = f"a fit of {run.fit.fit_percent:.1f} %"
+elif isinstance(run, mr.StoredStudy):
+    found = f"a study with {len(run.rows)} rows"
+else:
+    found = f"a tuning of {len(run.laws)} laws"
+print(found, forces.shape)
