@@ -1,8 +1,8 @@
 """Control laws in Python: a function of what is measured, asked by the loop at every control sample.
 
-The loop itself is that of every law. It waits for Python at each sample, about 50 us: a run of the five-storey frame at
-1 ms takes some seven times as long as one with a law of the registry. Candidates in one batch share the waiting. What a
-function changes in the process is undone, and what it raises has file and line.
+The loop itself is that of every law. It waits for Python at each sample, some tens of microseconds: a run of the
+five-storey frame at 1 ms takes some seven times as long as one with a law of the registry. Candidates in one batch
+share the waiting. What a function changes in the process is undone, and what it raises has file and line.
 """
 
 from __future__ import annotations
