@@ -32,6 +32,7 @@ faults: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python -m tools.fuzzing
 	$(BIN)/python tests/faults/invocations.py
 	$(BIN)/python tests/faults/endings.py
+	$(BIN)/python tests/faults/lies.py
 
 lint: $(VENV)/.built $(VENV)/.dev
 	cargo fmt --check

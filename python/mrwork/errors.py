@@ -38,10 +38,12 @@ class MrworkError(Exception):
 
     `document` is the file whose place the text begins with; empty if the text does not begin with a place. Of an
     argument that is refused, `key` is the name, and `in_a_file` the text for who has written a file and called no
-    function; both are empty otherwise.
+    function; both are empty otherwise. `of_columns` is whether the columns of one file are to be told, which others do
+    not share.
     """
 
     document: str = ""
+    of_columns: bool = False
     key: str = ""
     in_a_file: str = ""
 

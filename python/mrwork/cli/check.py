@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         try:
             with reading_line(quiet=options.json) as on_read:
                 on_read(done, len(reading.files))
-                (test,) = replace(reading, files=(path,)).tests()
+                test = reading.test_of(path)
         except MrworkError as error:
             status = 2
             rows.append({"file": path, "error": str(error)})

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from mrwork.arguments import Count, Level, Seed, checked
-from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
 from mrwork.hints import Record, fields_of, hints_of
 from mrwork.identification.residual import NuisanceName
 from mrwork.keys import suggestion
@@ -22,6 +22,11 @@ from mrwork.store.input_file import exists
 from mrwork.synthetic import synthetic_test
 
 _MULTISTART = "multistart"
+# What helps where a refusal suggests options for one of several files.
+_OF_ONE_FILE = (
+    "--column holds for all files given, so write what is of this one into its row of a table of tests, as "
+    "mrwork check FILES --table begins it, or give it alone"
+)
 
 
 @checked
@@ -227,15 +232,21 @@ class Reading:
         for done, file in enumerate(self.files):
             if on_read is not None:
                 on_read(done, len(self.files))
-            tests.append(self._read(file))
+            tests.append(self.test_of(file))
         return tuple(tests)
 
-    def _read(self, file: str) -> DamperTest:
+    def test_of(self, file: str) -> DamperTest:
+        """Read one of the files as a test."""
         if is_synthetic(file):
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:
             columns = {**self.columns, **self.columns_of.get(file, {})}
-            test = read_damper_test(self._path(file), columns=columns)
+            try:
+                test = read_damper_test(self._path(file), columns=columns)
+            except MrworkError as error:
+                if len(self.files) == 1 or not error.of_columns:
+                    raise
+                raise type(error)(f"{error}; {_OF_ONE_FILE}") from error
         if (self.start, self.end, self.every) != (None, None, 1):
             test = cut(test, start=self.start, end=self.end, every=self.every)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}

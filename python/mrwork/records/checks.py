@@ -1,4 +1,4 @@
-"""Checks of the signals of a test: constant or clipped channels, sampling, rest, breakaway, force sign and offset."""
+"""Checks of the signals of a test: constant channels, sampling, rest, breakaway, force sign and offset."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from mrwork.values import Floats
 
 _SMALLEST_RANGE: Final = 1e-9
 _LARGEST: Final = 1e15
-# The longest dampers of bridges have about 2 m.
-_LONGEST_STROKE: Final = 5.0
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
@@ -37,76 +35,6 @@ def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> N
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
-
-
-def stroke_finding(displacement: Floats) -> tuple[Finding, ...]:
-    """Warn of a stroke that is longer than that of any damper, as of millimetres that are taken for metres."""
-    stroke = float(np.ptp(displacement))
-    if stroke <= _LONGEST_STROKE:
-        return ()
-    return (
-        Finding.warning(
-            "displacement_unusual",
-            f"the displacement spans {stroke:.3g} m, more than any damper",
-            action="check its channel and its unit",
-            measured=Measured(value=stroke, unit="m"),
-        ),
-    )
-
-
-_SHORTEST_RUN: Final = 3
-_FEWEST_RUNS: Final = 2
-# A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
-# gives less than one step of the resolution.
-_OVERSHOOT_STEPS: Final = 4.0
-
-
-def clipped_share(samples: Floats) -> float:
-    """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
-
-    Such a peak is a run of three or more samples at the extreme value, with slopes beside it so steep that the curve
-    would have continued by four steps of its resolution. A single one may be rest.
-    """
-    levels = np.unique(samples)
-    if levels.size < 2 * _SHORTEST_RUN:
-        return 0.0
-    resolution = float(np.diff(levels).min())
-    flat = sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0))
-    return flat / samples.size
-
-
-def clipping_findings(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
-    """Warn of clipped channels."""
-    channels = [("displacement", test.displacement), ("force", test.force)]
-    if test.velocity_source == "measured":
-        channels.append(("velocity", test.velocity))
-    shares = [(name, clipped_share(samples)) for name, samples in channels]
-    return tuple(
-        Finding.warning(
-            "clipped",
-            f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel exceeded its "
-            "range",
-            action="measure again with a wider one, or omit these parts",
-            measured=Measured(value=share, unit=""),
-        )
-        for name, share in shares
-        if share > 0.0
-    )
-
-
-def _flat_samples(samples: Floats, resolution: float) -> int:
-    """Number of samples in runs at the maximum with steep flanks."""
-    at_top = np.concatenate([[False], samples == samples.max(), [False]])
-    edges = np.flatnonzero(np.diff(at_top))
-    begin, end = edges[::2], edges[1::2]
-    inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
-    begin, end = begin[inside], end[inside]
-    rise = 0.5 * (samples[begin] - samples[begin - 2])
-    fall = 0.5 * (samples[end - 1] - samples[end + 1])
-    # Both flanks must be steep; with one steep flank only, it may be a start from rest.
-    overshoot = np.minimum(rise, fall) * (end - begin) / 4.0
-    cut = overshoot > _OVERSHOOT_STEPS * resolution
-    return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0
 
 
 def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:

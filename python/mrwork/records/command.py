@@ -59,11 +59,12 @@ def command_of(
         return value, negative
     rings = _rings(present, quantity, unit)
     lowest, highest = range_in_words(without_ringing(present, unit))
+    span = float(highest) - float(lowest)
     message = (
-        f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
-        "laws (--law)"
+        f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}, by {span:.4g} {unit}; a model "
+        "follows it by current laws (--law)"
     )
-    measured = Measured(value=float(np.ptp(present)), unit=unit)
+    measured = Measured(value=span, unit=unit)
     varies = Finding.note("command_varies", message, measured=measured)
     return samples, (varies, *rings, *negative)
 

@@ -262,7 +262,8 @@ def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[
     s = (time[window] - delays[best]) / before
     corner = _mean_square(np.stack(_with_corner(s), axis=1), force[window], count[window])
     smooth = _mean_square(np.vander(s, 6), force[window], count[window])
-    return float(delays[best]), corner / smooth
+    # A force that stands still is as smooth as it is cornered.
+    return (float(delays[best]), corner / smooth) if smooth > 0.0 else None
 
 
 def _until_fallen(

@@ -252,12 +252,19 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
     "gaps": _EVERY,
     "spikes": _EVERY,
     "clipped": _EVERY,
+    "coarse": _EVERY,
+    "held_samples": _EVERY,
+    "part_repeated": _EVERY,
     "few_samples_per_cycle": _EVERY,
     "resampled": _TOLD_ONCE,
     "time_rounded": _TOLD_ONCE,
     "nan_rows_dropped": _TOLD_ONCE,
     # The motion, which drives every simulation.
+    "time_unusual": _EVERY,
     "displacement_unusual": _EVERY,
+    "displacement_still": _EVERY,
+    "displacement_jumps": _EVERY,
+    "displacement_drifts": _EVERY,
     # All other verbs refuse it.
     "velocity_factor": ("check",),
     "velocity_sign_flipped": _EVERY,
@@ -267,6 +274,8 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
     "velocity_derived": _TOLD_ONCE,
     "rest_before_motion": _TOLD_ONCE,
     # The force, with which every simulation is compared.
+    "force_unusual": _EVERY,
+    "force_still": _EVERY,
     "force_sign_flipped": _EVERY,
     "force_sign_unclear": _EVERY,
     "force_delay": _EVERY,
@@ -278,6 +287,7 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
     "moving_average": _OF_FILES,
     # What the file says of the test.
     "command_negative": _EVERY,
+    "command_unusual": _EVERY,
     "command_varies": _TOLD_ONCE,
     "command_rings": _TOLD_ONCE,
     "command_unclear": _EVERY,

@@ -37,9 +37,16 @@ from mrwork.records.columns import (
     unclear_commands,
 )
 from mrwork.records.command import command_of, motion_matches_name, nominal_from_name, with_nominal_command
+from mrwork.records.contradictions import (
+    drift_of_displacement_finding,
+    jump_finding,
+    repeated_part,
+    still_findings,
+)
 from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
 from mrwork.records.motion import SmoothMotion, motion_of
+from mrwork.records.resolution import resolution_findings
 from mrwork.records.rig_table import (
     EVERY_USE,
     UNKNOWN,
@@ -49,6 +56,7 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
+from mrwork.records.sizes import command_finding, force_finding, pace_finding, stroke_finding
 from mrwork.records.smoothing import smoothing_finding, smoothing_of, without_spikes
 from mrwork.records.velocity import velocity_agrees
 from mrwork.records.window import (
@@ -69,7 +77,15 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]
     delay_finding,
     mass_finding,
     checks.breakaway_finding,
-    checks.clipping_findings,
+    stroke_finding,
+    force_finding,
+    pace_finding,
+    command_finding,
+    resolution_findings,
+    still_findings,
+    jump_finding,
+    drift_of_displacement_finding,
+    repeated_part,
     drift_finding,
 )
 
@@ -203,7 +219,6 @@ def test_from_arrays(
         *about_sign,
         # A varying command weighs the directions of motion differently, so that the mean force is no static one.
         *(() if given.has_commands else checks.force_offset(resisting, motion.velocity)),
-        *checks.stroke_finding(displaced),
         *checks.rest_before_motion(displaced, dt, motion.frequency),
         *checks.samples_per_cycle(motion.frequency, dt),
         *about_current,
@@ -326,33 +341,11 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     file = Path(path)
     source = str(file)
     table = open_table(file, partial(tells_a_test, source=str(file)))
-    given = dict(columns or {})
-    stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
-    scalar: StatedCommand | None = None
-    if stated is not None:
-        stated = stated.in_file(table.names, table.units, source)
-        if stated.unit is not None:
-            scalar = stated
-        elif stated.quantity is not None and stated.column:
-            given[stated.quantity] = stated.column
-    elif not given.keys() & set(COMMANDS):
-        scalar = scalar_command(table.names, table.units, source=source)
-
-    def numbers_of(name: str) -> Floats | None:
-        try:
-            return table.read([name])[name]
-        except RecordError:
-            return None
-
-    # A scalar command is none of the other quantities, whatever the unit in its name.
-    names = tuple(name for name in table.names if scalar is None or name != scalar.column)
-    chosen = choose_columns(
-        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
-    )
-    if stated is not None and (stated.value is not None or stated.unit is not None):
-        chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
-    if chosen.keys() & set(COMMANDS):
-        scalar = None
+    try:
+        chosen, scalar, stated = _assigned(table, columns or {}, source)
+    except MrworkError as error:
+        error.of_columns = True
+        raise
     of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
     numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     # Overflowing values become infinite, and the checks refuse them with their line.
@@ -383,6 +376,40 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
     unused = unused_finding(table, used)
     return replace(test, findings=(*test.findings, *unused))
+
+
+def _assigned(
+    table: ColumnTable, columns: Mapping[str, str], source: str
+) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None, StatedCommand | None]:
+    """The column of every quantity, the command in another unit, and the command as `columns` state it."""
+    given = dict(columns)
+    stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
+    scalar: StatedCommand | None = None
+    if stated is not None:
+        stated = stated.in_file(table.names, table.units, source)
+        if stated.unit is not None:
+            scalar = stated
+        elif stated.quantity is not None and stated.column:
+            given[stated.quantity] = stated.column
+    elif not given.keys() & set(COMMANDS):
+        scalar = scalar_command(table.names, table.units, source=source)
+
+    def numbers_of(name: str) -> Floats | None:
+        try:
+            return table.read([name])[name]
+        except RecordError:
+            return None
+
+    # A scalar command is none of the other quantities, whatever the unit in its name.
+    names = tuple(name for name in table.names if scalar is None or name != scalar.column)
+    chosen = choose_columns(
+        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
+    )
+    if stated is not None and (stated.value is not None or stated.unit is not None):
+        chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
+    if chosen.keys() & set(COMMANDS):
+        scalar = None
+    return chosen, scalar, stated
 
 
 def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:

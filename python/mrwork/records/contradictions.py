@@ -1,0 +1,255 @@
+"""Detectors of channels that contradict each other or themselves: they stand still, jump, drift, or repeat a part."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import SmoothMotion, regular_cycles
+from mrwork.values import Floats
+
+_MAD_TO_DEVIATION: Final = 1.4826
+# Beyond this share of the range to either side of its middle a channel is on that side.
+_SIDE: Final = 0.25
+# A channel of white noise spans 9 standard deviations in 1e5 samples, and does not go 5 to either side. It never stands
+# still with more than this share of its range.
+_STILL_NOISE: Final = 10.0
+_STILL: Final = 0.005
+# The other channel takes this share of a period at least to get to its other side.
+_SHORTEST_SWING: Final = 0.15
+# What rounding leaves of a channel that stands still, as a share of its range.
+_ROUNDING: Final = 1e-6
+
+
+def still_findings(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Warn of a displacement or a force that stands still while the other goes to either side of its range and back.
+
+    A damper held at rest keeps the sign of its force, whatever its command does; one that moves to and fro has a force
+    of either sign, which may be constant on one way.
+    """
+    smoothed = {
+        "displacement": (test.displacement, motion.displacement),
+        "force": (test.force, motion.smoother.smooth(test.force)),
+    }
+    found = []
+    for name, other, code, least_swings in (
+        ("displacement", "force", "displacement_still", 1),
+        ("force", "displacement", "force_still", 2),
+    ):
+        spans = _still_spans(*smoothed[name], *smoothed[other], motion, least_swings)
+        if not spans:
+            continue
+        seconds = test.dt * sum(last - first for first, last in spans)
+        begin = test.start_time + test.dt * spans[0][0]
+        message = (
+            f"the {name} stands still for {seconds:.3g} s, first from {begin:.3g} s on, while the {other} goes from "
+            f"one side to the other{' and back' if least_swings > 1 else ''}"
+        )
+        action = f"check the sensor of the {name} and its cable, or omit that part (--from, --until)"
+        found.append(
+            Finding.warning(code, message, action=action, measured=Measured(value=seconds, unit="s"))
+        )
+    return tuple(found)
+
+
+def _still_spans(
+    raw: Floats, smooth: Floats, raw_moving: Floats, moving: Floats, motion: SmoothMotion, least_swings: int
+) -> list[tuple[int, int]]:
+    """Spans of samples, first and beyond the last, in which `moving` changes sides and the other stands still."""
+    low, high = np.percentile(moving, [1.0, 99.0])
+    if high - low <= 2.0 * _STILL_NOISE * _noise(raw_moving, moving):
+        return []
+    beyond = (moving - 0.5 * (low + high)) / (high - low)
+    decided = np.flatnonzero(np.abs(beyond) > _SIDE)
+    changes = np.flatnonzero(np.diff(np.sign(beyond[decided])))
+    if not changes.size:
+        return []
+    # From the last quarter of the time on one side to the first quarter of that on the other.
+    first, last = decided[np.append(0, changes + 1)], decided[np.append(changes, -1)]
+    within = (last - first) // 4
+    swings = np.stack([(last - within)[:-1], (first + within)[1:] + 1], axis=1)
+    noise = _noise(raw, smooth) * motion.smoother.noise_gain(0)
+    stroke = float(np.ptp(smooth))
+    least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
+    padded = np.append(smooth, smooth[-1])
+    ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ranges <= least, [False]])))
+    shortest = _SHORTEST_SWING / (motion.frequency * motion.smoother.dt)
+    spans = [
+        (int(swings[begin, 0]), int(swings[end - 1, 1]))
+        for begin, end in edges.reshape(-1, 2)
+        if end - begin >= least_swings
+    ]
+    return [
+        _widened(smooth, begin, end, least)
+        for begin, end in spans
+        if end - begin >= shortest and np.ptp(smooth[begin:end]) <= 2.0 * least
+    ]
+
+
+def _widened(smooth: Floats, begin: int, end: int, least: float) -> tuple[int, int]:
+    """The span in which a channel that stands still from `begin` to `end` does so."""
+    left = np.flatnonzero(np.abs(smooth - np.median(smooth[begin:end])) > least)
+    before, after = left[left < begin], left[left >= end]
+    return int(before[-1]) + 1 if before.size else 0, int(after[0]) if after.size else smooth.size
+
+
+def _noise(raw: Floats, smooth: Floats) -> float:
+    """Standard deviation of what smoothing took away; the median passes over jumps."""
+    return _MAD_TO_DEVIATION * float(np.median(np.abs(raw - smooth)))
+
+
+# A jump exceeds the steps before and after it by this multiple of the noise of that difference, of the largest other
+# steps, and of the stroke. Half of the path of a staircase is jumps, and that is how it was driven.
+_JUMP_NOISE: Final = 10.0
+_JUMP_STEPS: Final = 2.0
+_JUMP: Final = 0.02
+_OF_THE_PATH: Final = 0.5
+_PLACES_OF_PATH: Final = 200
+
+
+def jump_finding(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
+    """Warn of a displacement that jumps within a sample between parts that move smoothly, as of a sensor that slips."""
+    displacement = test.displacement
+    steps = np.diff(displacement)
+    if steps.size < 3:
+        return ()
+    beyond = np.abs(steps[1:-1] - 0.5 * (steps[:-2] + steps[2:]))
+    noise = _MAD_TO_DEVIATION * float(np.median(beyond))
+    usual = float(np.percentile(np.abs(steps), 99.0))
+    least = max(_JUMP_NOISE * noise, _JUMP_STEPS * usual, _JUMP * float(np.ptp(displacement)))
+    # The steps beside a jump differ from theirs by half of it.
+    padded = np.pad(beyond, 1)
+    jumps = 1 + np.flatnonzero((beyond > least) & (beyond >= padded[:-2]) & (beyond > padded[2:]))
+    jumps = np.array(
+        [at for at in jumps if not any(first <= at + 1 and at < last for first, last in test.uncompared)],
+        dtype=np.intp,
+    )
+    every = max(displacement.size // _PLACES_OF_PATH, 1)
+    path = float(np.abs(np.diff(displacement[::every])).sum())
+    if jumps.size == 0 or np.abs(steps[jumps]).sum() > _OF_THE_PATH * path:
+        return ()
+    largest = int(jumps[np.argmax(np.abs(steps[jumps]))])
+    size = float(abs(steps[largest]))
+    others = f" and {jumps.size - 1} times more" if jumps.size > 1 else ""
+    message = (
+        f"the displacement jumps by {1e3 * size:.3g} mm within a sample of {1e3 * test.dt:.3g} ms, at "
+        f"{test.start_time + test.dt * largest:.4g} s{others}: that is {size / test.dt:.3g} m/s, and "
+        f"{usual / test.dt:.3g} m/s is the most elsewhere"
+    )
+    action = "check its sensor for slip and the record for a cut, and use the part before or after (--from, --until)"
+    return (
+        Finding.warning(
+            "displacement_jumps", message, action=action, measured=Measured(value=size, unit="m")
+        ),
+    )
+
+
+# A drift moves the displacement by this multiple of what its stroke would be without; beyond the other it is a ramp.
+_DRIFT: Final = 0.25
+_RAMP: Final = 20.0
+_FEWEST_CYCLES: Final = 3
+# Residual of the force without the drift, relative to that with it, below which the drift is none of the damper.
+_BETTER: Final = 0.8
+# Hysteresis and width of the force about the reversal, in peak velocities.
+_HYSTERESIS: Final = (0.0, 0.1, 0.2, 0.4)
+_WIDTHS: Final = (0.03, 0.1, 0.3)
+_MOST_SAMPLES: Final = 2000
+
+
+def drift_of_displacement(test: DamperTest, motion: SmoothMotion) -> Measured | None:
+    """Drift [m/s] of the displacement channel that the force does not have; `None` without.
+
+    The displacement, or the centre of its cycles where it has regular ones, moves on steadily. A damper that is driven
+    so reverses its force where the recorded velocity is zero; a channel that drifts has that velocity shifted by its
+    drift.
+    """
+    time = test.dt * np.arange(test.n_time)
+    drift, level = (float(each) for each in np.polyfit(time, motion.displacement, 1))
+    cycles = regular_cycles(motion.displacement - drift * time)
+    if len(cycles) >= _FEWEST_CYCLES:
+        at = np.array([time[cycle].mean() for cycle in cycles])
+        centre = np.array([motion.displacement[cycle].mean() for cycle in cycles])
+        drift, level = (float(each) for each in np.polyfit(at, centre, 1))
+    share = (
+        abs(drift)
+        * test.n_time
+        * test.dt
+        / max(np.ptp(motion.displacement - drift * time), np.finfo(float).tiny)
+    )
+    if not _DRIFT < share < _RAMP:
+        return None
+    kept = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
+    recorded, moved = motion.displacement[kept], motion.velocity[kept]
+    centred = recorded - level - drift * time[kept]
+    as_recorded = _unexplained(test.force[kept], recorded, moved, centred)
+    without = _unexplained(test.force[kept], centred, moved - drift, centred)
+    return Measured(value=drift, unit="m/s") if without < _BETTER * as_recorded else None
+
+
+def _unexplained(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
+    """Least residual of f0 + k x + c v + f tanh((v + h w x) / s) over hysteresis h and width s, with w from both."""
+    peak = float(np.percentile(np.abs(velocity), 99.0))
+    quadrature = peak * centred / float(np.percentile(np.abs(centred), 99.0))
+    linear = (np.ones_like(force), displacement, velocity)
+    return min(
+        float(np.linalg.norm(force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]))
+        for hysteresis, width in product(_HYSTERESIS, _WIDTHS)
+        for columns in [
+            np.stack((*linear, np.tanh((velocity + hysteresis * quadrature) / (width * peak))), axis=1)
+        ]
+    )
+
+
+def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Warn of a displacement channel that drifts."""
+    drift = drift_of_displacement(test, motion)
+    if drift is None:
+        return ()
+    seconds = test.n_time * test.dt
+    message = (
+        f"the displacement drifts by {1e3 * drift.value:+.3g} mm/s, {1e3 * drift.value * seconds:+.3g} mm over the "
+        "record, and the force reverses as if the damper did not"
+    )
+    action = "check the sensor, its zero and its fastening, and subtract the drift"
+    return (Finding.warning("displacement_drifts", message, action=action, measured=drift),)
+
+
+# Samples at the end that are looked for, and the least share of a record that is a copy.
+_LOOKED_FOR: Final = 50
+_COPIED: Final = 0.05
+# A simulated record without noise repeats itself in every period.
+_LONGER_THAN_PERIODIC: Final = 1.5
+
+
+def repeated_part(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Warn of a record whose end is a copy of an earlier part, to the last digit."""
+    if test.n_time < 2 * _LOOKED_FOR:
+        return ()
+    end = test.n_time - _LOOKED_FOR
+    found = test.force[:end].tobytes().rfind(test.force[end:].tobytes())
+    lag, rest = divmod(found, test.force.itemsize)
+    lag = end - lag
+    if found < 0 or rest or np.unique(test.force[end:]).size < _LOOKED_FOR // 2:
+        return ()
+    same = _equal_at_end(test.force, lag) & _equal_at_end(test.displacement, lag)
+    copied = int(np.argmin(np.append(same[::-1], False)))
+    if copied < _COPIED * test.n_time or lag * test.dt * motion.frequency < _LONGER_THAN_PERIODIC:
+        return ()
+    seconds = copied * test.dt
+    message = (
+        f"the last {seconds:.3g} s are a copy of what was recorded {lag * test.dt:.4g} s before, to the last digit, "
+        "and count twice"
+    )
+    action = "use the record up to there (--until)"
+    return (
+        Finding.warning("part_repeated", message, action=action, measured=Measured(value=seconds, unit="s")),
+    )
+
+
+def _equal_at_end(samples: Floats, lag: int) -> NDArray[np.bool_]:
+    return np.equal(samples[lag:], samples[:-lag])
