@@ -151,7 +151,7 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
 
 # A drift moves the displacement by this multiple of what its stroke would be without; beyond the other it is a ramp.
 _DRIFT: Final = 0.25
-_RAMP: Final = 20.0
+_RAMP: Final = 60.0
 _FEWEST_CYCLES: Final = 3
 # Residual of the force without the drift, relative to that with it, below which the drift is none of the damper.
 _BETTER: Final = 0.8
