@@ -66,9 +66,9 @@ def test_laws_of_accelerations_take_no_settings_and_have_noise(law: str, tmp_pat
     controller = f'\n[[controller]]\nlaw = "{law}"\n'
     noise = 'acceleration_noise = "0.05 m/s2"\n'
     quiet, noisy = ran(tmp_path, controller), ran(tmp_path, noise + controller)
-    assert quiet.runs[2, 0].finished
-    assert quiet.runs[2, 0].switching_rate.max() > 0.0
-    assert np.any(noisy.runs[2, 0].rms_drift != quiet.runs[2, 0].rms_drift)
+    assert quiet.runs[3, 0].finished
+    assert quiet.runs[3, 0].switching_rate.max() > 0.0
+    assert np.any(noisy.runs[3, 0].rms_drift != quiet.runs[3, 0].rms_drift)
     # The others read no accelerations.
     np.testing.assert_array_equal(noisy.runs[1, 0].rms_drift, quiet.runs[1, 0].rms_drift)
 

@@ -62,11 +62,11 @@ def test_respond_says_it_once_on_the_terminal_in_json_on_the_page_and_in_python(
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.count(f"warning: {SAID}") == (ended.stdout + ended.stderr).count(SAID) == 1
     assert plain((out / "report.html").read_text(encoding="utf-8")).count(SAID) == 1
-    assert [SAID in each for each in read_results(out).warnings()] == [True]
+    assert sum(SAID in each for each in read_results(out).warnings()) == 1
     ended = mrwork("respond", path, "--out", out, "--quiet", "--json")
-    assert [SAID in each for each in json.loads(ended.stdout)["warnings"]] == [True]
+    assert sum(SAID in each for each in json.loads(ended.stdout)["warnings"]) == 1
     results = mr.run_study(mr.read_study(path))
-    assert [SAID in each for each in results.warnings()] == [True]
+    assert sum(SAID in each for each in results.warnings()) == 1
     assert SAID in " ".join(repr(results).split())
 
 

@@ -24,6 +24,8 @@ from mrwork.tested_range import FittedDamper
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\
+references = "none"
+
 [building]
 published = "uts"
 

@@ -250,7 +250,6 @@ def test_what_cannot_be_designed_is_refused_with_its_line(tmp_path: Path, refuse
         "drifts = 1\ncontrol_weight = 1\nbudget_scale = 2",
         "designed = { budget = 100 }\ncontrol_weight = 1",
         "designed = { rms_drift = '4 kN', budget = 1 }\ncontrol_weight = 1",
-        WISHES,
     ):
         refused(read, tmp_path, settings)
 
@@ -418,7 +417,8 @@ def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(
     tmp_path: Path, settings: str, says: str
 ) -> None:
     found = findings(mr.run_study(read(tmp_path, settings), threads=1))
-    assert any(says in each for each in found) if says else not found
+    in_effect = [each for each in found if "in effect" in each]
+    assert any(says in each for each in in_effect) if says else not in_effect
 
 
 def test_a_law_that_sends_the_largest_command_throughout_is_passive_on_in_effect(tmp_path: Path) -> None:

@@ -274,7 +274,7 @@ def test_files_of_a_study_are_found_after_a_law_has_left_the_folder(folder: Path
     more = '[[controller]]\nlaw = "clipped_optimal"\nsettings = { state_weight = "weight.csv", control_weight = 1 }\n'
     (folder / "study.toml").write_text(SHORT_STUDY + more)
     (folder / "law.py").write_text(KEPT["chdir at import"])
-    assert len(mr.read_study("study.toml").arrangements) == 4
+    assert len(mr.read_study("study.toml").arrangements) == 5
 
 
 def test_tune_names_the_file_too(folder: Path) -> None:

@@ -95,6 +95,7 @@ def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
     assert [each.row.kind for each in study.arrangements] == [
         "uncontrolled",
         "passive_off",
+        "best_passive",
         "baseline",
         "passive",
     ]
@@ -124,7 +125,7 @@ def test_a_damper_behind_a_brace_takes_the_drift_less_the_brace(tmp_path: Path) 
 
 
 def test_an_isolated_building_is_compared_on_its_own_floors_and_storeys(tmp_path: Path) -> None:
-    isolated = study_of(STUDY, tmp_path).arrangements[2]
+    isolated = study_of(STUDY, tmp_path).arrangements[3]
     assert isolated.floors == (1, 2, 3, 4, 5)
     assert isolated.storeys == (1, 2, 3, 4, 5)
     assert isolated.strokes == (0,)
@@ -148,7 +149,7 @@ def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refuse
         ("command = 0.6", "comand = 0.6"),
         ('"isolated"', '"0.6 A"'),
         ("command = 0.6", "command = 2"),
-        ("settings = { command = 0.6 }", ""),
+        ("settings = { command = 0.6 }", "command = 0.6"),
         ("mass = 300", "mas = 300"),
         ("mass = 300", "mass = -1"),
         ('"1 ms"', '"1 ms"\ndelay = "0.3 ms"'),

@@ -138,7 +138,7 @@ def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: P
         )
         path.write_text(text)
         study = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
-        run = ran(study, tmp_path / f"journal{number}").runs[3, 1]
+        run = ran(study, tmp_path / f"journal{number}").runs[4, 1]
         scores.append((run.peak_drift.max(), run.peak_force.max()))
         # What it is told is a force, not a current.
         assert run.rms_current.size == run.mean_current.size == 0
@@ -340,7 +340,7 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
         assert set(entry["criteria"].values()) == {None}
         assert entry["step_check"]["largest"] is None
     assert document["scores"]["stiff"] is None
-    assert len(list((out / "histories").iterdir())) == 3
+    assert len(list((out / "histories").iterdir())) == 4
     for text in (
         printed("respond", path, "--out", out, "--quiet", "--resume"),
         (out / "report.html").read_text(),
@@ -356,7 +356,7 @@ def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_p
     broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
     path.write_text(broken)
     document = json.loads(printed("respond", path, "--out", tmp_path / "run", "--json"))
-    entry = document["results"][6]
+    entry = document["results"][8]
     assert (entry["controller"], entry["outcome"]) == ("Fuzzy", "failed_safe")
     assert entry["criteria"]["peak_drift"] > 0.0
     assert entry["energy_error"] < 1e-6

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import exp, log
 from typing import Any, ClassVar, Literal, Self
 
@@ -40,6 +41,10 @@ class ReferencePeaks:
     command: float
     drift: float
     acceleration: float
+
+
+# It takes a second, and a study asks for it once for each law and candidate.
+_counterpart = lru_cache(maxsize=32)(static_counterpart)
 
 
 @checked
@@ -96,9 +101,9 @@ class DesignProblem(Summarised):
                 f"this law needs the force as a function of the command, for which {device.spec.name} is replaced by a "
                 "static model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
             )
-        counterpart = static_counterpart(
+        counterpart = _counterpart(
             device.spec,
-            theta,
+            tuple(theta.tolist()),
             largest_command=device.largest_command,
             amplitude=self.amplitude,
             velocity=self.velocity,

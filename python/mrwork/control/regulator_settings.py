@@ -254,7 +254,7 @@ class ClippedSettings(RegulatorSettings):
         "desired force of a device with all its dampers at which the largest command is sent",
         unit="N",
         above=0.0,
-        span=Span(lower=0.03, upper=10.0, of=(("force", 1.0),)),
+        span=Span(lower=0.03, upper=10.0, start=1.0, of=(("force", 1.0),)),
     )
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:

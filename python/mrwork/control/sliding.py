@@ -213,7 +213,7 @@ class _SurfaceSettings(LawSettings):
         "peak acceleration of the ground motions",
         unit="m/s2",
         above=0.0,
-        span=Span(lower=0.01, upper=10.0, of=(("ground", 1.0),)),
+        span=Span(lower=0.01, upper=10.0, start=1.0, of=(("ground", 1.0),)),
     )
     largest_force: float = key(
         "largest force of each device with all its dampers",

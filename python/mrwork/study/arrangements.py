@@ -32,6 +32,7 @@ from mrwork.errors import SettingError
 from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
+from mrwork.study.named_laws import Trials, toml_value
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,
@@ -51,6 +52,7 @@ from mrwork.study.study import (
     MotionOfStudy,
     Row,
     StudyLaw,
+    TakenSettings,
     make_arrangement,
 )
 from mrwork.units import number_in
@@ -174,11 +176,28 @@ def laws_text() -> str:
     return "\n\n".join(blocks)
 
 
+def refuse_loose_settings(document: Mapping[str, Any], place: Place) -> None:
+    """Refuse settings of a law that stand beside its name instead of in [controller.settings]."""
+    tables = document.get("controller")
+    own = {entry.name for entry in keys_of(ControllerTable)}
+    for number, table in enumerate(tables if isinstance(tables, list) else []):
+        law = table.get("law") if isinstance(table, dict) else None
+        if not isinstance(law, str) or law not in SETTINGS:
+            continue
+        for name in [entry.name for entry in keys_of(SETTINGS[law])]:
+            if name in table and name not in own:
+                place.within("controller", number, name).refuse(
+                    f"{name} is a setting of the law; it stands in [controller.settings], or below the law as "
+                    f"settings = {{ {name} = {toml_value(table[name])} }}"
+                )
+
+
 def arrangements(
     table: StudyTable,
     bare: Building,
     problem: DesignProblem,
     folder: Path,
+    hardware: Hardware,
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law."""
     building, devices = problem.building, tuple(problem.devices)
@@ -193,14 +212,15 @@ def arrangements(
             make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
         )
     arrangements_of_study += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
+    trials = Trials(bare=bare, problem=problem, hardware=hardware)
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         if not controllable:
             _refuse_command(controller)
         limited = _limit_command(controller, problem)
-        title, law = _choose_law(controller, limited, folder)
-        law = _shape_command(controller, law)
+        chosen = _choose_law(controller, limited, folder, trials)
+        title, law = chosen.title, _shape_command(controller, chosen.law)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -214,7 +234,18 @@ def arrangements(
         user = controller.user
         description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
         row = Row(label=controller.label or title, kind=_kind(law), description=description)
-        arrangements_of_study.append(make_arrangement(bare, row, building, tuple(limited.devices), law))
+        made = make_arrangement(bare, row, building, tuple(limited.devices), law)
+        arrangements_of_study.append(replace(made, taken=chosen.taken))
+    known = [each.row for each in arrangements_of_study]
+    if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
+        label = (
+            OPTIMAL_PASSIVE
+            if all(each.label != OPTIMAL_PASSIVE for each in known)
+            else "Best constant command"
+        )
+        row = Row(label=label, kind="best_passive", description="best_passive, added")
+        made = make_arrangement(bare, row, building, devices, None)
+        arrangements_of_study.insert(2, replace(made, added=True))
     return tuple(arrangements_of_study)
 
 
@@ -269,6 +300,10 @@ def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLa
             f"{given[0]} is for a law of the registry; a law in Python shapes its own command, and the best constant "
             "command has none to shape"
         )
+    return _shaped(controller, law)
+
+
+def _shaped(controller: ControllerTable, law: ControlLaw) -> ControlLaw:
     return replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
 
 
@@ -320,19 +355,26 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
     return make_arrangement(bare, row, changed, (), constant_command((), 0.0))
 
 
-def _choose_law(
-    table: ControllerTable, problem: DesignProblem, folder: Path = Path()
-) -> tuple[str, StudyLaw | None]:
-    """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Chosen:
+    """Title and law of a table, and settings that it leaves out.
 
-    Names of files with matrices or laws are relative to `folder`.
+    The law is `None` for the best constant command, which is found when the study runs.
     """
+
+    title: str
+    law: StudyLaw | None
+    taken: TakenSettings | None = None
+
+
+def _choose_law(table: ControllerTable, problem: DesignProblem, folder: Path, trials: Trials) -> _Chosen:
+    """The law of a table; names of files with matrices or laws are relative to `folder`."""
     place = table.place
     if table.user is not None:
         for name in ("law", "settings", "gain"):
             if getattr(table, name):
                 place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
-        return table.user.function, _load_law(table.user, folder)
+        return _Chosen(title=table.user.function, law=_load_law(table.user, folder))
     if not table.law:
         place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
     constant = CONSTANT_LAWS.get(table.law)
@@ -342,9 +384,11 @@ def _choose_law(
         if table.gain is not None:
             place.within("gain").refuse(f"{table.law} has no gain; leave it out")
         largest = min(device.largest_command for device in problem.devices)
-        if constant.share is None:
-            return constant.title, None
-        return constant.title, constant_command(problem.devices, constant.share * largest)
+        share = constant.share
+        return _Chosen(
+            title=constant.title,
+            law=None if share is None else constant_command(problem.devices, share * largest),
+        )
     specs = {spec.name: spec for spec in control_laws()}
     if table.law not in specs:
         known = [*specs, *CONSTANT_LAWS]
@@ -357,9 +401,14 @@ def _choose_law(
         given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
         where = place if table.settings is None else where
     given = _with_matrices(kind, given, where, folder)
+    values = given_values(kind, given, where)
     with where.prefix_errors(SettingError):
-        settings: LawSettings = read_table(kind, given, where)
-        return specs[table.law].title, design_law(table.law, problem, settings)
+        problem, beside = trials.expect_motion(problem) if specs[table.law].needs_curve else (problem, "")
+        taken = trials.take(table.law, values, problem, lambda law: _shaped(table, law), beside=beside)
+        settings: LawSettings = read_table(kind, given | (taken.as_read if taken else {}), where)
+        return _Chosen(
+            title=specs[table.law].title, law=design_law(table.law, problem, settings), taken=taken
+        )
 
 
 def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:

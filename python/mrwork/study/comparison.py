@@ -17,6 +17,7 @@ from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
+from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind, uses_in_words
 from mrwork.summary import Summarised, Summary
@@ -114,8 +115,8 @@ RANKS = (
 """Ranks in the order of tables; every kind of row belongs to one."""
 
 ADD_BEST_PASSIVE = (
-    "The study has no best constant command, and against i = 0 alone most laws look good: add a [[controller]] with "
-    'law = "best_passive".'
+    "Against i = 0 alone most laws look good: the best constant command is missing beside them, leave out "
+    'references = "none".'
 )
 """Advice for a study whose passive dampers do not include the best one."""
 
@@ -276,8 +277,16 @@ _CONSTANT = 0.01
 
 
 def findings(results: StudyResults) -> tuple[str, ...]:
-    """Sentences on laws that send a constant command throughout, and on scores that the motions do not tell apart."""
-    return (*_constant_in_effect(results), *_ties(compared(results)))
+    """Sentences on the best constant command, on the force of the dampers, on laws that send a constant command.
+
+    And on scores that the motions do not tell apart.
+    """
+    return (
+        *results.choices,
+        *shares_in_words(results),
+        *_constant_in_effect(results),
+        *_ties(compared(results)),
+    )
 
 
 def _constant_in_effect(results: StudyResults) -> Iterator[str]:

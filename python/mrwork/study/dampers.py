@@ -266,10 +266,11 @@ def equip_building(
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
+        same = [bare.storey_name(each.storey) for each in tables[: len(devices)]].count(where)
         with table.place.prefix_errors(SettingError):
             devices.append(
                 Device(
-                    name=f"damper in {where}",
+                    name=f"damper in {where}, {same + 1}" if same else f"damper in {where}",
                     spec=one.spec,
                     theta=one.theta,
                     row=whole,

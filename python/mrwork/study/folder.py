@@ -510,7 +510,11 @@ def study_document(results: StudyResults) -> dict[str, Any]:
 
 
 def design_document(study: Study) -> dict[str, Any]:
-    """Designs of weights and the linear loops of laws as a JSON object; empty where the study has neither."""
+    """Settings that laws lacked, designs of weights and linear loops as a JSON object; empty where there are none."""
+    taken = [
+        {"controller": label, "notes": each.in_words, "settings": dict(each.settings)}
+        for label, each in study.taken_settings
+    ]
     weights = [
         {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
         for labels, each in study.designs
@@ -524,7 +528,7 @@ def design_document(study: Study) -> dict[str, Any]:
         for each in study.arrangements
         if isinstance(each.law, ControlLaw) and (each.law.notes or each.law.shaping_notes)
     ]
-    found: dict[str, Any] = finite({"weights": weights, "loops": loops})
+    found: dict[str, Any] = finite({"settings": taken, "weights": weights, "loops": loops})
     return {name: value for name, value in found.items() if value}
 
 

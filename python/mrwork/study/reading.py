@@ -44,6 +44,7 @@ from mrwork.study.arrangements import (
     arrangements,
     clairvoyant_row,
     problem_of,
+    refuse_loose_settings,
     resolve_settings,
     running_in_words,
 )
@@ -307,6 +308,7 @@ def read_study(
     file = _read(path)
     document, lines = parse(file.text, str(path))
     place = Place(origin=str(path), lines=lines)
+    refuse_loose_settings(document, place)
     table = read_table(StudyTable, document, place)
     folder = path.parent / table.folder
     for each in table.controller:
@@ -337,7 +339,7 @@ def read_study(
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
 
     problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
-    compared = arrangements(table, bare, problem, folder)
+    compared = arrangements(table, bare, problem, folder, hardware)
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
         for arrangement in compared:
@@ -369,6 +371,7 @@ def read_study(
         chosen_on=chosen_on,
         hardware=hardware,
         devices=devices,
+        device_storeys=tuple(bare.storey_names.index(bare.storey_name(each.storey)) for each in table.damper),
         command_unit="A" if first is None else first.unit,
         facts=_facts(bare, devices, chosen, hardware),
         detailed=detailed,

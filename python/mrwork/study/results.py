@@ -21,6 +21,7 @@ from mrwork.labelled import tree_of
 from mrwork.numbers import counted, format_rounded
 from mrwork.plotted import plots_of
 from mrwork.store.codec import OrInfinite, OrNan
+from mrwork.study.damper_size import DevicePlace, size_warnings
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
@@ -314,7 +315,8 @@ class StudyResults(StudyCriteria):
     `quantities` are those of every run over row, motion and realisation, of which the first is the nominal one and the
     second, if the step is checked, the one with half the step; `runs` and `halved` are these runs by (row, motion).
     `facts` are further lines of the page on building, dampers and loop. `devices` are the dampers, with their tested
-    ranges; `clairvoyants` the non-causal optima by the index of their motion.
+    ranges, `device_places` where they stand; `choices` are
+    sentences on constant commands that were chosen; `clairvoyants` the non-causal optima by the index of their motion.
     """
 
     quantities: LabelledRuns
@@ -322,6 +324,8 @@ class StudyResults(StudyCriteria):
     halved: Mapping[Key, RunResult] | None = field(init=False, repr=False, compare=False)
     facts: tuple[tuple[str, str], ...] = ()
     devices: tuple[Device, ...] = ()
+    device_places: tuple[DevicePlace, ...] = ()
+    choices: tuple[str, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -354,13 +358,12 @@ class StudyResults(StudyCriteria):
 
     @property
     def damper_warnings(self) -> tuple[str, ...]:
-        """Sentences on demand outside the tested ranges of the dampers, and on laws out of their admissible range."""
-        return damper_warnings(
-            {
-                (self.rows[row].label, self.motions[motion].name): self.demands(row, motion)
-                for row, motion in self.runs
-            }
-        )
+        """Sentences on demand outside the tested ranges of the dampers, on laws out of their range, and on size."""
+        demands = {
+            (self.rows[row].label, self.motions[motion].name): self.demands(row, motion)
+            for row, motion in self.runs
+        }
+        return (*damper_warnings(demands), *size_warnings(self))
 
     @property
     def checked(self) -> frozenset[Key] | None:

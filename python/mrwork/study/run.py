@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -32,10 +33,11 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.numbers import duration_in_words
-from mrwork.store.codec import digest_of
+from mrwork.numbers import counted, duration_in_words
+from mrwork.store.codec import OrNan, digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
+from mrwork.study.damper_size import DevicePlace
 from mrwork.study.labelled import (
     HALF_STEP,
     NOMINAL,
@@ -57,6 +59,7 @@ from mrwork.study.run_result import (
     read_recorded,
     results_of,
 )
+from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import (
     Arrangement,
     Realisations,
@@ -102,10 +105,28 @@ class StudyProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BestConstant:
-    """The constant command with the lowest score."""
+    """The constant command with the lowest score, among those from i = 0 to the largest, and what the choice took.
+
+    Journals that are older have neither the scores of these commands, nor the number of runs. Without any score the
+    command is 0.
+    """
 
     command: float
-    score: float
+    score: OrNan
+    scores: tuple[OrNan, ...] = ()
+    runs: int = 0
+
+    def in_words(self, label: str, largest: float, unit: str) -> str:
+        """The choice in a sentence, with the ends of the scan; empty where its scores are not known."""
+        if not self.scores:
+            return ""
+        cost = f"{counted(self.runs, 'run')} in one batch"
+        if math.isnan(self.score):
+            return f"{label} is at i = 0: none of {len(self.scores)} constant commands has a score ({cost})."
+        return (
+            f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from {PASSIVE_OFF}, "
+            f"0 {unit}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {largest:.3g} {unit}, {self.scores[-1]:.3f} ({cost})."
+        )
 
 
 @checked
@@ -153,6 +174,7 @@ def run_study(
     runs: dict[Place, RunResult] = {}
     clairvoyants: dict[int, Clairvoyant] = {}
     realised: dict[int, LabelledRuns] = {}
+    choices: list[str] = []
     played = PlayedCommands(study=study, threads=threads)
     bare, building_warnings = study.building, study.building_warnings
 
@@ -182,6 +204,8 @@ def run_study(
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             device_names=study.device_names,
             devices=study.devices,
+            device_places=tuple(DevicePlace.of(bare, storey) for storey in study.device_storeys),
+            choices=tuple(choices),
             command_unit=study.command_unit,
             facts=study.facts,
             clairvoyants=dict(clairvoyants),
@@ -197,7 +221,8 @@ def run_study(
             report(arrangement.row.label)
             known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
-                arrangements[row], known = _choose_best_constant(study, arrangement, journal, threads)
+                arrangements[row], known, choice = _choose_best_constant(study, arrangement, journal, threads)
+                choices += [choice] if choice else []
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
                 study, arrangements[row], journal, threads, fresh=fresh, known=known
@@ -350,12 +375,20 @@ def _simulate(
 
 def _choose_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
-) -> tuple[Arrangement, Mapping[int, RunResult]]:
-    """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
+) -> tuple[Arrangement, Mapping[int, RunResult], str]:
+    """The arrangement with the constant command of the lowest score, its known runs unless it is recalled, and words.
+
+    Where the study adds it by itself and no command has a score, the command is 0.
+    """
     known: dict[int, RunResult] = {}
 
     def search() -> BestConstant:
-        best, runs, _ = _best_level(arrangement, study.chosen_on, study.hardware, threads)
+        try:
+            best, runs, _ = _best_level(arrangement, study.chosen_on, study.hardware, threads)
+        except SimulationError:
+            if not arrangement.added:
+                raise
+            return BestConstant(command=0.0, score=math.nan, scores=(math.nan,) * LEVELS)
         if not _knows_least_strokes(arrangement):
             known.update(
                 (motion, run)
@@ -381,7 +414,8 @@ def _choose_best_constant(
         row=replace(arrangement.row, label=label),
         law=constant_command(arrangement.devices, best.command),
     )
-    return with_command, known
+    largest = float(_levels(arrangement)[-1])
+    return with_command, known, best.in_words(label, largest, study.command_unit)
 
 
 def _levels(arrangement: Arrangement) -> Floats:
@@ -410,7 +444,13 @@ def _best_level(
             "did not finish or has no response; check the dampers and the step, or leave best_passive out"
         )
     best = int(np.nanargmin(scores))
-    return BestConstant(command=float(commands[best]), score=scores[best]), levels[best], criteria[best]
+    found = BestConstant(
+        command=float(commands[best]),
+        score=scores[best],
+        scores=tuple(scores),
+        runs=len(runs),
+    )
+    return found, levels[best], criteria[best]
 
 
 def reference_peaks_of(

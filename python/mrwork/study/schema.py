@@ -24,6 +24,7 @@ from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.units import DriverUnit
 
 Risk = Literal["mean", "max", "cvar"]
+References = Literal["best_passive", "none"]
 Baseline = Literal["passive_off", "best_passive"]
 # A factor must stay positive.
 _WIDEST = 0.999
@@ -240,10 +241,12 @@ class LawFileTable:
 class ControllerTable:
     """A control law; `mrwork respond --laws` lists them with their settings.
 
-    The building without dampers and i = 0 are always simulated. Further laws are `passive_off`, `passive_on`, and
-    `best_passive`, the constant command with the lowest score. A weight may be a number, an array with one number for
-    each floor, storey or state, or a symmetric matrix: rows of numbers, or the name of a .csv, .tsv or .txt file with
-    them, relative to the study file. Forces, weights and slopes are those of all dampers of a [[damper]] together.
+    The building without dampers and i = 0 are always simulated, and so is `best_passive`, the constant command with the
+    lowest score, unless `references` is none. Further laws are `passive_off` and `passive_on`. Settings that a law
+    needs and that are not given are taken from the response of the dampers, which the results tell. A weight may be a
+    number, an array with one number for each floor, storey or state, or a symmetric matrix: rows of numbers, or the
+    name of a .csv, .tsv or .txt file with them, relative to the study file. Forces, weights and slopes are those of all
+    dampers of a [[damper]] together.
     """
 
     law: str = key("name of the law; required without user", default="")
@@ -421,6 +424,11 @@ class StudyTable:
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
+    references: References = key(
+        "what laws are compared with besides i = 0: the best constant command of the dampers, added where the study "
+        "does not list it, or none",
+        default="best_passive",
+    )
     hardware: Hardware = key("the loop around the law", default=Hardware())
     report: ReportTable = key("figures on the page", default=ReportTable())
     uncertainty: UncertaintyTable | None = key("what is not known exactly", default=None)

@@ -5,10 +5,10 @@ What is not known exactly has realisations: damper parameters, stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -141,8 +141,35 @@ class ClairvoyantRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TakenSettings:
+    """Settings that a law lacked in the study file: values by name, how they came, and the line for another choice."""
+
+    settings: Mapping[str, Any]
+    origin: tuple[str, ...]
+    remedy: str
+
+    @property
+    def as_read(self) -> dict[str, Any]:
+        """The values as a file is read."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value for name, value in self.settings.items()
+        }
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """How they came, and what to type for another choice."""
+        found = f"Not given, and taken: {'; '.join(self.origin)}."
+        if not self.remedy:
+            return (found,)
+        return found, f"For others give them in its [controller.settings], or below its law: `{self.remedy}`"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Arrangement:
     """A building with devices under one law; without a law, it gets the best constant command.
+
+    `taken` are settings that the study file leaves out; `added` says that it has no such row, so that a journal of the
+    same file without it can be continued.
 
     `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
     a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
@@ -155,6 +182,8 @@ class Arrangement:
     floors: tuple[int, ...]
     storeys: tuple[int, ...]
     strokes: tuple[int, ...]
+    taken: TakenSettings | None = None
+    added: bool = False
 
     def __post_init__(self) -> None:
         if self.law is not None and self.devices:
@@ -201,10 +230,10 @@ class Study(Summarised):
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
-    motions whose histories are kept. The page shows time histories of the motion `detailed`; what else it
-    shows is in `report`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be
-    tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is searched for
-    under every motion.
+    motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
+    histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
+    for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
+    `clairvoyant`, the non-causal optimum is searched for under every motion.
     """
 
     _made_by: ClassVar[str] = "mr.read_study(path)"
@@ -217,6 +246,7 @@ class Study(Summarised):
     chosen_on: tuple[GroundMotion, ...]
     hardware: Hardware
     devices: tuple[Device, ...]
+    device_storeys: tuple[int, ...]
     command_unit: str
     facts: tuple[tuple[str, str], ...]
     detailed: int
@@ -296,13 +326,19 @@ class Study(Summarised):
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Headings and sentences: of each design of weights once, then of each law on its own gain."""
+        """Headings and sentences: of settings that were taken, of each design of weights, of each law on its gain."""
+        taken = ((f"Settings of {label}", each.in_words) for label, each in self.taken_settings)
         designs = (
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
         )
         loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self._laws)
-        return (*designs, *((heading, notes) for heading, notes in loops if notes))
+        return (*taken, *designs, *((heading, notes) for heading, notes in loops if notes))
+
+    @property
+    def taken_settings(self) -> tuple[tuple[str, TakenSettings], ...]:
+        """Settings that the study file leaves out, by the label of their row."""
+        return tuple((each.row.label, each.taken) for each in self.arrangements if each.taken is not None)
 
     @property
     def _laws(self) -> Iterator[tuple[str, ControlLaw]]:
@@ -351,6 +387,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "arrangement": [
             {"label": recorded_label(each.row.label), "kind": each.row.kind, "content": digest_of_run(each)}
             for each in study.arrangements
+            if not each.added
         ],
         "motion": [
             {"name": motion.name, "use": motion.use, "content": _digest_of_motion(motion.ground)}

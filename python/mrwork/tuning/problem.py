@@ -20,6 +20,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.labelled import LabelledRuns, candidate_axes, criteria_of_runs, recall_or_compute_runs
+from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.results import RealisationBand
 from mrwork.study.run import runs_of, simulate_criteria
 from mrwork.study.run_result import DeviceDemand, demands_of
@@ -288,40 +289,12 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     largest = min(device.largest_command for device in study.devices)
     on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
     bench.clock.candidates -= 1
-    first = 2.0 * math.pi * float(study.building.frequencies[0])
-
-    def off(name: str) -> float:
-        return _middle(bench.passive.numbers[name][0, :, 0])
-
-    displacement = off("peak_displacement")
-    velocity = first * displacement
     constant = None
     if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         constant = bench.problem.reference_peaks()
-    return Magnitudes(
-        constant_drift=0.0 if constant is None else constant.drift,
-        constant_acceleration=0.0 if constant is None else constant.acceleration,
-        drift=off("peak_drift"),
-        displacement=displacement,
-        velocity=velocity,
-        acceleration=off("peak_acceleration"),
-        energy=study.building.total_mass * velocity**2,
-        force=_middle(on.peak_force[0, :, 0]),
-        stroke=off("peak_stroke"),
-        rate=first * off("peak_stroke"),
-        ground=_middle(np.array([motion.peak for motion in bench.motions])),
-        command=largest,
+    return magnitudes_of_runs(
+        study.building, bench.motions, bench.passive, on, command=largest, constant=constant
     )
-
-
-def _middle(values: Floats) -> float:
-    finite = values[np.isfinite(values) & (values > 0.0)]
-    if not finite.size:
-        raise SettingError(
-            "the dampers at i = 0 or at the largest command have no finite response under the training motions; "
-            "check the study with mrwork respond"
-        )
-    return float(np.median(finite))
 
 
 def describe(candidate: LawCandidate) -> Mapping[str, object]:

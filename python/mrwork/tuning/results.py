@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -34,6 +33,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_kind,
 )
+from mrwork.study.named_laws import toml_value
 from mrwork.study.results import RealisationBand
 from mrwork.study.schema import present_label
 from mrwork.study.study import StudyFile
@@ -583,18 +583,16 @@ def tuning_document(results: TuningResults) -> dict[str, Any]:
 
 
 def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
-    """The study file with the chosen settings of each law, and the best constant command, as further controllers.
+    """The study file with the chosen settings of each law as further controllers.
 
     The text of the study stays; names of files in it are relative to its own folder.
     """
     text = study_file.text
     blocks = [_controller(each) for each in results.laws]
-    if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
-        blocks.append('[[controller]]\nlaw = "best_passive"\n')
     folder = study_file.path.parent / toml_table(text).get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
-        f"folder = {_text(str(folder))} # of the files that the study names\n\n"
+        f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"
     )
     return head + _without_folder(text).rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
 
@@ -612,29 +610,12 @@ def _controller(law: LawResult) -> str:
         of_command.pop(LARGEST, None)
     lines = [
         "[[controller]]",
-        f"law = {_text(law.law)}",
-        f"label = {_text(law.label)}",
-        *([f"settings = {_toml(settings)}"] if settings else []),
-        *(f"{name} = {_toml(value)}" for name, value in of_command.items()),
+        f"law = {toml_value(law.law)}",
+        f"label = {toml_value(law.label)}",
+        *([f"settings = {toml_value(settings)}"] if settings else []),
+        *(f"{name} = {toml_value(value)}" for name, value in of_command.items()),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {_toml(each)}" for name, each in value.items()) + " }"
-    if isinstance(value, Sequence):
-        return "[" + ", ".join(_toml(each) for each in value) + "]"
-    return repr(value)
-
-
-def _text(value: str) -> str:
-    # The escapes of JSON are those of TOML.
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _scores_csv(results: TuningResults) -> str:

@@ -1,0 +1,313 @@
+"""Settings that a law of a study leaves out: taken from the response of the dampers, or the best of a few by score.
+
+Without weights a regulator weighs all drifts alike, and R is scanned. On test motions that scored 0.795 on average over
+eleven studies of 1 to 20 storeys, and convex weights as they are designed for the force of the dampers 0.845, which
+were better in one, of 20 storeys.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mrwork.buildings import Building
+from mrwork.closed_loop.evaluation import SCORE, ratio
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.responses import in_command_unit
+from mrwork.control.counterpart import is_curve
+from mrwork.control.design_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
+from mrwork.control.law_design import SETTINGS, design_candidates, settings_of
+from mrwork.control.laws import ControlLaw, control_law
+from mrwork.errors import SettingError
+from mrwork.keys import is_required, keys_of
+from mrwork.motions import GroundMotion
+from mrwork.numbers import counted
+from mrwork.study.labelled import LabelledRuns
+from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
+from mrwork.summary import list_names
+from mrwork.values import Floats
+
+_WEIGHT = "control_weight"
+# Values of a setting that is scanned, over the range in which a search would look for it.
+_STEPS, _LEVELS = 13, 21
+# What a study file states of a setting.
+_DIGITS = 4
+# Smallest over largest of the motion that a static model of the damper is fitted to.
+_SMALLEST = 0.1
+
+_MAGNITUDES: Mapping[Magnitude, str] = {
+    "force": "the peak force of the dampers at the largest command",
+    "stroke": "the peak stroke at i = 0",
+    "rate": "the peak stroke at i = 0 times the first natural frequency",
+    "ground": "the peak of the ground motions",
+}
+
+
+def magnitudes_of_runs(
+    building: Building,
+    motions: Sequence[GroundMotion],
+    off: LabelledRuns,
+    on: LabelledRuns,
+    *,
+    command: float,
+    constant: ReferencePeaks | None,
+) -> Magnitudes:
+    """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
+    first = 2.0 * math.pi * float(building.frequencies[0])
+
+    def at_zero(name: str) -> float:
+        return _middle(off.numbers[name][0, :, 0])
+
+    displacement, stroke = at_zero("peak_displacement"), at_zero("peak_stroke")
+    velocity = first * displacement
+    return Magnitudes(
+        constant_drift=0.0 if constant is None else constant.drift,
+        constant_acceleration=0.0 if constant is None else constant.acceleration,
+        drift=at_zero("peak_drift"),
+        displacement=displacement,
+        velocity=velocity,
+        acceleration=at_zero("peak_acceleration"),
+        energy=building.total_mass * velocity**2,
+        force=_middle(on.peak_force[0, :, 0]),
+        stroke=stroke,
+        rate=first * stroke,
+        ground=_middle(np.array([motion.peak for motion in motions])),
+        command=command,
+    )
+
+
+def _middle(values: Floats) -> float:
+    finite = values[np.isfinite(values) & (values > 0.0)]
+    if not finite.size:
+        raise SettingError(
+            "the dampers at i = 0 or at the largest command have no finite response under the training motions; "
+            "check the study with mrwork respond"
+        )
+    return float(np.median(finite))
+
+
+def toml_value(value: Any) -> str:
+    """A value of a setting as a study file states it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # The escapes of JSON are those of TOML.
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {toml_value(each)}" for name, each in value.items()) + " }"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(toml_value(each) for each in value) + "]"
+    return repr(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Response:
+    """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
+
+    off: LabelledRuns
+    on: LabelledRuns
+    magnitudes: Magnitudes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
+
+    Nothing is simulated before a law asks.
+    """
+
+    bare: Building
+    problem: DesignProblem
+    hardware: Hardware
+    _known: list[_Response] = field(default_factory=list, init=False, repr=False, compare=False)
+    _shaken: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    def expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
+        """The problem with the expected motion of its dampers, and a sentence where it was taken from the response."""
+        if is_curve(problem.devices[0].spec) or (
+            problem.amplitude is not None and problem.velocity is not None
+        ):
+            return problem, ""
+        if not self._shaken:
+            found = self._response().magnitudes
+            amplitude, velocity = (
+                (_round(_SMALLEST * each), _round(each)) for each in (found.stroke, found.rate)
+            )
+            whole = problem.whole
+            self._shaken.append(
+                replace(whole, amplitude=whole.amplitude or amplitude, velocity=whole.velocity or velocity)
+            )
+        (shaken,) = self._shaken
+        says = (
+            f"amplitude = {toml_value(shaken.amplitude)} and velocity = {toml_value(shaken.velocity)} of the "
+            "[[damper]] for its static model, up to the peak stroke at i = 0"
+        )
+        if problem is problem.whole:
+            return shaken, says
+        return shaken.limited_to(min(device.largest_command for device in problem.devices)), says
+
+    def take(
+        self,
+        law: str,
+        given: Mapping[str, Any],
+        problem: DesignProblem,
+        shape: Callable[[ControlLaw], ControlLaw],
+        *,
+        beside: str = "",
+    ) -> TakenSettings | None:
+        """The settings that a law lacks, beside those `given` in SI; `None` if it lacks none.
+
+        `shape` gives a law its dead zone and slope, `beside` says what else was taken for it.
+        """
+        kind = SETTINGS[law]
+        missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in given]
+        if kind.is_regulator and not {_WEIGHT, "gain"} & given.keys():
+            missing += [entry for entry in keys_of(kind) if entry.name == _WEIGHT]
+        if not missing:
+            return None if not beside else TakenSettings(settings={}, origin=(beside,), remedy="")
+        taken, says = self._weights(kind, given, [entry.name for entry in missing])
+        weights = {name: each for name, each in {**given, **taken}.items() if name in kind.weight_names()}
+        response = self._response()
+        magnitudes = replace(response.magnitudes, cost=kind.cost(weights, response.magnitudes))
+        scanned: dict[str, Floats] = {}
+        for entry in missing:
+            span = entry.metadata["span"]
+            if entry.name in taken:
+                continue
+            if span.entries:
+                taken[entry.name] = span.entries
+                says.append(f"{entry.name} that is about the clipped-optimal law")
+            elif span.start is not None:
+                taken[entry.name] = _round(span.start * span.unit(magnitudes))
+                says.append(f"{entry.name}, {_MAGNITUDES[span.of[0][0]]}")
+            else:
+                lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
+                steps = (
+                    np.linspace(lower, upper, _LEVELS)
+                    if span.scale == "linear"
+                    else np.geomspace(lower, upper, _STEPS)
+                )
+                scanned[entry.name] = np.array([_round(each) for each in steps])
+        if scanned:
+            chosen, sentence = self._scan(law, {**given, **taken}, scanned, problem, shape)
+            taken |= chosen
+            says.append(sentence)
+        return TakenSettings(
+            settings=taken,
+            origin=tuple([*says, beside] if beside else says),
+            remedy=f"settings = {toml_value({**_plain(given), **taken})}",
+        )
+
+    def _weights(
+        self, kind: type[LawSettings], given: Mapping[str, Any], missing: Sequence[str]
+    ) -> tuple[dict[str, Any], list[str]]:
+        """The weights of a regulator without R, and words on them."""
+        if _WEIGHT not in missing:
+            return {}, []
+        if "designed" in given:
+            return {_WEIGHT: 1.0}, ["control_weight, R as designed"]
+        if kind.weight_names() & given.keys():
+            return {}, []
+        return dict(kind.weighed_by_default), ["equal weights of all drifts"]
+
+    def _scan(
+        self,
+        law: str,
+        held: Mapping[str, Any],
+        scanned: Mapping[str, Floats],
+        problem: DesignProblem,
+        shape: Callable[[ControlLaw], ControlLaw],
+    ) -> tuple[dict[str, float], str]:
+        """The values of the lowest score, all scanned settings from the one end to the other together."""
+        count = len(next(iter(scanned.values())))
+        many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
+        designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
+        response, scores = self._response(), np.full(count, math.inf)
+        # What no candidate can be designed for, the design of the chosen one refuses.
+        if designed.law is not None:
+            runs = self._run(problem, shape(designed.law))
+            found = [ratio(runs.numbers[name], response.off.numbers[name])[:, :, 0] for name in SCORE]
+            of_runs = np.mean(found, axis=(0, 2))
+            if control_law(law).commands_force:
+                within = (runs.peak_force <= response.on.peak_force)[:, :, 0].all(axis=1)
+                of_runs = np.where(within, of_runs, math.inf)
+            scores[list(designed.designed)] = np.where(np.isnan(of_runs), math.inf, of_runs)
+        best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
+        current = problem.devices[0].spec.current
+        units = {
+            entry.name: in_command_unit(entry.metadata["unit"], "A" if current is None else current.unit)
+            for entry in keys_of(SETTINGS[law])
+        }
+        ranges = list_names(
+            [
+                f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}".rstrip()
+                for name, each in scanned.items()
+            ]
+        )
+        if not np.isfinite(scores).any():
+            return many[best], f"{ranges}, the middle, since none of {count} values has a score"
+        number = len(problem.motions)
+        on = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
+        limit = ""
+        if control_law(law).commands_force:
+            limit = " with no more force than the dampers at the largest command"
+        return many[best], (
+            f"{ranges}, the best of {count} values{limit} (score {scores[best]:.3f} on "
+            f"{on if problem.judged else counted(number, 'training motion')})"
+        )
+
+    def _response(self) -> _Response:
+        if not self._known:
+            problem = self.problem.whole
+            command = min(device.largest_command for device in problem.devices)
+            off, on = (
+                self._run(
+                    problem,
+                    ControlLaw(name="passive", gains={"command": np.full(len(problem.devices), level)}),
+                )
+                for level in (0.0, command)
+            )
+            magnitudes = magnitudes_of_runs(
+                problem.building, problem.motions, off, on, command=command, constant=None
+            )
+            self._known.append(_Response(off=off, on=on, magnitudes=magnitudes))
+        return self._known[0]
+
+    def _run(self, problem: DesignProblem, law: ControlLaw) -> LabelledRuns:
+        # The simulation of studies is slow to load.
+        from mrwork.study.run import simulate_criteria
+
+        devices = tuple(problem.devices)
+        return simulate_criteria(
+            make_arrangement(
+                self.bare, Row(label=law.name, kind="controller"), problem.building, devices, None
+            ),
+            law,
+            problem.motions,
+            self.hardware,
+            nominal(devices),
+            bare=self.bare,
+        )
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _plain(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as a study file states them; a table without what is at its default."""
+    return {
+        name: {
+            entry.name: own
+            for entry in keys_of(type(value))
+            if (own := getattr(value, entry.name)) != entry.default
+        }
+        if hasattr(value, "__dataclass_fields__")
+        else value
+        for name, value in given.items()
+    }

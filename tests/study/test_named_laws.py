@@ -1,0 +1,240 @@
+"""A law named alone runs, the best constant command is beside it, and the size of the dampers is told."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.control import control_laws
+from mrwork.control.law_design import SETTINGS
+from mrwork.keys import is_required, keys_of
+from mrwork.store.journal import Journal
+from mrwork.study import StudyResults
+from mrwork.study.comparison import compared, findings
+from mrwork.study.study import Study, fingerprint_of
+
+FRAME = """\
+[building]
+n_storeys = {storeys}
+masses = [300e3]
+stiffnesses = [3e8]
+modal_damping = {{ ratios = [0.03] }}
+
+[[damper]]
+storey = 1
+{damper}
+count = {count}
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 3
+pga = "0.3 g"
+"""
+PLAIN = 'preset = "kwok2006"'
+
+
+def read(folder: Path, more: str = "", *, top: str = "", **changes: object) -> Study:
+    path = folder / "study.toml"
+    path.write_text(top + FRAME.format(**{"storeys": 2, "damper": PLAIN, "count": 300, **changes}) + more)
+    return mr.read_study(path)
+
+
+def named(law: str, settings: str = "") -> str:
+    return f'\n[[controller]]\nlaw = "{law}"\n{settings}'
+
+
+def ran(folder: Path, more: str = "", **changes: object) -> StudyResults:
+    return mr.run_study(read(folder, more, **changes), threads=1)
+
+
+@pytest.mark.parametrize("law", [spec.name for spec in control_laws()])
+def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_path: Path) -> None:
+    study = read(tmp_path, named(law))
+    lacking = [entry.name for entry in keys_of(SETTINGS[law]) if is_required(entry)]
+    lacking += ["control_weight"] if SETTINGS[law].is_regulator else []
+    (taken,) = [each for _, each in study.taken_settings] or [None]
+    assert (taken is not None) == bool(lacking)
+    if taken is not None:
+        assert set(lacking) <= taken.settings.keys()
+        notes = dict(study.design_notes)[f"Settings of {study.arrangements[-1].row.label}"]
+        assert "[controller.settings]" in notes[1]
+        # The line to type gives the same law, and nothing is left to be taken.
+        again = read(tmp_path, named(law, notes[1].split("`")[1] + "\n"))
+        assert again.taken_settings == ()
+        assert fingerprint_of(again) == fingerprint_of(study)
+    results = mr.run_study(study, threads=1)
+    assert all(run.finished for run in results.runs.values())
+    assert np.isfinite(results.score(len(results.rows) - 1))
+
+
+@pytest.mark.parametrize("law", [spec.name for spec in control_laws() if spec.needs_curve])
+def test_a_law_of_a_static_model_takes_the_motion_of_its_damper(law: str, tmp_path: Path) -> None:
+    study = read(tmp_path, named(law), damper='preset = "leva2002"')
+    assert "amplitude = [" in " ".join(
+        dict(study.design_notes)[f"Settings of {study.arrangements[-1].row.label}"]
+    )
+
+
+def test_weights_are_the_best_of_the_training_motions(tmp_path: Path) -> None:
+    training = (
+        '[[motion]]\nsynthetic = "kanai_tajimi"\nname = "t"\nseed = 4\nduration = 3\nuse = "training"\n'
+    )
+    study = read(tmp_path, training + named("clipped_optimal"))
+    ((label, taken),) = study.taken_settings
+    assert label == "Clipped-optimal"
+    assert taken.settings["drifts"] == 1.0
+    assert "on 1 training motion" in taken.origin[1]
+    best = float(taken.settings["control_weight"])
+    scores = {}
+    for factor in (1e-4, 1.0, 1e4):
+        table = named("clipped_optimal", f"settings = {{ drifts = 1, control_weight = {factor * best!r} }}\n")
+        results = mr.run_study(read(tmp_path, training + table).of_use("training"), threads=1)
+        scores[factor] = results.score(len(results.rows) - 1)
+    assert min(scores, key=lambda factor: scores[factor]) == 1.0
+
+
+def test_two_dampers_of_one_storey_have_names_of_their_own(tmp_path: Path) -> None:
+    second = f"\n[[damper]]\nstorey = 1\n{PLAIN}\ncount = 20\n"
+    study = read(tmp_path, second + named("clipped_optimal"))
+    assert study.device_names == ("damper in storey 1", "damper in storey 1, 2")
+    assert mr.run_study(study, threads=1).complete
+
+
+def test_only_what_is_missing_is_taken(tmp_path: Path) -> None:
+    settings = "settings = { accelerations = 1, full_force = '100 kN' }\n"
+    ((_, taken),) = read(tmp_path, named("modified_clipped_optimal", settings)).taken_settings
+    assert taken.settings.keys() == {"control_weight"}
+    assert taken.remedy.startswith(
+        "settings = { accelerations = 1.0, full_force = 100000.0, control_weight = "
+    )
+    designed = "settings = { designed = { rms_drift = '2 mm' } }\n"
+    ((_, taken),) = read(tmp_path, named("clipped_optimal", designed)).taken_settings
+    assert taken.settings == {"control_weight": 1.0}
+
+
+def test_an_active_law_takes_no_more_force_than_the_dampers(tmp_path: Path) -> None:
+    results = ran(tmp_path, named("passive_on") + named("active"))
+    on, active = (results.runs[row, 0].peak_force[0] for row in (3, 4))
+    assert 0.0 < active <= on
+
+
+def test_settings_beside_the_name_of_a_law_are_told_their_table(tmp_path: Path, refused: Refused) -> None:
+    refused(read, tmp_path, named("clipped_optimal", "control_weight = 1e-12\n"))
+    refused(read, tmp_path, named("fuzzy", "rate = '1 m/s'\n"))
+
+
+def test_terminal_json_and_page_tell_what_was_taken(tmp_path: Path) -> None:
+    read(tmp_path, named("clipped_optimal"))
+    ended = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--quiet")
+    assert ended.returncode == 0, ended.stderr
+    assert (
+        "Settings of Clipped-optimal\n  Not given, and taken: equal weights of all drifts; " in ended.stdout
+    )
+    assert "Optimal passive, " in ended.stdout
+    assert "the best of 21 constant commands" in ended.stdout.replace("\n", " ")
+    assert "of the peak base shear" in ended.stdout.replace("\n", " ")
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "Settings of Clipped-optimal" in page
+    assert "Optimal passive, " in page
+    again = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--resume", "--json")
+    document = json.loads(again.stdout)
+    ((stated),) = document["settings"]
+    assert stated["controller"] == "Clipped-optimal"
+    assert stated["settings"]["drifts"] == 1.0
+    assert document["best_passive"].startswith("Optimal passive, ")
+
+
+def test_the_best_constant_command_is_in_every_study(tmp_path: Path) -> None:
+    alone, listed = ran(tmp_path), ran(tmp_path, named("best_passive"))
+    none = ran(tmp_path, top='references = "none"\n')
+    kinds = [[row.kind for row in results.rows] for results in (alone, listed, none)]
+    assert kinds[0] == kinds[1] == ["uncontrolled", "passive_off", "best_passive"]
+    assert kinds[2] == ["uncontrolled", "passive_off"]
+    # Of the rows that were there before, not a bit changes.
+    for row in (0, 1):
+        for name, value in none.runs[row, 0].numbers.items():
+            np.testing.assert_array_equal(value, alone.runs[row, 0].numbers[name])
+    assert alone.rows[2].label == listed.rows[2].label
+    (choice,) = alone.choices
+    assert "from Passive-off, 0 A, 1.000, to Passive-on, 1.88 A, " in choice
+    assert "21 runs in one batch" in choice
+    assert none.choices == ()
+
+
+def test_a_passive_damper_has_no_command_to_choose(tmp_path: Path) -> None:
+    spec = mr.damper("maxwell")
+    given = ", ".join(f"{name} = {1e6 if name != spec.names[0] else 1e5}" for name in spec.names)
+    fixed = f'model = "maxwell"\nparameters = {{ {given} }}\npassive = true'
+    results = ran(tmp_path, damper=fixed, count=1)
+    assert [row.kind for row in results.rows] == ["uncontrolled", "passive_off"]
+    assert results.choices == ()
+    assert any("of the peak base shear" in each for each in findings(results))
+
+
+def test_a_study_of_an_earlier_journal_is_continued(tmp_path: Path) -> None:
+    """The row that a study adds is no input: a journal without it is that of the same study."""
+    more = named("clipped_optimal", "settings = { drifts = 1, control_weight = 1e-12 }\n")
+    assert fingerprint_of(read(tmp_path, more)) == fingerprint_of(
+        read(tmp_path, more, top='references = "none"\n')
+    )
+    journal = Journal(tmp_path / "journal")
+    mr.run_study(read(tmp_path, more, top='references = "none"\n'), journal=journal, threads=1)
+    continued = mr.run_study(read(tmp_path, more), journal=journal, threads=1)
+    assert continued.complete
+    again = mr.run_study(read(tmp_path, more), journal=journal, threads=1)
+    assert (again.choices, again.rows) == (continued.choices, continued.rows)
+    journal.close()
+
+
+def test_a_label_that_is_taken_does_not_stop_a_study(tmp_path: Path) -> None:
+    study = read(tmp_path, named("passive", 'label = "Optimal passive"\nsettings = { command = 1 }\n'))
+    assert len({row.label for row in study.rows}) == len(study.rows)
+
+
+@pytest.mark.parametrize("count", [10, 300])
+def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: int, tmp_path: Path) -> None:
+    results = ran(tmp_path, count=count)
+    (share,) = [each for each in findings(results) if "of the peak base shear" in each]
+    force = max(float(results.runs[row, 0].peak_force.sum()) for row in (1, 2))
+    shear = float(results.runs[0, 0].peak_base_shear)
+    assert f"{100 * force / shear:.2g} % of the peak base shear" in share
+    weak = [each for each in results.warnings() if "hardly change the response" in each]
+    assert bool(weak) == (force / shear < 0.02)
+    if weak:
+        advised = int(weak[0].partition("count = ")[2].split()[0])
+        again = ran(tmp_path, count=advised)
+        reached = max(float(again.runs[row, 0].peak_force.sum()) for row in (1, 2)) / shear
+        assert reached == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: Path) -> None:
+    pair = f"{PLAIN}\ndifferential = true"
+    locked = ran(tmp_path, count=1_000_000, damper=pair)
+    (warning,) = [each for each in locked.warnings() if "locks its storey" in each]
+    assert "already at i = 0" in warning
+    assert locked.runs[1, 0].peak_drift[0] < 0.05 * locked.runs[0, 0].peak_drift[0]
+    advised = int(warning.partition("count = ")[2].split()[0])
+    freed = ran(tmp_path, count=advised, damper=pair)
+    assert not any("locks its storey" in each or "hardly" in each for each in freed.warnings())
+
+
+def test_a_study_without_a_score_of_any_constant_command_is_not_stopped(tmp_path: Path) -> None:
+    study = read(tmp_path, count=300)
+    gone = replace(
+        study,
+        arrangements=tuple(
+            replace(each, devices=tuple(replace(device, count=10**15) for device in each.devices))
+            for each in study.arrangements
+        ),
+    )
+    results = mr.run_study(gone, threads=1)
+    assert not results.runs[1, 0].finished
+    assert "none of 21 constant commands has a score" in results.choices[0]
+    assert compared(results).uncontrolled == 0
