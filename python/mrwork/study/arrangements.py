@@ -241,7 +241,7 @@ def arrangements(
         label = (
             OPTIMAL_PASSIVE
             if all(each.label != OPTIMAL_PASSIVE for each in known)
-            else "Best constant command"
+            else f"{OPTIMAL_PASSIVE} (added)"
         )
         row = Row(label=label, kind="best_passive", description="best_passive, added")
         made = make_arrangement(bare, row, building, devices, None)
