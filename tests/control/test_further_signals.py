@@ -309,7 +309,7 @@ def test_a_study_reads_signals_with_their_units_and_runs_them(tmp_path: Path, re
     found = mr.run_study(
         read(tmp_path, floors + ground.replace("[[controller]]", '[[controller]]\nlabel = "g"'))
     )
-    for row in (2, 3):
+    for row in (3, 4):
         assert found.runs[row, 0].finished
         assert found.runs[row, 0].command_travel.max() > 0.0
     unmeasured = 'feedback = "observer"\nmeasured_floors = [1, 2]\n'

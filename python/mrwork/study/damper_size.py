@@ -119,9 +119,9 @@ def _locked(results: StudyResults) -> Iterator[str]:
         )
         yield (
             f"{results.device_names[device]} locks its storey {when}: {_kilonewtons(force)} at a stroke of "
-            f"{_millimetres(stroke)} is {chosen[worst]:.2g} times the stiffness of the storey "
-            f"({results.rows[worst[0]].label}, {results.motions[worst[1]].name}). It acts as a rigid brace, which "
-            f"dissipates little and may raise accelerations{remedy}."
+            f"{_millimetres(stroke)} is {float(f'{chosen[worst]:.2g}'):g} times the stiffness of the storey "
+            f"(under {results.motions[worst[1]].name} with {results.rows[worst[0]].label}). It acts as a rigid "
+            f"brace, which dissipates little and may raise accelerations{remedy}."
         )
 
 

@@ -455,8 +455,8 @@ _FORMER: Mapping[str, str] = {
 }
 # The label of the optimal passive ends with its command, as in "Best constant command, 1.32 A".
 _COMMAND = r"(?=$|, [^,]+ [AV]$)"
-# Warnings end the label of a row with a full stop or a semicolon.
-_IN_WARNING = re.compile(rf"(?<= with )({'|'.join(_FORMER)})(?=[;,.])")
+# Warnings end the label of a row with a mark.
+_IN_WARNING = re.compile(rf"(?<= with )({'|'.join(_FORMER)})(?=[;,.:)])")
 
 
 def present_label(label: str) -> str:
