@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 
 from generate.markdown import code, directive, document, prose, table, unit
-from mrwork.keys import KeyInWords, keys_in_words, tables
+from mrwork.keys import KeyInWords, before_sections, keys_in_words, tables
 from mrwork.study.schema import StudyTable
 
 HEADINGS = ("key", "type", "unit", "default", "meaning")
@@ -35,8 +35,8 @@ def key_table(kind: type) -> str:
 
 
 def documentation(kind: type) -> str:
-    """The docstring of a class, its paragraphs on a line each."""
-    paragraphs = (inspect.getdoc(kind) or "").split("\n\n")
+    """The docstring of a class before its sections, its paragraphs on a line each."""
+    paragraphs = before_sections(inspect.getdoc(kind) or "").split("\n\n")
     return "\n\n".join(prose(each) for each in paragraphs)
 
 

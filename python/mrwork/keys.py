@@ -7,6 +7,7 @@ the printed schema and scripts that build the same values all use these notes.
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 import unicodedata
 from abc import ABCMeta
@@ -478,9 +479,20 @@ def _inner(node: Node) -> tuple[type | None, bool]:
     return kind, isinstance(node, nodes.Fixed) or any(describe_repeat for _, describe_repeat in inner)
 
 
+# A section of a docstring, as Raises: its name, and dashes below it.
+_SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
+
+
+def before_sections(docstring: str) -> str:
+    """What a docstring says before its first section, as users of a file read it."""
+    return _SECTION.split(docstring)[0].rstrip()
+
+
 def heading_lines(heading: str, prose: str) -> list[str]:
     """A heading of the printed schema and the prose below it."""
-    words = textwrap.wrap(" ".join(prose.split()), _WIDTH, initial_indent="  ", subsequent_indent="  ")
+    words = textwrap.wrap(
+        " ".join(before_sections(prose).split()), _WIDTH, initial_indent="  ", subsequent_indent="  "
+    )
     return [heading, *words]
 
 

@@ -340,3 +340,22 @@ def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
     assert not leaves_range(spec, moved, FIVE_COMMANDS)
     assert moved[[0, 1, 5, 6]].tolist() == theta[[0, 1, 5, 6]].tolist()
     assert within_range(spec, moved, FIVE_COMMANDS).tolist() == moved.tolist()
+
+
+@pytest.mark.parametrize("n_tests", [1, 3])
+def test_a_figure_of_progress_only_rises_under_one_name(tests: tuple[DamperTest, ...], n_tests: int) -> None:
+    best: dict[tuple[str, str], list[float]] = {}
+    model = PRESET.spec if n_tests > 1 else "bouc_wen"
+
+    def told(progress: Progress) -> None:
+        assert progress.best_in_words in progress.in_words
+        best.setdefault((progress.stage, progress.fitted), []).append(progress.fit_percent)
+
+    identify(model, tests[:n_tests], bounds=FIXED if n_tests > 1 else None, rng=2, on_progress=told)
+    for seen in best.values():
+        assert seen == sorted(seen)
+    # Simpler models, tests of one command, parts of the tests and all of them are told apart.
+    of_searches = {fitted for stage, fitted in best if stage == "search"}
+    alone = {"at 0 A", "at 0.5 A", "at 1 A"} if n_tests > 1 else {"dahl on excerpts"}
+    assert of_searches >= {*alone, "excerpts"}
+    assert ("refinement", "") in best

@@ -84,6 +84,8 @@ def test_a_unit_is_converted_to_si() -> None:
 def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, kind: Any) -> None:
     block = next(block for block in schema_text().split("\n\n") if block.startswith(heading or "at the top"))
     assert max(len(line) for line in block.splitlines()) <= 120
+    # Sections of docstrings are for callers in Python.
+    assert "---" not in block
     words = " ".join(block.split())
     for entry in keys_of(kind):
         default = "required" if is_required(entry) else ""

@@ -11,11 +11,13 @@ import tuning_samples
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.cli.study_text import study_text
 from mrwork.buildings import with_tuned_mass
 from mrwork.closed_loop import criterion
+from mrwork.errors import Interrupted
 from mrwork.study.folder import study_document
 from mrwork.study.results import RealisationBand
-from mrwork.study.run import simulate_criteria, vary_building
+from mrwork.study.run import StudyProgress, simulate_criteria, vary_building
 from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
 from mrwork.tested_range import FittedDamper
 
@@ -144,3 +146,43 @@ def test_an_uncertainty_that_cannot_be_is_refused(tmp_path: Path, refused: Refus
 def test_a_law_may_not_send_more_than_its_dampers_take(tmp_path: Path, refused: Refused) -> None:
     text = CONTROLLER.replace("1.2", "3.0")
     refused(mr.read_study, tuning_samples.study_file(tmp_path, tune=text))
+
+
+def test_a_study_that_was_stopped_prints_no_table_without_a_number(tmp_path: Path) -> None:
+    given = study(tmp_path)
+
+    def stopped(after: int) -> mr.study.StudyResults | None:
+        reports = iter(range(after))
+
+        def on_progress(progress: object) -> None:
+            if next(reports, None) is None:
+                raise KeyboardInterrupt
+
+        try:
+            mr.run_study(given, threads=1, on_progress=on_progress)
+        except Interrupted as interrupt:
+            return interrupt.result
+        return None
+
+    after = 0
+    while (results := stopped(after)) is not None:
+        assert not results.complete, after
+        for block in study_text(results, None).split("\n\n"):
+            cells = [line.split("  ")[2:] for line in block.splitlines() if line.startswith("  ")]
+            named = {cell.strip() for row in cells for cell in row if cell.strip()}
+            assert not cells or named - {"-"}, (after, block)
+        after += 1
+    assert after > 2 * len(given.rows) - 1
+
+
+def test_numbers_of_a_study_stopped_before_its_realisations_are_marked_unfinished(tmp_path: Path) -> None:
+    given = study(tmp_path)
+
+    def on_progress(progress: StudyProgress) -> None:
+        if "realisations" in progress.label:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as stopped:
+        mr.run_study(given, threads=1, on_progress=on_progress)
+    assert stopped.value.result.status == "interrupted"
+    assert mr.run_study(given, threads=1).status == "finished"

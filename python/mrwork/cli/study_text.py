@@ -181,11 +181,10 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
     comparison = compared(results)
     lines = [results.title, "", *_leading_lines(comparison)]
     for reference in comparison.references if len(results.rows) > 1 else ():
-        lines += [*_change_lines(comparison, reference), ""]
-    motions = range(len(results.motions))
-    if len(motions) <= MOST_IN_DETAIL:
-        for motion in motions:
-            lines += [*_motion_lines(results, motion), ""]
+        lines += _change_lines(comparison, reference)
+    if len(results.motions) <= MOST_IN_DETAIL:
+        for motion in range(len(results.motions)):
+            lines += _motion_lines(results, motion)
     for block in (
         _score_lines(comparison),
         _group_lines(comparison),
@@ -203,9 +202,10 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
 def _leading_lines(comparison: StudyComparison) -> list[str]:
     """Changes of each quantity by the leading row, and open questions on the passive dampers of the study."""
     lines: list[str] = []
-    if comparison.leading is not None:
+    sentences = [] if comparison.leading is None else comparison.in_words(comparison.leading)
+    if comparison.leading is not None and sentences:
         lines.append(comparison.heading(comparison.leading))
-        for sentence in comparison.in_words(comparison.leading):
+        for sentence in sentences:
             lines += wrap(sentence, width=_WIDTH, initial_indent="  ", subsequent_indent="    ")
     lines += wrap(ADD_BEST_PASSIVE, width=_WIDTH) if comparison.lacks_best_passive else []
     return [*lines, ""] if lines else []
@@ -219,20 +219,33 @@ def _lines(table: Table) -> list[str]:
 def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
-    table = change_table(comparison, reference, range(len(results.rows)))
+    begun = _begun(results)
+    if reference not in begun or len(begun) < 2:
+        return []
+    table = change_table(comparison, reference, begun)
     means = f", mean over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
     return [
         f"Change in % against {results.rows[reference].label}{means}",
         *_lines(table),
+        "",
     ]
+
+
+def _begun(results: StudyResults, motion: int | None = None) -> list[int]:
+    """Rows that were simulated, under this motion or any; after Ctrl-C these are not all."""
+    runs = {row for row, own in results.runs if motion in (None, own)}
+    return sorted(runs)
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     """Criteria under one motion, and their ratios to those without dampers and of the dampers without a command."""
-    rows, name = range(len(results.rows)), results.motions[motion].name
-    tables = (value_table(results, (motion,), rows), ratio_table(results, motion, rows))
-    lines = [_lines(each) for each in tables]
-    return [f"{name}: criteria", *lines[0], "", f"{name}: ratios", *lines[1]]
+    rows, name = _begun(results, motion), results.motions[motion].name
+    if not rows:
+        return []
+    lines = [f"{name}: criteria", *_lines(value_table(results, (motion,), rows)), ""]
+    if results.row_of("passive_off") in rows:
+        lines += [f"{name}: ratios", *_lines(ratio_table(results, motion, rows)), ""]
+    return lines
 
 
 def _score_lines(comparison: StudyComparison) -> list[str]:
@@ -241,7 +254,8 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
     several, against = len(results.judged_motions) > 1, comparison.passive
-    table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows])
+    begun = _begun(results)
+    table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows if row in begun])
     lines = [
         f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",
         *_lines(table),
@@ -268,14 +282,15 @@ def _group_lines(comparison: StudyComparison) -> list[str]:
 
 def _band_lines(results: StudyResults) -> list[str]:
     """Bands of the scores over realisations, and of the peak drift."""
-    if not results.n_realisations:
+    rows = results.realised_rows
+    if results.row_of("passive_off") not in rows:
         return []
     heading = f"Over {results.n_realisations} realisations: median and 90 % band of the score, and of ratios over i = 0"
-    return [heading, *_lines(bands_of_study(results, range(len(results.rows))))]
+    return [heading, *_lines(bands_of_study(results, rows))]
 
 
 def _step_lines(results: StudyResults) -> list[str]:
-    table = step_table(results, range(len(results.rows)))
+    table = step_table(results, _begun(results))
     if not table.rows:
         return []
     heading = "Half the step: the largest change of a criterion, over its value"

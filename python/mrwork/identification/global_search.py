@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,8 +37,11 @@ if TYPE_CHECKING:
     from mrwork.search.loop import GenerationEvent
 
 
-# Called after an iteration with the result so far and the share of the allowed iterations that is used up.
-OnIteration = Callable[[MultistartResult, float], None]
+# Called after an iteration with what is fitted, the result so far and the share of the allowed iterations that is used
+# up.
+OnIteration = Callable[[str, MultistartResult, float], None]
+EXCERPTS = "excerpts"
+"""What the searches fit that compare parts of the tests."""
 
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
@@ -105,7 +109,7 @@ def nested_fit(
             rng=rng,
             nested=None if deeper is None else deeper.starts,
             suspicious=math.inf if deeper is None else deeper.misfit,
-            on_iteration=second,
+            on_iteration=partial(second, simpler.name),
         )
     except Interrupted as interrupt:
         minima = interrupt.result
@@ -122,17 +126,18 @@ def nested_fit(
 def halves(on_iteration: OnIteration) -> tuple[OnIteration, OnIteration]:
     """Callbacks of two searches, of which each takes half of the work."""
     return (
-        lambda found, share: on_iteration(found, 0.5 * share),
-        lambda found, share: on_iteration(found, 0.5 + 0.5 * share),
+        lambda fitted, found, share: on_iteration(fitted, found, 0.5 * share),
+        lambda fitted, found, share: on_iteration(fitted, found, 0.5 + 0.5 * share),
     )
 
 
 # Largest number of starting points.
 _STARTS = 16
 
-# Called with the generation or iteration (0 outside a search), best and median misfit, and the share of the allowed
-# iterations that is used up.
-OnSearch = Callable[[int, float, float, float], None]
+# Called with what is fitted, empty for the model on all samples, the generation or iteration (0 outside a search), best
+# and median misfit, and the share of the allowed iterations that is used up.
+OnSearch = Callable[[str, int, float, float, float], None]
+OnGeneration = Callable[[int, float, float, float], None]
 
 
 @array_dataclass()
@@ -173,9 +178,10 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
     objective = problem.objective.on(form.spec, tuple(excerpt(test) for test in problem.objective.tests))
 
-    def on_iteration(minima: MultistartResult, share: float) -> None:
+    def on_iteration(simpler: str, minima: MultistartResult, share: float) -> None:
+        fitted = f"{simpler} on {EXCERPTS}" if simpler else EXCERPTS
         # The first entry is that of the samples.
-        on_search(len(minima.best) - 1, minima.best[-1], minima.median[-1], share)
+        on_search(fitted, len(minima.best) - 1, minima.best[-1], minima.median[-1], share)
 
     first, second = halves(on_iteration)
 
@@ -194,7 +200,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
                 math.inf if nested is None else nested.misfit,
                 LINEAR_SHARE * linear_misfit(objective.tests),
             ),
-            on_iteration=second,
+            on_iteration=partial(second, ""),
         )
     except Interrupted as interrupt:
         found = interrupt.result
@@ -251,7 +257,13 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     box = search_box(form.spec, form.box, objective.tests)
 
     elite = search_elite(
-        problem, search, objective, form, box.theta_from_unit, n_params=len(box.free), on_search=on_search
+        problem,
+        search,
+        objective,
+        form,
+        box.theta_from_unit,
+        n_params=len(box.free),
+        on_search=partial(on_search, ""),
     )
     return StartingPoints(
         objective=objective,
@@ -269,7 +281,7 @@ def search_elite(
     theta_of: Callable[[Floats], Floats],
     *,
     n_params: int,
-    on_search: OnSearch,
+    on_search: OnGeneration,
 ) -> SearchResult[Any]:
     """Run an optimiser on unit vectors of size `n_params`, of which `theta_of` makes rows of parameters of the form.
 
@@ -294,7 +306,7 @@ def optimise(
     *,
     n_params: int,
     rng: int,
-    on_search: OnSearch,
+    on_search: OnGeneration,
 ) -> SearchResult[Any]:
     """Minimise the objective over unit vectors, of which `theta_of` makes rows of parameters."""
     from mrwork.search import run_search

@@ -184,9 +184,18 @@ def identify_with(
     reporter = _begin(problem, began, on_progress, journal)
     ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns, examines=examines)
 
-    def on_search(generation: int, misfit: float, median: float, share: float) -> None:
+    def on_search(fitted: str, generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
-        reporter.report("search", count, "simulations", misfit, share, generation=generation, median=median)
+        reporter.report(
+            "search",
+            count,
+            "simulations",
+            misfit,
+            share,
+            generation=generation,
+            median=median,
+            fitted=fitted,
+        )
 
     try:
         points = starting_points(problem, on_search=on_search)

@@ -6,8 +6,9 @@ is limited to it, has no slope there, and no local minimisation returns from tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -35,6 +36,8 @@ from mrwork.identification.equivalent import (
 )
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.global_search import (
+    EXCERPTS,
+    OnIteration,
     OnSearch,
     StartingPoints,
     doubts_about,
@@ -55,6 +58,7 @@ from mrwork.identification.multistart import (
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart
+from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.window import middle_excerpt
@@ -124,9 +128,9 @@ def points_from_levels(
     fits: list[LevelFit] = []
     trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
 
-    def on_iteration(minima: MultistartResult, share: float) -> None:
+    def on_iteration(fitted: str, minima: MultistartResult, share: float) -> None:
         done = (len(fits) + share) / (len(levels) + 1)
-        on_search(len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
+        on_search(fitted, len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
 
     def in_own_laws(theta: Floats) -> Floats:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
@@ -144,7 +148,7 @@ def points_from_levels(
             rng=seed,
             mirrored=joint.mirrored,
             nested=_move_inside(joint.box, starts),
-            on_iteration=on_iteration,
+            on_iteration=partial(on_iteration, f"{EXCERPTS} of some tests" if left_out else EXCERPTS),
         )
 
     def on_all_tests(found: MultistartResult) -> tuple[Floats, Floats]:
@@ -200,11 +204,11 @@ def points_from_levels(
                 doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
                 suspected = not found_again
     except KeyboardInterrupt as interrupt:
-        partial = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if best is not None and isinstance(partial, MultistartResult) and len(partial.theta):
-            best, trace = partial.theta[0], trace_of(partial)
+        found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
+            best, trace = found_so_far.theta[0], trace_of(found_so_far)
         elif best is None:
-            known = fits or ([partial] if isinstance(partial, LevelFit) else [])
+            known = fits or ([found_so_far] if isinstance(found_so_far, LevelFit) else [])
             best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
         if best is None:
             raise Interrupted(None, "search") from interrupt
@@ -386,7 +390,7 @@ def _fit_level(
     search: Multistart | Optimiser[Any],
     *,
     on_search: OnSearch,
-    on_iteration: Callable[[MultistartResult, float], None],
+    on_iteration: OnIteration,
 ) -> LevelFit:
     """Fit the plain model at one command by the search, and from the minima at the nearest command.
 
@@ -404,19 +408,43 @@ def _fit_level(
         scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
         starts = np.concatenate([nearest.minima, scaled])
     rng = problem.settings.rng
+    spec = problem.form.spec
+    assert spec.current is not None
+    at_command = f"at {of_unit(command, spec.current.unit)}"
     try:
         if isinstance(search, Multistart):
             settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
             nested = None
             if not len(starts):
-                nested = nested_fit(objective, near, settings, rng=rng, on_iteration=on_iteration)
+                nested = nested_fit(
+                    objective,
+                    near,
+                    settings,
+                    rng=rng,
+                    on_iteration=lambda model, found, share: on_iteration(
+                        f"{model} {at_command}", found, share
+                    ),
+                )
             starts = _move_inside(near, starts) if nested is None else nested.starts
             theta = search_starts(
-                objective, near, searched, settings, rng=rng, nested=starts, on_iteration=on_iteration
+                objective,
+                near,
+                searched,
+                settings,
+                rng=rng,
+                nested=starts,
+                on_iteration=partial(on_iteration, at_command),
             ).theta
         else:
             theta_of, n_params = searched.theta_from_unit, len(searched.free)
-            ended = optimise(search, objective, theta_of, n_params=n_params, rng=rng, on_search=on_search)
+            ended = optimise(
+                search,
+                objective,
+                theta_of,
+                n_params=n_params,
+                rng=rng,
+                on_search=partial(on_search, at_command),
+            )
             starts = _move_inside(near, np.concatenate([starts, theta_of(ended.elite)]))
             minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
             theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
@@ -429,11 +457,11 @@ def _fit_level(
 
 def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
     """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
-    partial, best = interrupt.result, None
-    if isinstance(partial, MultistartResult):
-        best = partial.theta[:1] if len(partial.theta) else None
-    elif partial is not None and np.isfinite(partial.best_misfit):
-        best = np.asarray(searched.theta_from_unit(partial.best_unit))[None]
+    found, best = interrupt.result, None
+    if isinstance(found, MultistartResult):
+        best = found.theta[:1] if len(found.theta) else None
+    elif found is not None and np.isfinite(found.best_misfit):
+        best = np.asarray(searched.theta_from_unit(found.best_unit))[None]
     return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 

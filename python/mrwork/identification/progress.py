@@ -117,6 +117,7 @@ class Tally:
 class Progress:
     """Progress of an identification; `share` is the used part of what the stage allows at most.
 
+    `fit_percent` is the best fit so far of what is `fitted`, as "dahl on excerpts"; empty for the model on all samples.
     `generation` is that of the search and `median_percent` the median fit of its population; 0 and NaN outside a
     search. `evaluations` and `steps` are the candidates and time steps simulated so far.
     """
@@ -131,6 +132,12 @@ class Progress:
     median_percent: float
     evaluations: int
     steps: int
+    fitted: str = ""
+
+    @property
+    def best_in_words(self) -> str:
+        """The best fit, and of what it is where that is not the model on all samples."""
+        return f"best {self.fit_percent:.2f} %{f' ({self.fitted})' if self.fitted else ''}"
 
     @property
     def in_words(self) -> str:
@@ -142,13 +149,15 @@ class Progress:
 class Reporter:
     """Calls the progress callback, if any, with the time since `began` [s] and the counts of the tally.
 
-    Steps that are recalled from a journal are not reported.
+    Steps that are recalled from a journal are not reported. `least` is the least misfit of each stage and what it fits:
+    searches and local minimisations follow each other, of which each begins anew.
     """
 
     began: float
     tally: Tally
     on_progress: Callable[[Progress], bool | None] | None
     journal: Journal | None
+    least: dict[tuple[Stage, str], float] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -165,21 +174,24 @@ class Reporter:
         *,
         generation: int = 0,
         median: float = np.nan,
+        fitted: str = "",
     ) -> None:
         """Call the callback."""
+        least = self.least[stage, fitted] = min(misfit, self.least.get((stage, fitted), math.inf))
         if self.on_progress is None or (self.journal is not None and self.journal.recalling):
             return
         progress = Progress(
             stage=stage,
             count=count,
             unit=unit,
-            fit_percent=100.0 * (1.0 - misfit),
+            fit_percent=100.0 * (1.0 - least),
             share=share,
             seconds=self.seconds,
             generation=generation,
             median_percent=100.0 * (1.0 - median),
             evaluations=self.tally.simulations,
             steps=self.tally.steps,
+            fitted=fitted,
         )
         if self.on_progress(progress):
             raise Interrupted(None, "identification", stopped=True)
@@ -256,7 +268,7 @@ class _TimeLeft:
 def describe_progress(progress: Progress, began: Progress, left: float | None) -> str:
     """Progress in one line; rates are measured since the stage `began`, of which this time is `left` [s]."""
     generation = f" {progress.generation}" if progress.generation else ""
-    parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]
+    parts = [f"{progress.stage}{generation}", progress.best_in_words]
     if math.isfinite(progress.median_percent):
         parts.append(f"median {progress.median_percent:.2f} %")
     if progress.unit == "steps":

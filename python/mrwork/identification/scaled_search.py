@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import fitted_law, joint_box, plain_of, search_box
 from mrwork.identification.global_search import (
+    EXCERPTS,
     OnSearch,
     StartingPoints,
     make_interrupt,
@@ -110,13 +112,14 @@ def points_from_scaled_forces(
     box = search_box(plain, bounds, tests)
     laws_of = scaled_laws(form.spec, tests, commands)
     joint_form = replace(form, box=joint_box(form, tests, commands))
+    on_excerpts = partial(on_search, EXCERPTS)
 
     def from_unit(unit: Floats) -> Floats:
         theta = laws_of(np.asarray(box.theta_from_unit(unit)))
         return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
 
     elite = search_elite(
-        problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_search
+        problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_excerpts
     )
     starts = from_unit(elite.elite[:_STARTS])
     if form.spec.current is not None and form.spec.current.lagged:
@@ -127,7 +130,7 @@ def points_from_scaled_forces(
 
     def on_iteration(minima: LocalMinima) -> None:
         misfits = minima.misfit[np.isfinite(minima.misfit)]
-        on_search(
+        on_excerpts(
             len(elite.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
         )
 

@@ -349,6 +349,18 @@ class StudyResults(StudyCriteria):
         """Number of realisations of what is uncertain, beside the nominal one."""
         return self.labelled.shape[2] - self.quantities.shape[2]
 
+    @property
+    def realised_rows(self) -> list[int]:
+        """The rows that were simulated with realisations."""
+        rows = range(len(self.rows))
+        return [row for row in rows if _realised(self, row, self.judged_motions, "energy_error") is not None]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all runs are done, those with realisations, too."""
+        wanted = [row for row in self.rows if self.n_realisations and row.kind != "clairvoyant"]
+        return self.done == self.total and len(self.realised_rows) == len(wanted)
+
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""

@@ -195,7 +195,7 @@ class ChoiceProgress:
         """Progress in one line: the model and its number, the task, the remaining time."""
         parts = [f"{self.model}, model {self.number} of {self.n_models}", self.task]
         if self.within is not None:
-            parts.append(f"best {self.within.fit_percent:.2f} %")
+            parts.append(self.within.best_in_words)
         parts.append(duration_in_words(self.seconds))
         if self.seconds_left is not None:
             parts.append(f"about {duration_in_words(self.seconds_left)} left")

@@ -76,7 +76,7 @@ class LawProgress:
         if self.n_tried:
             parts.append(f"{self.n_tried} tried, best left-out fit {self.left_out_percent:.2f} %")
         if self.within is not None:
-            parts.append(f"{self.within.stage} {self.within.fit_percent:.2f} %")
+            parts.append(f"{self.within.stage}, {self.within.best_in_words}")
         return ", ".join([*parts, duration_in_words(self.seconds)])
 
     @property
