@@ -11,8 +11,8 @@ import tuning_samples
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.cli.study_text import study_text
 from mrwork.buildings import with_tuned_mass
+from mrwork.cli.study_text import study_text
 from mrwork.closed_loop import criterion
 from mrwork.errors import Interrupted
 from mrwork.study.folder import study_document

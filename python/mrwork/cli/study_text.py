@@ -51,6 +51,7 @@ from mrwork.study.comparison import (
 from mrwork.study.results import (
     OFF_BALANCE,
     ON_OFF,
+    StudyCriteria,
     StudyResults,
 )
 from mrwork.study.schema import Use
@@ -231,7 +232,7 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     ]
 
 
-def _begun(results: StudyResults, motion: int | None = None) -> list[int]:
+def _begun(results: StudyCriteria, motion: int | None = None) -> list[int]:
     """Rows that were simulated, under this motion or any; after Ctrl-C these are not all."""
     runs = {row for row, own in results.runs if motion in (None, own)}
     return sorted(runs)
