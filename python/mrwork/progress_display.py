@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -23,6 +24,8 @@ Report = TypeVar("Report", contravariant=True)
 Write = Callable[[str], None]
 
 _BAR = 20
+# Seconds between two looks at a report whose time goes on.
+_TICK = 0.2
 # Compilations that are shorter are not told [s].
 _TOLD = 1.0
 _COMPILED = "/jax/core/compile/backend_compile_duration"
@@ -62,10 +65,19 @@ class Told(Protocol):
         """Progress in one line."""
 
 
+@runtime_checkable
+class Timed(Protocol):
+    """A report that stays true while no other comes."""
+
+    def later(self, seconds: float) -> Any:
+        """The same after so many seconds."""
+
+
 class Display(ABC):
-    """A place where progress is shown, at most once in `every` seconds."""
+    """A place where progress is shown, at most once in `every` seconds; from another thread where it `ticks`."""
 
     every: float
+    ticks: bool = True
 
     @abstractmethod
     def show(self, text: str, share: float | None) -> None:
@@ -130,6 +142,7 @@ class NotebookBar(Display):
     """A bar of `ipywidgets` with the text beside it, which `display` shows below the cell."""
 
     every = 0.2
+    ticks = False
 
     def __init__(self, widgets: Any, display: Callable[[Any], object]) -> None:
         self._bar = widgets.FloatProgress(value=0.0, min=0.0, max=1.0)
@@ -169,8 +182,8 @@ def display_here(*, write: Write, note: Write) -> Display:
 class ProgressLine(Generic[Report]):
     """Shows the latest report of a computation, `described` in words, where this process shows progress.
 
-    It appears after `patience` [s], lines of a file after their first interval. In the end it says for how long JAX
-    compiled meanwhile.
+    It appears after `patience` [s], lines of a file after their first interval. A report with a time goes on in the
+    line until the next one comes. In the end it says for how long JAX compiled meanwhile.
     """
 
     def __init__(
@@ -189,19 +202,41 @@ class ProgressLine(Generic[Report]):
         first = self._display.every if isinstance(self._display, PlainLines) else patience
         self._next = time.monotonic() + first
         self._compiled = COMPILE_TIME.seconds
+        self._showing = threading.Lock()
+        self._closed = threading.Event()
+        self._ticking: threading.Thread | None = None
+        self._latest: tuple[Report, float] | None = None
 
     def __call__(self, progress: Report) -> None:
         """Show a progress report."""
         if not self._active:
             return
+        with self._showing:
+            self._latest = progress, time.monotonic()
+            self._show(progress)
+        if self._ticking is None and self._display.ticks and isinstance(progress, Timed):
+            self._ticking = threading.Thread(target=self._tick, name="mrwork-progress", daemon=True)
+            self._ticking.start()
+
+    def _show(self, progress: Report) -> None:
         # A description may follow the reports that are not shown.
         text = escape_text(self._described(progress))
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + self._display.every
             self._display.show(text, progress.share if isinstance(progress, Shared) else None)
 
+    def _tick(self) -> None:
+        while not self._closed.wait(_TICK):
+            with self._showing:
+                latest, at = self._latest or (None, 0.0)
+                if isinstance(latest, Timed) and not self._closed.is_set():
+                    self._show(latest.later(time.monotonic() - at))
+
     def close(self) -> None:
         """Clear the line, and say how long JAX compiled."""
+        self._closed.set()
+        if self._ticking is not None:
+            self._ticking.join()
         self._display.close()
         compiled = COMPILE_TIME.seconds - self._compiled
         self._compiled = COMPILE_TIME.seconds

@@ -11,15 +11,21 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import in_words, is_quiet, progress_line
-from mrwork.cli.terminal import keep_stdout, show
+from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.errors import SettingError
+from mrwork.numbers import duration_in_words
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
+    from mrwork.study.course import StudyProgress
     from mrwork.study.results import StudyResults
     from mrwork.study.study import Study
+
+
+# Seconds until progress is shown, and beyond which the expected time is told before.
+_SOON, _LONG = 0.5, 10.0
 
 
 def add_options(parser: CommandParser) -> None:
@@ -87,13 +93,21 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     def compute(journal: Journal) -> StudyResults:
         from mrwork.study.run import run_study
 
-        with progress_line(in_words, quiet=is_quiet(options)) as line, keep_stdout():
+        quiet = is_quiet(options)
+        with progress_line(in_words, quiet=quiet, patience=_SOON) as line, keep_stdout():
+
+            def told(progress: StudyProgress) -> None:
+                expected = 0.0 if progress.left is None else progress.seconds + progress.left
+                if progress.reasons and expected > _LONG:
+                    note(f"this will take about {duration_in_words(expected)}: {'; '.join(progress.reasons)}")
+                line(progress)
+
             return run_study(
                 study,
                 journal=journal,
                 kept=histories.is_stored,
                 keep=histories.keep,
-                on_progress=line,
+                on_progress=None if quiet else told,
                 check_step=options.check_step,
                 threads=options.threads,
             )

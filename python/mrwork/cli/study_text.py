@@ -20,10 +20,10 @@ from textwrap import wrap
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
-from mrwork.cli.output import print_result, stopped_in_words
+from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, stopped_in_words
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.errors import Interrupted
-from mrwork.numbers import MINUS, NOTHING
+from mrwork.numbers import MINUS, NOTHING, duration_in_words
 from mrwork.report.study.tables import (
     bands_of_study,
     change_table,
@@ -148,6 +148,22 @@ class StudyVerb(Generic[Results]):
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reading:
+    """Progress of reading a study, with the time since it began [s]."""
+
+    seconds: float = 0.0
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line."""
+        return f"reading the study and designing its laws, {duration_in_words(self.seconds)}"
+
+    def later(self, seconds: float) -> _Reading:
+        """The same after some time."""
+        return _Reading(seconds=self.seconds + seconds)
+
+
 def run_on_study(
     options: argparse.Namespace,
     kind: RunKind,
@@ -161,7 +177,11 @@ def run_on_study(
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
-    with keep_stdout():
+    with (
+        progress_line(in_words, quiet=is_quiet(options), patience=0.5) as line,
+        keep_stdout(),
+    ):
+        line(_Reading())
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     place = options.out or Path("out") / default

@@ -13,6 +13,9 @@ from typing import TextIO
 from mrwork.errors import OutputError
 from mrwork.escaping import escape_text, escaped_lines
 
+# Length of the line that is open on stderr.
+_LINE = [0]
+
 
 def show(text: str) -> None:
     """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on."""
@@ -25,12 +28,15 @@ def show_all() -> None:
 
 
 def note(sentence: str) -> None:
-    """Print a message in one line on stderr."""
-    write_stderr(f"mrwork: {escape_text(sentence)}\n")
+    """Print a message in one line on stderr, in the place of a line that is written again and again."""
+    clear = f"\r{' ' * _LINE[0]}\r" if _LINE[0] else ""
+    write_stderr(f"{clear}mrwork: {escape_text(sentence)}\n")
 
 
 def write_stderr(text: str) -> None:
     """Write text on stderr unchanged; if that fails, the text is lost and the computation continues."""
+    if text:
+        _LINE[0] = len(text.rpartition("\n")[2].rpartition("\r")[2])
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(text)
         sys.stderr.flush()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from time import perf_counter
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -27,7 +29,7 @@ from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.lqr import Observer, observer_of
-from mrwork.control.plant import accelerations, deformations, plant_of, stack_outputs
+from mrwork.control.plant import Plant, accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
@@ -174,11 +176,7 @@ def _core_observer(
     """The observer designed for a building; `None` for feedback of the true state."""
     if hardware.feedback == "state":
         return None
-    floors = (
-        list(range(len(building.floors)))
-        if hardware.measured_floors is None
-        else list(hardware.measured_floors)
-    )
+    floors = measured_floors(building, hardware)
     observer = loop_observer(building, devices, hardware, floors)
     return _rust.Observer(
         accelerations=floors,
@@ -193,6 +191,11 @@ def _core_observer(
     )
 
 
+def measured_floors(building: Building, hardware: Hardware) -> list[int]:
+    """Floors whose accelerations the observer takes."""
+    return list(range(len(building.floors)) if hardware.measured_floors is None else hardware.measured_floors)
+
+
 def loop_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
 ) -> Observer:
@@ -204,14 +207,31 @@ def loop_observer(
         )
     if len(set(floors)) < len(floors):
         raise SettingError(f"the measured floors are {list(floors)}; give each once")
-    plant = plant_of(building, elongation_rows(building, devices), [device.name for device in devices])
+    rows, names = elongation_rows(building, devices), [device.name for device in devices]
+    asked = building, rows.tolist(), names, list(floors), replace(hardware, seed=0, faults=())
+    for known, observer in _OBSERVERS:
+        if known == asked:
+            return observer
+    observer = _design_observer(plant_of(building, rows, names), hardware, floors)
+    _OBSERVERS.append((asked, observer))
+    return observer
+
+
+# Loops of a study share the observer, which takes seconds for hundreds of floors.
+_OBSERVERS: deque[tuple[tuple[Building, list[Any], list[str], list[int], Hardware], Observer]] = deque(
+    maxlen=4
+)
+
+
+def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) -> Observer:
+    devices = plant.device_names
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     noise = np.full(len(floors) + len(devices), 1.0 / hardware.noise_ratio)
     if hardware.known_ground:
         # What is left to the filter is the error of the sensors: of an elongation that of the acceleration which goes
         # with it in the first mode.
-        noise[len(floors) :] /= (2.0 * np.pi * float(building.frequencies[0])) ** 4
+        noise[len(floors) :] /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
     return observer_of(
         plant,
         stack_outputs(chosen, deformations(plant)),
@@ -267,7 +287,10 @@ class LoopVariation(Summarised):
         return distinct, [places[id(each)] for each in self.buildings]
 
 
+# Runs of a call of the core, which reports nothing before its end: a few, then so many as take some time [s].
 _RUNS_AT_A_TIME = 4096
+_FEWEST_RUNS = 64
+_BLOCK_SECONDS = 1.0
 _MOST_SAMPLES = 100_000_000
 # Quantities in proportion to the command.
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
@@ -436,8 +459,10 @@ def simulate_loop(
     seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
     streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
     parts = []
-    for start in range(0, len(runs), _RUNS_AT_A_TIME):
-        part = slice(start, start + _RUNS_AT_A_TIME)
+    done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
+    while done < len(runs):
+        part = slice(done, done + count)
+        began = perf_counter()
         with core_refusals():
             parts.append(
                 _rust.respond(
@@ -457,8 +482,11 @@ def simulate_loop(
                     else user.asked(runs[part, :3], devices, hardware.sample_time),
                 )
             )
+        done = min(part.stop, len(runs))
         if on_progress is not None:
-            on_progress(min(part.stop, len(runs)), len(runs))
+            on_progress(done, len(runs))
+            blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / (perf_counter() - began)
+            count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     responses = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
     if largest_commands is None:
         return responses

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
+from time import perf_counter
 from types import MappingProxyType
 
 import numpy as np
@@ -25,6 +26,8 @@ from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import (
     LoopVariation,
     PrescribedCommands,
+    loop_observer,
+    measured_floors,
     simulate_loop,
     simulate_prescribed,
 )
@@ -33,10 +36,11 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.numbers import counted, duration_in_words
+from mrwork.numbers import counted
 from mrwork.store.codec import OrNan, digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
+from mrwork.study.course import Course, Key, Part, StudyProgress, excerpt_of, factor_of
 from mrwork.study.damper_size import DevicePlace
 from mrwork.study.labelled import (
     HALF_STEP,
@@ -72,35 +76,19 @@ from mrwork.summary import list_names
 from mrwork.units import STANDARD_GRAVITY
 from mrwork.values import Floats
 
+OnBlock = Callable[[int, int], None]
+"""Called with the number of runs done and their total."""
+
+# Realisations of a trial: they fill the lanes of some threads.
+_TRIED_REALISATIONS = 64
+# Buildings, motions and histories that are named as the reason of a long study.
+_MANY_COORDINATES, _MANY_SAMPLES, _MANY_BYTES = 50, 200_000, 1e8
+
 # Histories that need more memory than this are simulated one at a time.
 _MOST_HISTORY_BYTES = 2.0**28
 
 LEVELS = 21
 """Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyProgress:
-    """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s]."""
-
-    done: int
-    total: int
-    label: str
-    seconds: float
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: completed runs, the next ones, the remaining time."""
-        parts = [f"{self.done} of {self.total} runs", self.label, duration_in_words(self.seconds)]
-        if self.done:
-            left = self.seconds * (self.total - self.done) / self.done
-            parts.append(f"about {duration_in_words(left)} left")
-        return ", ".join(parts)
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return self.done / self.total if self.total else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +124,7 @@ def run_study(
     journal: Journal | None = None,
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
-    on_progress: Callable[[StudyProgress], None] = lambda progress: None,
+    on_progress: Callable[[StudyProgress], None] | None = None,
     check_step: bool = False,
     threads: Threads = 0,
 ) -> StudyResults:
@@ -150,6 +138,8 @@ def run_study(
         Whether the history of a (row, motion) is stored already; a missing one is simulated again.
     keep
         Stores the history of a (row, motion).
+    on_progress
+        Called with the progress, which tells how long the study will take: it is tried first on parts of the motions.
     check_step
         Repeat every run with half the step at the end.
 
@@ -167,7 +157,6 @@ def run_study(
     >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
     0.0236
     """
-    began = time.perf_counter()
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
     arrangements = list(study.arrangements)
@@ -212,20 +201,36 @@ def run_study(
             building_warnings=building_warnings,
         )
 
-    def report(label: str) -> None:
-        total, seconds = len(study.rows) * len(study.motions) * len(steps), time.perf_counter() - began
-        on_progress(StudyProgress(done=len(runs), total=total, label=label, seconds=seconds))
+    course = Course(
+        _parts(study, threads, halves=check_step),
+        on_progress,
+        total=len(study.rows) * len(study.motions) * len(steps),
+        reasons=partial(_reasons, study),
+    )
+
+    def report(label: str, key: Key | None = None) -> None:
+        recalling = journal is not None and journal.recalling
+        course.begin(key, label, len(runs), recalling=recalling)
 
     try:
         for row, arrangement in enumerate(arrangements):
-            report(arrangement.row.label)
             known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
-                arrangements[row], known, choice = _choose_best_constant(study, arrangement, journal, threads)
+                report(arrangement.row.label, (row, "levels"))
+                arrangements[row], known, choice = _choose_best_constant(
+                    study, arrangement, journal, threads, course.advance
+                )
                 choices += [choice] if choice else []
+            report(arrangements[row].row.label, (row, "runs"))
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
-                study, arrangements[row], journal, threads, fresh=fresh, known=known
+                study,
+                arrangements[row],
+                journal,
+                threads,
+                fresh=fresh,
+                known=known,
+                on_block=course.advance,
             ):
                 runs[row, motion, 0] = result
             for motion in study.histories:
@@ -248,15 +253,19 @@ def run_study(
         # After all other runs, so that a study without this check can be resumed with it.
         if check_step:
             for row, arrangement in enumerate(arrangements):
-                report(f"{arrangement.row.label}, half the step")
-                for motion, result in runs_of(study, arrangement, journal, threads, step_factor=2):
+                report(f"{arrangement.row.label}, half the step", (row, "half"))
+                for motion, result in runs_of(
+                    study, arrangement, journal, threads, step_factor=2, on_block=course.advance
+                ):
                     runs[row, motion, 1] = result
             for motion, found in clairvoyants.items():
                 runs[len(arrangements), motion, 1], _ = played.run(motion, found, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
-                report(f"{arrangement.row.label}, realisations")
-                realised[row] = _criteria_of_realisations(study, arrangement, journal, threads)
+                report(f"{arrangement.row.label}, realisations", (row, "realisations"))
+                realised[row] = _criteria_of_realisations(
+                    study, arrangement, journal, threads, course.advance
+                )
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
@@ -271,6 +280,7 @@ def runs_of(
     fresh: dict[int, RunHistory | None] | None = None,
     known: Mapping[int, RunResult] = MappingProxyType({}),
     step_factor: int = 1,
+    on_block: OnBlock | None = None,
 ) -> Iterator[tuple[int, RunResult]]:
     """The run under each motion: recalled, `known` from before, or simulated with later ones.
 
@@ -306,6 +316,7 @@ def runs_of(
                 histories=demanded or (bool(stored) and together == to_end),
                 step_factor=step_factor,
                 threads=threads,
+                on_block=on_block,
             )
             simulated |= enumerate(results_of(responses, arrangement), motion)
             if responses.histories is not None:
@@ -317,6 +328,126 @@ def runs_of(
         if fresh is not None:
             fresh[motion] = histories.get(motion)
         yield motion, simulated[motion]
+
+
+def _parts(study: Study, threads: int, *, halves: bool) -> dict[Key, Part]:
+    """What `run_study` simulates, in order, and trials of it."""
+    n_motions = len(study.motions)
+    parts: dict[Key, Part] = {}
+    half: dict[Key, Part] = {}
+    last: dict[Key, Part] = {}
+
+    @cache
+    def period() -> float:
+        frequency = float(study.building.frequencies[0])
+        return 1.0 / frequency if frequency > 0.0 else 1.0
+
+    def excerpts(grounds: Sequence[GroundMotion], share: float) -> tuple[list[GroundMotion], float]:
+        """A part of each motion, and the share that it is of all."""
+        every, sample_time = max(grounds, key=lambda ground: ground.peak), study.hardware.sample_time
+        factor = factor_of(every, excerpt_of(every, share, sample_time), period())
+        cut = [excerpt_of(ground, share, sample_time, factor) for ground in grounds]
+        return cut, sum(each.duration for each in cut) / sum(each.duration for each in grounds)
+
+    for row, arrangement in enumerate(study.arrangements):
+        fixed, grounds = arrangement, study.grounds
+        if arrangement.law is None:
+            best = constant_command(arrangement.devices, _levels(arrangement)[-1])
+            fixed = replace(arrangement, law=best)
+            if not _knows_least_strokes(arrangement):
+                grounds = tuple(each for each in grounds if not any(each is own for own in study.chosen_on))
+
+            def levels(share: float, arrangement: Arrangement = arrangement) -> tuple[float, int]:
+                cut, tried = excerpts(study.chosen_on, share)
+                devices, law = with_devices(
+                    arrangement, constant_commands(arrangement.devices, _levels(arrangement))
+                )
+                found = simulate_loop(
+                    arrangement.building, devices, law, cut, study.hardware, threads=threads
+                )
+                return tried, int(found.steps.max())
+
+            parts[row, "levels"] = Part(n_runs=LEVELS * len(study.chosen_on), trial=levels)
+
+        stored = [study.grounds[number] for number in study.histories]
+        demanded = _knows_least_strokes(fixed)
+        together = demanded or _histories_together(study, fixed, 0) == n_motions
+
+        def runs(
+            share: float,
+            fixed: Arrangement = fixed,
+            grounds: Sequence[GroundMotion] = grounds,
+            stored: Sequence[GroundMotion] = stored,
+            demanded: bool = demanded,
+            together: bool = together,
+        ) -> tuple[float, int]:
+            with_all = demanded or (bool(stored) and together and len(grounds) == n_motions)
+            steps, tried = 0, 1.0
+            for each, histories in ((grounds, with_all), (() if with_all else stored, True)):
+                if each:
+                    cut, tried = excerpts(each, share)
+                    found = _simulate(fixed, cut, study, histories=histories, threads=threads)
+                    steps = max(steps, int(found.steps.max()))
+                    for history in (found.histories or ())[: len(stored)]:
+                        history_of(history, fixed)
+            return tried, steps
+
+        parts[row, "runs"] = Part(n_runs=len(grounds), trial=runs, prepare=partial(_observe, study, fixed))
+        if halves:
+            half[row, "half"] = Part(n_runs=n_motions, trial=runs, times=2.0)
+        realisations = study.realisations
+        if realisations is not None:
+            tried_realisations = realisations.first(_TRIED_REALISATIONS)
+
+            def realised(
+                share: float, fixed: Arrangement = fixed, own: Realisations = tried_realisations
+            ) -> tuple[float, int]:
+                assert fixed.law is not None
+                cut, tried = excerpts(study.grounds, share)
+                simulate_criteria(
+                    fixed, fixed.law, cut, study.hardware, own, bare=study.building, threads=threads
+                )
+                return tried, 0
+
+            last[row, "realisations"] = Part(
+                n_runs=n_motions * len(realisations),
+                trial=realised,
+                repeats=len(realisations) / len(tried_realisations),
+            )
+    return parts | half | last
+
+
+def _observe(study: Study, arrangement: Arrangement) -> None:
+    """Design the observer that the runs of an arrangement share, if they have one."""
+    building, hardware = arrangement.building, study.hardware
+    if arrangement.devices and hardware.feedback == "observer":
+        loop_observer(building, arrangement.devices, hardware, measured_floors(building, hardware))
+
+
+def _reasons(study: Study, n_runs: int, steps: int) -> tuple[str, ...]:
+    """Why a study takes long, of so many runs with so many integration steps of a sample."""
+    hardware, n = study.hardware, study.building.n_coordinates
+    longest = max(study.grounds, key=lambda ground: ground.duration)
+    samples = round(longest.duration / hardware.sample_time)
+    kept = sum(study.grounds[motion].duration for motion in study.histories)
+    # In single precision.
+    stored = 0.5 * sum(_bytes_per_second(study, each) for each in study.arrangements) * kept
+    reasons = [f"{n_runs:,} runs"]
+    if steps > 2 * hardware.steps:
+        models = list_names(list(dict.fromkeys(device.spec.name for device in study.devices)))
+        reasons.append(
+            f"{models or study.building.name} takes {steps} integration steps per sample, and the hardware asks for "
+            f"{hardware.steps}"
+        )
+    if n >= _MANY_COORDINATES:
+        reasons.append(f"the building has {n:,} coordinates")
+    if samples >= _MANY_SAMPLES:
+        reasons.append(f"{longest.name} lasts {longest.duration:,.0f} s, {samples:,} samples of the hardware")
+    if stored >= _MANY_BYTES:
+        reasons.append(
+            f'histories take {stored / 1e9:.2g} GB on disk, which histories = "none" in [report] spares'
+        )
+    return tuple(reasons)
 
 
 def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
@@ -334,6 +465,13 @@ def _knows_least_strokes(arrangement: Arrangement) -> bool:
 
 def _histories_together(study: Study, arrangement: Arrangement, first: int) -> int:
     """Number of motions from `first` on, at least one, whose histories fit into memory together."""
+    seconds = np.cumsum([motion.duration for motion in study.grounds[first:]])
+    needed = _bytes_per_second(study, arrangement) * seconds
+    return max(1, int(np.sum(needed < _MOST_HISTORY_BYTES)))
+
+
+def _bytes_per_second(study: Study, arrangement: Arrangement) -> float:
+    """Memory of the history of a run for each second."""
     building = arrangement.building
     columns = {
         "run": 1,
@@ -344,9 +482,7 @@ def _histories_together(study: Study, arrangement: Arrangement, first: int) -> i
         "state": 2 * building.n_coordinates,
     }
     width = sum(columns[signal.axis] for signal in history_signals())
-    seconds = np.cumsum([motion.duration for motion in study.grounds[first:]])
-    needed = 8.0 * width * seconds / study.hardware.sample_time
-    return max(1, int(np.sum(needed < _MOST_HISTORY_BYTES)))
+    return 8.0 * width / study.hardware.sample_time
 
 
 def _simulate(
@@ -357,24 +493,34 @@ def _simulate(
     histories: bool = False,
     step_factor: int = 1,
     threads: Threads = 0,
+    on_block: OnBlock | None = None,
 ) -> Responses:
     """Simulate an arrangement under these motions; without devices it gets an actuator of zero force."""
     assert arrangement.law is not None
     devices, law = with_devices(arrangement, arrangement.law)
+    hardware = study.hardware
+    if not arrangement.devices:
+        # What nothing is fed back to needs no observer.
+        hardware = replace(hardware, feedback="state", measured_floors=None, known_ground=False)
     return simulate_loop(
         arrangement.building,
         devices,
         law,
         motions,
-        study.hardware,
+        hardware,
         histories=histories,
         step_factor=step_factor,
         threads=threads,
+        on_progress=on_block,
     )
 
 
 def _choose_best_constant(
-    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
+    study: Study,
+    arrangement: Arrangement,
+    journal: Journal | None,
+    threads: int,
+    on_block: OnBlock,
 ) -> tuple[Arrangement, Mapping[int, RunResult], str]:
     """The arrangement with the constant command of the lowest score, its known runs unless it is recalled, and words.
 
@@ -384,7 +530,7 @@ def _choose_best_constant(
 
     def search() -> BestConstant:
         try:
-            best, runs, _ = _best_level(arrangement, study.chosen_on, study.hardware, threads)
+            best, runs, _ = _best_level(arrangement, study.chosen_on, study.hardware, threads, on_block)
         except SimulationError:
             if not arrangement.added:
                 raise
@@ -423,7 +569,11 @@ def _levels(arrangement: Arrangement) -> Floats:
 
 
 def _best_level(
-    arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware, threads: int
+    arrangement: Arrangement,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    threads: int,
+    on_block: OnBlock | None = None,
 ) -> tuple[BestConstant, list[RunResult], list[dict[str, Floats]]]:
     """The constant command of the lowest score, and its runs and their criteria, one for each motion.
 
@@ -431,7 +581,9 @@ def _best_level(
     """
     commands, weight = _levels(arrangement), arrangement.building.total_mass * STANDARD_GRAVITY
     devices, law = with_devices(arrangement, constant_commands(arrangement.devices, commands))
-    responses = simulate_loop(arrangement.building, devices, law, motions, hardware, threads=threads)
+    responses = simulate_loop(
+        arrangement.building, devices, law, motions, hardware, threads=threads, on_progress=on_block
+    )
     runs = results_of(responses, arrangement)
     levels = [runs[start : start + len(motions)] for start in range(0, len(runs), len(motions))]
     criteria = [[_criteria(result, weight) for result in level] for level in levels]
@@ -582,6 +734,7 @@ def simulate_criteria(
     largest_commands: Floats | None = None,
     shaping: Floats | None = None,
     threads: int = 0,
+    on_block: OnBlock | None = None,
 ) -> LabelledRuns:
     """Simulate candidates of a law under motions, with realisations, in one call of the core.
 
@@ -598,7 +751,7 @@ def simulate_criteria(
         (stiffness, damping): vary_building(arrangement, bare, stiffness=stiffness, damping=damping)
         for stiffness, damping in dict.fromkeys(factors)
     }
-    began = time.perf_counter()
+    began = perf_counter()
     responses = simulate_loop(
         arrangement.building,
         tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
@@ -613,8 +766,9 @@ def simulate_criteria(
             seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
         ),
         threads=threads,
+        on_progress=on_block,
     )
-    seconds = time.perf_counter() - began
+    seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))
     found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
     for name, array in values(own, weight=weight).items():
@@ -660,7 +814,11 @@ def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float,
 
 
 def _criteria_of_realisations(
-    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
+    study: Study,
+    arrangement: Arrangement,
+    journal: Journal | None,
+    threads: int,
+    on_block: OnBlock,
 ) -> LabelledRuns:
     """Criteria of an arrangement under all motions with realisations, from the journal if it has them."""
     law, realisations = arrangement.law, study.realisations
@@ -676,6 +834,7 @@ def _criteria_of_realisations(
             realisations,
             bare=study.building,
             threads=threads,
+            on_block=on_block,
         )
 
     inputs = digest_of_run(arrangement, *study.grounds)

@@ -49,6 +49,17 @@ class Realisations(Summarised):
         """Number of realisations."""
         return len(self.stiffness)
 
+    def first(self, count: int) -> Realisations:
+        """The first of them."""
+        return replace(
+            self,
+            stiffness=self.stiffness[:count],
+            damping=self.damping[:count],
+            delay=self.delay[:count],
+            seed=self.seed[:count],
+            theta=tuple(rows[:count] for rows in self.theta),
+        )
+
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
