@@ -14,12 +14,13 @@ NOTHING = "\N{EN DASH}"
 """Text of a number that is not known."""
 
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_PLAIN_SIGNS = str.maketrans({MINUS: "-", NOTHING: "-", _THIN_SPACE: None})
 
 # Numbers between these powers of ten are written without a power of ten.
 _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
-_FEWEST_DIGITS = 3
 _MOST_DIGITS = 8
 _LEAST_PROBABILITY = 0.001
 
@@ -61,23 +62,34 @@ def shortest(value: float, digits: int = 4) -> str:
 def value_and_error(value: float, error: float | None) -> tuple[str, str]:
     """An estimate and its standard error: the error to two digits, the value to the same decimal, both of one power.
 
-    The value keeps at least three digits; where the error exceeds it, each is written on its own.
+    The value keeps a digit where the error is far larger; where both have too many digits, each is written on its own.
     """
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
         return shortest(value, _DIGITS_ALONE), NOTHING
-    if error > abs(value):
-        return shortest(value, _DIGITS_ALONE), significant(error, _DIGITS_OF_ERROR)
     of_error = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
-    finest = min(of_error, leading_exponent(value, _FEWEST_DIGITS) - _FEWEST_DIGITS + 1)
-    leading = leading_exponent(value, max(math.floor(math.log10(abs(value))) - finest + 1, 1))
-    if leading - finest >= _MOST_DIGITS:
-        return significant(value, _MOST_DIGITS), significant(error, _DIGITS_OF_ERROR)
+    finest = min(of_error, leading_exponent(value, 1)) if value else of_error
+    digits = math.floor(math.log10(abs(value))) - finest + 1 if value else 1
+    leading = leading_exponent(value, max(digits, 1)) if value else of_error
+    if max(leading, of_error) - finest >= _MOST_DIGITS:
+        return significant(value, min(max(digits, 1), _MOST_DIGITS)), significant(error, _DIGITS_OF_ERROR)
     power = 0 if _PLAIN[0] < leading < _PLAIN[1] else leading
     texts = [
         format_fixed(round(number, -decimal) / 10.0**power, max(power - decimal, 0)) + power_of_ten(power)
         for number, decimal in ((value, finest), (error, of_error))
     ]
     return texts[0], texts[1]
+
+
+def in_plain(text: str) -> str:
+    """A formatted number in the characters of every terminal, as -1.2e-09."""
+    head, times, power = text.partition(" × 10")
+    exponent = f"e{int(power.translate(_DIGITS)):+03d}" if times else ""
+    return head.translate(_PLAIN_SIGNS) + exponent
+
+
+def estimate_in_words(value: float, error: float) -> str:
+    """An estimate and its standard error for a terminal, as "2800 +- 5600"."""
+    return " +- ".join(map(in_plain, value_and_error(value, error)))
 
 
 def leading_exponent(value: float, digits: int) -> int:

@@ -52,7 +52,7 @@ def test_each_parameter_has_a_panel_with_the_threshold() -> None:
     drawn = profiles(*(profile(name) for name in ("c", "k", "x0", "k_w", "rho")))
     figure = profiles_figure(drawn)
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
-        f"{name} (N/m)" for name in ("c", "k", "x0", "k_w", "rho")
+        f"{name} (N/m)" for name in ("c", "k", "x0", "k_w", "ρ")
     ]
     for axes in figure.axes:
         assert any(np.allclose(line.get_ydata(), 3.84) for line in axes.get_lines())

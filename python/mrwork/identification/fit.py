@@ -14,7 +14,7 @@ from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.keys import suggestion
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
-from mrwork.numbers import format_rounded, of_unit
+from mrwork.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.plotted import plots_of
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
@@ -597,9 +597,14 @@ class Fit(WithAxes, Summarised, Related):
             return interval.verdict, interval.reason
         return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)
 
+    def _value(self, estimate: Estimate) -> str:
+        if self.intervals is None and estimate.standard_error is not None:
+            return in_plain(value_and_error(estimate.value, estimate.standard_error)[0])
+        return format_rounded(estimate.value, 6)
+
     def _uncertainty(self, estimate: Estimate) -> str:
         if self.intervals is None:
-            return format_rounded(estimate.standard_error, 2)
+            return in_plain(value_and_error(estimate.value, estimate.standard_error)[1])
         interval = self.intervals.of(estimate.name)
         return "-" if interval is None else interval.in_words(format_rounded)
 
@@ -689,7 +694,7 @@ class Fit(WithAxes, Summarised, Related):
             rows=[
                 (
                     each.name,
-                    format_rounded(each.value, 6),
+                    self._value(each),
                     self._uncertainty(each),
                     each.unit,
                     *self.verdict_on(each.name),

@@ -121,7 +121,7 @@ def laws(
         axes.plot(commands, values, color=style.MODEL, linewidth=1.4)
         draw_points(axes, commands[[0, -1]], values[[0, -1]], size=3.5, colour=style.MODEL)
         axes.set_xlabel(f"Command ({spec.current.unit})")
-        axes.set_ylabel(with_unit(name, parameter.unit))
+        axes.set_ylabel(with_unit(style.symbol_text(name), parameter.unit))
         include_zero(axes, values)
     return panels
 
@@ -189,7 +189,7 @@ def profiles(
     panels = panels_for(ax, names, "profiles")
     for axes, name in zip(panels, names, strict=True):
         add_profile(axes, by_name[name], threshold)
-        axes.set_xlabel(with_unit(name, by_name[name].unit))
+        axes.set_xlabel(with_unit(style.symbol_text(name), by_name[name].unit))
         axes.set_ylabel("Likelihood ratio")
     return panels
 

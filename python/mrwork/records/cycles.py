@@ -6,6 +6,7 @@ displacement, from the corner of the force at motion reversals.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -54,8 +55,8 @@ def mass_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     if mass is None:
         return ()
     message = (
-        f"the force has a component in phase with the acceleration: a mass of {mass.value:.3g} +- "
-        f"{mass.standard_error:.1g} kg or more between load cell and damper, or a force that leads the displacement"
+        f"the force has a component in phase with the acceleration: a mass of {mass.in_words()} kg or "
+        "more between load cell and damper, or a force that leads the displacement"
     )
     return (Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass),)
 
@@ -121,8 +122,8 @@ def drift_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
         return ()
     likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
     message = (
-        f"at equal stroke the dissipative force changes by {100 * drift.value:+.1f} +- "
-        f"{100 * drift.standard_error:.1f} % from the first cycle to the last, {likely}"
+        f"at equal stroke the dissipative force changes by {drift.in_words(100.0)} % from the "
+        f"first cycle to the last, {likely}"
     )
     action = "fit a part of the record (--from, --until)"
     return (Finding.warning("loop_drift", message, action=action, measured=drift),)
@@ -207,7 +208,7 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]
         return ()
     lags = "lags" if delay.value > 0.0 else "leads"
     message = (
-        f"the force {lags} the displacement by {1e3 * abs(delay.value):.3g} +- {1e3 * delay.standard_error:.2g} ms "
+        f"the force {lags} the displacement by {delay.in_words(math.copysign(1e3, delay.value))} ms "
         f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals"
     )
     return (Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay),)

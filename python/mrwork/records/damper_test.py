@@ -20,6 +20,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.hints import Within
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.numbers import estimate_in_words
 from mrwork.plotted import plots_of
 from mrwork.records.motion import cycle_lengths
 from mrwork.simulation import Loading
@@ -188,6 +189,12 @@ class Measured:
     value: float
     unit: str
     standard_error: float | None = None
+
+    def in_words(self, factor: float = 1.0) -> str:
+        """The number times a factor, with its standard error if that is known."""
+        if self.standard_error is None:
+            return f"{factor * self.value:.3g}"
+        return estimate_in_words(factor * self.value, abs(factor) * self.standard_error)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ An observation model is given in words of a setting: a moving average that was d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -136,7 +137,7 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
     end = float(test.time[max(test.n_time - lost, 0)]) if late and lost else None
     shorter = cut(test, start=None if late else float(test.time[min(lost, test.n_time - 1)]), end=end)
     moved = "earlier" if late else "later"
-    message = f"the force was shifted {moved} by {1e3 * abs(seen.value):.3g} ms{_error(seen, 1e3)}"
+    message = f"the force was shifted {moved} by {seen.in_words(math.copysign(1e3, seen.value))} ms"
     # The force across a spike was shifted too.
     uncompared = tuple(
         (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
@@ -163,7 +164,7 @@ def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     if seen is None:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion.acceleration
-    message = f"the inertia of {seen.value:.3g} kg{_error(seen, 1.0)} was taken out of the force"
+    message = f"the inertia of {seen.in_words()} kg was taken out of the force"
     return replace(test, force=freeze_samples(test.force - inertia)), _make_finding(
         "mass", message, seen.value, "kg", seen
     )
@@ -200,10 +201,6 @@ def _make_finding(
 
 def _no_cause(kind: RepairKind, reason: str) -> Finding:
     return Finding.note(f"no_{kind}", f"no {kind} to repair: {reason}")
-
-
-def _error(seen: Measured, factor: float) -> str:
-    return "" if seen.standard_error is None else f" (+- {factor * seen.standard_error:.2g})"
 
 
 DETECT: Final = "detect"

@@ -16,11 +16,6 @@ from mrwork.escaping import escaped_lines
 from mrwork.report import style
 from mrwork.table import breakable, format_code
 
-_GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
-    "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ",
-    "chi": "χ", "psi": "ψ", "omega": "ω",
-}  # fmt: skip
 _FUNCTIONS = frozenset(
     ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
 )
@@ -41,17 +36,20 @@ _TOKEN = re.compile(
 def symbol(name: str) -> str:
     """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter.
 
-    A coefficient of a current law has its number as one more subscript: `k_w.1`.
+    A coefficient of a current law has its number as one more subscript: `k_w.1`; a value at a command tells it.
     """
+    name, at, command = style.at_command(name)
+    if at:
+        return symbol(name) + escape(at + command)
     name, dot, coefficient = name.partition(".")
     match = re.fullmatch(r"([A-Za-z]+?)_?(\d\w*|(?<=_).+)?", name)
     if match is None:
         return escape(name + dot + coefficient)
     base, subscript = match.group(1), match.group(2)
-    letter = _GREEK.get(base, base)
+    letter = style.GREEK.get(base, base)
     if len(letter) > 1:
         return escape(name + dot + coefficient)
-    subscripts = [part for part in (_GREEK.get(subscript or "", subscript), coefficient) if part]
+    subscripts = [part for part in (style.GREEK.get(subscript or "", subscript), coefficient) if part]
     set_subscript = f"<sub>{escape(','.join(subscripts))}</sub>" if subscripts else ""
     return f"<i>{escape(letter)}</i>{set_subscript}"
 
@@ -82,7 +80,7 @@ def _set(match: re.Match[str]) -> str:
 def _name(name: str) -> str:
     if name in _FUNCTIONS:
         return name
-    if len(name) == 1 or name in _GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name):
+    if len(name) == 1 or name in style.GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name):
         return symbol(name)
     return escape(name)
 

@@ -7,6 +7,7 @@ hue, so that colour-blind readers and grey-scale prints can distinguish them.
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -199,3 +200,25 @@ def residual_unit(peak_residual: float, unit: DisplayUnit, *, least: float = 0.0
     candidates = FORCES[FORCES.index(unit) :]
     large_enough = (finer for finer in candidates if peak_residual * finer.factor >= least)
     return next(large_enough, FORCES[-1])
+
+
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
+    "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω",
+}  # fmt: skip
+"""Letters of the equations by their names."""
+
+
+def at_command(name: str) -> tuple[str, str, str]:
+    """A parameter and its command, as `rho`, " at " and "0 A" of `rho@0A`; the last two are empty for others."""
+    match = re.fullmatch(r"(.+)@(.+?)([A-Za-z]+)", name)
+    return (match[1], " at ", f"{match[2]}\N{NO-BREAK SPACE}{match[3]}") if match else (name, "", "")
+
+
+def symbol_text(name: str) -> str:
+    """A parameter's name with the letter of its equation, for figures: `rho@0A` as ρ at 0 A."""
+    name, at, command = at_command(name)
+    letters = re.match(r"[A-Za-z]*", name)
+    word = letters[0] if letters else ""
+    return GREEK.get(word, word) + name[len(word) :] + at + command

@@ -32,7 +32,7 @@ _FIRST_SHARE, _GROWTH = 1e-3, 16.0
 # Finished parts that took less do not correct what is expected of others [s].
 _TELLING = 0.3
 # Samples of a motion that are compared with those of its excerpt; the largest factor of an excerpt.
-_COMPARED, _LARGEST_FACTOR = 10_000, 10.0
+_COMPARED, _LARGEST_FACTOR = 10_000, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -253,7 +253,7 @@ def label_corner(axes: Axes, below: str, left: str) -> None:
     """Names below and left of axes of a corner, where they are not empty, with few ticks."""
     axes.grid(False)
     axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
-    axes.set(xlabel=below, ylabel=left)
+    axes.set(xlabel=style.symbol_text(below), ylabel=style.symbol_text(left))
     for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
         if name:
             axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
@@ -262,7 +262,7 @@ def label_corner(axes: Axes, below: str, left: str) -> None:
 
 
 def _finish(axes: Axes, name: str, abscissa: str) -> None:
-    name_small_axes(axes, name, abscissa)
+    name_small_axes(axes, style.symbol_text(name), abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
     plain_ticks(axes, 5, "y")
 

@@ -164,7 +164,7 @@ def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
 
 
 def _add_title(axes: Axes, profile: Profile) -> None:
-    axes.set_title(with_unit(profile.name, profile.unit), loc="left", pad=6)
+    axes.set_title(with_unit(style.symbol_text(profile.name), profile.unit), loc="left", pad=6)
 
 
 def _tick(value: float) -> str:
