@@ -144,5 +144,6 @@ def test_the_line_tells_rate_agreement_and_time_left() -> None:
     )
     assert (
         progress.in_words
-        == "step 200, 50 steps/s, R-hat 1.020, 15 autocorrelation times, 4 s, at most 16 s left"
+        == "step 200, 50 steps/s, R-hat 1.020, 15 autocorrelation times, 4 s, at least 9 s, at most 16 s left"
     )
+    assert progress.most_seconds == 16.0

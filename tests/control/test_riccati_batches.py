@@ -32,11 +32,12 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
     regulators_of_weights,
+    riccati,
 )
 from mrwork.control.design_problem import LawSettings
 from mrwork.control.lqr import Regulator, Weighed, regulator_of_weights, weighed_outputs
 from mrwork.control.riccati import RiccatiSolutions, RiccatiStatus
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkWarning, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -372,3 +373,13 @@ def test_a_regulator_beyond_double_precision_is_refused(refused: Refused) -> Non
     system = plant(1, shear_frame(40))
     weights = np.append(np.zeros(39), 1.0)
     refused(regulator_of_outputs, system, accelerations(system), weights, 1e-22)
+
+
+def test_an_equation_of_many_states_says_its_time_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(riccati, "_MANY_STATES", 4)
+    monkeypatch.setattr(riccati, "_LONG", 0.0)
+    A, B = -np.eye(4), np.ones((4, 1))
+    with pytest.warns(MrworkWarning, match="of 4 states takes about 0 s, and grows with their cube"):
+        regulator_gains(A, B, np.eye(4), np.eye(1))
+    monkeypatch.setattr(riccati, "_MANY_STATES", 5)
+    assert regulator_gains(A, B, np.eye(4), np.eye(1)).solved.all()

@@ -24,6 +24,7 @@ from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
+from mrwork.numbers import duration_in_words
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
 from mrwork.store.unfinished import addition_journal, keep_addition
@@ -33,6 +34,10 @@ from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_pri
 if TYPE_CHECKING:
     from mrwork.store.journal import Journal
     from mrwork.uncertainty.posterior.draws import Draws
+    from mrwork.uncertainty.posterior.sample import SamplingProgress
+
+# Seconds beyond which the time of all steps is told after the first ones.
+_LONG = 600.0
 
 
 def add_options(parser: CommandParser) -> None:
@@ -117,8 +122,18 @@ def _sample(
     # emcee takes a second to load.
     from mrwork.uncertainty.posterior.sample import sample
 
+    told: list[SamplingProgress] = []
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
+
+            def report(progress: SamplingProgress) -> None:
+                most = progress.most_seconds
+                if not told and most is not None:
+                    told.append(progress)
+                    if most > _LONG and not is_quiet(options):
+                        note(_in_advance(progress.most_steps, most))
+                line(progress)
+
             return sample(
                 opened.fit,
                 opened.tests,
@@ -130,7 +145,7 @@ def _sample(
                 rng=options.seed,
                 threads=options.threads,
                 journal=journal,
-                on_progress=line,
+                on_progress=report,
             )
     except Interrupted as interrupt:
         note(
@@ -138,6 +153,13 @@ def _sample(
             "run the same command with --resume to continue"
         )
         return None
+
+
+def _in_advance(most_steps: int, seconds: float) -> str:
+    return (
+        f"{most_steps:,} steps take about {duration_in_words(seconds)}; the chain ends sooner where it has converged, "
+        "which its autocorrelation times tell, or at fewer --steps, which --resume continues"
+    )
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

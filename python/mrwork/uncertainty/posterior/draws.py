@@ -65,6 +65,11 @@ class Diagnosis:
         return self.n_steps / longest if longest > 0.0 else 0.0
 
     @property
+    def least_steps(self) -> float:
+        """Steps, with the burn-in, of a chain that is long enough for these autocorrelation times."""
+        return _LEAST_LENGTH * float(np.max(self.tau)) / (1.0 - _BURN_IN)
+
+    @property
     def shortcomings(self) -> tuple[str, ...]:
         """Criteria that are not met, in words; empty where the chain has converged."""
         criteria = []

@@ -358,16 +358,24 @@ class SamplingProgress:
 
     @property
     def in_words(self) -> str:
-        """Progress in one line; the remaining time is that of the most steps, as convergence cannot be predicted."""
+        """Progress in one line; the time left is from that of a chain that is long enough to that of the most steps."""
         parts = [f"step {self.steps}", f"{format_rate(self.steps_per_second)} steps/s"]
         if self.diagnosis is not None:
             rhat = float(self.diagnosis.rhat.max())
             parts.append(f"R-hat {rhat:.3f}, {self.diagnosis.length:.0f} autocorrelation times")
         parts.append(duration_in_words(self.seconds))
-        if self.steps_per_second > 0.0:
-            left = (self.most_steps - self.steps) / self.steps_per_second
-            parts.append(f"at most {duration_in_words(left)} left")
+        if self.most_seconds is not None:
+            least = 0.0 if self.diagnosis is None else self.diagnosis.least_steps - self.steps
+            if 0.0 < least < self.most_steps - self.steps:
+                parts.append(f"at least {duration_in_words(least / self.steps_per_second)}")
+            parts.append(f"at most {duration_in_words(self.most_seconds)} left")
         return ", ".join(parts)
+
+    @property
+    def most_seconds(self) -> float | None:
+        """Time of the steps that are left [s], `None` where it is not known."""
+        left = self.most_steps - self.steps
+        return left / self.steps_per_second if self.steps_per_second > 0.0 else None
 
     @property
     def share(self) -> float | None:
