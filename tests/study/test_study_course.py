@@ -93,6 +93,7 @@ def test_trials_tell_the_time_of_all_and_runs_correct_it(monkeypatch: pytest.Mon
     # The first took 80 s instead of 50.
     assert seen[-1].left == pytest.approx(80.0, rel=0.01)
     assert seen[-1].later(30.0).left == pytest.approx(50.0, rel=0.01)
+    assert "left" not in seen[-1].later(90.0).in_words
 
 
 def test_an_excerpt_is_the_part_with_the_most_energy() -> None:

@@ -64,8 +64,8 @@ class StudyProgress:
         return None if self.left is None else self.seconds / max(self.seconds + self.left, 1e-9)
 
     def later(self, seconds: float) -> StudyProgress:
-        """The same after some time without a report [s]."""
-        left = None if self.left is None else max(self.left - seconds, 0.0)
+        """The same after some time without a report [s]; what takes longer than expected has no time left to tell."""
+        left = None if self.left is None or self.left <= seconds else self.left - seconds
         return replace(self, seconds=self.seconds + seconds, left=left)
 
 

@@ -238,8 +238,12 @@ def run_study(
                 if not runs[row, motion, 0].finished:
                     continue
                 if motion in fresh or not kept(row, motion):
-                    history = fresh.get(motion) or _history(study, arrangements[row], motion, threads)
-                    keep(row, motion, history)
+                    # No name holds a history, which may be hundreds of megabytes, while the next one is simulated.
+                    keep(
+                        row,
+                        motion,
+                        fresh.pop(motion, None) or _history(study, arrangements[row], motion, threads),
+                    )
         if study.clairvoyant is not None:
             row = len(arrangements)
             for motion in range(len(study.motions)):
