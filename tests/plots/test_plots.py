@@ -21,6 +21,7 @@ from plotted_results import RESULTS
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.report.style import symbol_text
 
 # Units of labels, by what one of them is in SI.
 UNITS = {"mm": 1e-3, "mm/s": 1e-3, "kN": 1e3, "m/s²": 1.0, "N": 1.0, "s": 1.0, "J": 1.0, "l": 1e-3}
@@ -229,7 +230,7 @@ def test_single_parameters_are_drawn_into_single_axes() -> None:
     ):
         axes = Figure().subplots()
         assert np.ravel(draw(axes, **options)).tolist() == [axes]
-        assert f"{options['parameters'][0]} (" in f"{axes.get_xlabel()} {axes.get_ylabel()}"
+        assert f"{symbol_text(options['parameters'][0])} (" in f"{axes.get_xlabel()} {axes.get_ylabel()}"
 
 
 def test_bars_and_profiles_have_the_numbers_of_their_tables() -> None:
