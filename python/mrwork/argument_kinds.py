@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mrwork import hints as nodes
-from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
+from mrwork.errors import ArgumentError, MrworkError, Restorable, SettingError, UnknownChoiceError
 from mrwork.hints import LARGEST, May, Node, Notes, Shape, Within
 from mrwork.keys import suggestion
 
@@ -38,7 +38,7 @@ def check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], par
             )
 
 
-class Refusal(Exception):  # noqa: N818 # becomes an error where the name of the argument is known
+class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the name of the argument is known
     """Why a value is refused: the place in the argument, the rest of the sentence, and the error to raise."""
 
     def __init__(self, sentence: str, error: type[MrworkError] = ArgumentError, place: str = "") -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from mrwork.escaping import escape_text
 
 ResultT = TypeVar("ResultT")
+ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
 _LONGEST = 2000
@@ -33,7 +34,24 @@ def __dir__() -> list[str]:
     return __all__
 
 
-class MrworkError(Exception):
+def _restore(kind: type[ErrorT], args: tuple[Any, ...]) -> ErrorT:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    return error
+
+
+class Restorable(BaseException):
+    """What pickles and copies with its type, text and attributes, whatever its constructor takes.
+
+    Python calls the constructor again, with the text alone.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it is made again, as `object.__reduce__`."""
+        return _restore, (type(self), self.args), self.__dict__
+
+
+class MrworkError(Restorable, Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
     `document` is the file whose place the text begins with; empty if the text does not begin with a place. Of an
@@ -121,7 +139,7 @@ class LibraryError(MrworkError, RuntimeError):
     """A library that a computation needs does not start on this machine; what was computed before is kept."""
 
 
-class Interrupted(KeyboardInterrupt, Generic[ResultT]):
+class Interrupted(Restorable, KeyboardInterrupt, Generic[ResultT]):
     """Ctrl-C during a long computation; `result` is its partial result, `None` without one.
 
     The result is of the type that the docstring of the interrupted function names; a function that calls another one
@@ -139,3 +157,8 @@ class Interrupted(KeyboardInterrupt, Generic[ResultT]):
         """Whether this interrupt, or the one that caused it, is a callback that ended the run instead of Ctrl-C."""
         cause = self.__cause__
         return self._stopped or (isinstance(cause, Interrupted) and cause.stopped)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As of every `Restorable`; its cause, which tells `stopped`, is not pickled."""
+        restore, made_of, attributes = super().__reduce__()
+        return restore, made_of, attributes | {"_stopped": self.stopped}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from mrwork.command_signal import LARGEST_COMMAND, impossible_command
-from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
+from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
     QUANTITIES,
@@ -237,7 +237,7 @@ def choose_columns(
     return chosen
 
 
-class _UnclearError(Exception):
+class _UnclearError(Restorable, Exception):
     """What cannot be told of a quantity: the problem, and what to do; the column and its unit where they are known."""
 
     def __init__(

@@ -1,0 +1,94 @@
+"""Every error of the package pickles and copies, as a pool of processes needs: type, text and attributes."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import pickle
+import pkgutil
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mrwork
+import mrwork as mr
+from mrwork import errors
+from mrwork.errors import Interrupted, InvalidSettingError, MrworkError, RecordError
+
+
+def errors_of_the_package() -> Iterator[type[BaseException]]:
+    for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
+        if found.name.endswith("__main__") or ".child_" in found.name:
+            continue
+        module = importlib.import_module(found.name)
+        for each in vars(module).values():
+            if isinstance(each, type) and issubclass(each, BaseException) and each.__module__ == found.name:
+                yield each
+
+
+ERRORS = {f"{each.__module__}.{each.__name__}": each for each in errors_of_the_package()}
+# What a constructor takes, by the name of the argument; a text for any other.
+GIVEN: dict[str, Any] = {"kind": RecordError, "error": RecordError, "stopped": True}
+
+
+def an_error(kind: type[BaseException]) -> BaseException:
+    """An error as the package raises it, with attributes and a note."""
+    if not inspect.isfunction(kind.__init__):
+        made = kind("no file of that name; check it")
+    else:
+        given: dict[str, Any] = {}
+        words: list[Any] = []
+        for name, each in inspect.signature(kind).parameters.items():
+            if each.kind is each.KEYWORD_ONLY:
+                given[name] = GIVEN.get(name, name)
+            elif each.kind is each.POSITIONAL_OR_KEYWORD:
+                words.append(GIVEN.get(name, name))
+        made = kind(*words, **given)
+    if isinstance(made, MrworkError):
+        made.document, made.key, made.in_a_file = "a.toml", "mass", "a.toml: the mass is 0"
+    made.add_note("run the same command with --resume to continue")
+    return made
+
+
+def facts_of(error: BaseException) -> tuple[object, ...]:
+    return type(error), str(error), error.args, vars(error), [getattr(error, "stopped", None)]
+
+
+def test_the_walk_finds_the_errors() -> None:
+    assert {f"mrwork.errors.{name}" for name in errors.__all__} <= ERRORS.keys()
+    assert "mrwork.argument_kinds.Refusal" in ERRORS
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_an_error_is_the_same_after_pickling_and_copying(name: str) -> None:
+    error = an_error(ERRORS[name])
+    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+        assert facts_of(pickle.loads(pickle.dumps(error, protocol))) == facts_of(error)
+    assert facts_of(copy.copy(error)) == facts_of(error)
+    assert facts_of(copy.deepcopy(error)) == facts_of(error)
+
+
+def test_an_interrupt_says_in_another_process_that_a_callback_has_ended_the_run() -> None:
+    interrupt: Interrupted[int] = Interrupted(3, "fit")
+    interrupt.__cause__ = Interrupted(2, "search", stopped=True)
+    read = pickle.loads(pickle.dumps(interrupt))
+    assert (str(read), read.result, read.stopped) == ("fit interrupted", 3, True)
+
+
+def test_a_pool_of_processes_hands_on_an_error_of_a_setting() -> None:
+    call = partial(mr.buildings.PassiveElement, name="brace", row=np.ones(1), sharpness=0.5)
+    with pytest.raises(InvalidSettingError) as here:
+        call()
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
+        pytest.raises(InvalidSettingError) as there,
+    ):
+        pool.submit(call).result()
+    assert facts_of(there.value)[:3] == facts_of(here.value)[:3]
+    assert there.value.key == here.value.key
