@@ -1,7 +1,8 @@
-"""A symbolic link in the place of whatever a verb writes: what it leads to stays as it is, and the verb ends in order.
+"""What is no file of its own in the place of whatever a verb writes: it stays as it is, and the verb ends in order.
 
-What a verb writes is not listed here: the interpreter tells of every file that is opened for writing, made, linked or
-renamed while the verb runs. `MRWORK_LINKS=all` tries every kind of link in every place, otherwise there is one in each.
+These are links, symbolic and hard, and pipes, devices and sockets. What a verb writes is not listed here: the
+interpreter tells of every file that is opened for writing, made, linked or renamed while the verb runs.
+`MRWORK_LINKS=all` tries every kind in every place, otherwise there is one of each group in each.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import contextlib
 import os
 import re
 import shutil
+import socket
+import stat
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,14 +25,19 @@ from test_command_line_options import written_record
 from tuning_samples import TWO_STOREYS, study_file
 
 from mrwork.cli.door import verbs
+from mrwork.store.run_folder import JOURNAL, MANIFEST
 
 EVERY = os.environ.get("MRWORK_LINKS") == "all"
 # Where files lie is asked, not what they show.
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-KINDS = ("file", "folder", "nowhere")
+# Groups of kinds; a link is named by what it leads to. The first are replaced themselves where a file is replaced.
+LINKS = ("file", "folder", "nowhere", "hard link")
+DIRECT = ("pipe", "device", "socket")
+SPECIAL = (*DIRECT, "to a pipe", "to a device")
 # Folders with names that nobody can know before.
 RANDOM = (".mrwork-", ".mrwork_probe-")
+SCRATCH = ("out.part/models/", "out.part/histories/")
 # The folders that the user names: one that is a link is followed.
 NAMED = ("run", "out")
 _seen: list[str] | None = None
@@ -137,11 +145,55 @@ def listed(folder: Path) -> dict[str, object]:
     }
 
 
+@pytest.fixture(scope="module")
+def specials(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
+    """The special kinds that can be made here; a device of our own wants the rights of root."""
+    try:
+        make_special(tmp_path_factory.mktemp("specials") / "device", "device")
+    except OSError:
+        return tuple(kind for kind in SPECIAL if "device" not in kind)
+    return SPECIAL
+
+
+def make_special(path: Path, kind: str) -> None:
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        # The one that takes everything and keeps nothing.
+        os.mknod(path, stat.S_IFCHR | 0o600, os.makedev(1, 3))
+    else:
+        with socket.socket(socket.AF_UNIX) as end, contextlib.chdir(path.parent):
+            end.bind(path.name)
+
+
+def state(path: Path) -> tuple[int, ...]:
+    """What stays the same of a special file."""
+    found = path.stat()
+    return found.st_mode, found.st_ino, found.st_rdev
+
+
 def plant(path: Path, kind: str, victims: Path) -> None:
-    """Put a link in a place; what is there becomes its target."""
+    """Put something else in a place; what is there becomes the target of a link."""
+    if kind in SPECIAL:
+        victims.mkdir(parents=True)
+        if os.path.lexists(path):
+            path.rename(victims / "itself")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        kind, is_link = kind.removeprefix("to a "), kind.startswith("to a ")
+        make_special(victims / kind if is_link else path, kind)
+        if is_link:
+            path.symlink_to(victims / kind)
+        return
     (victims / "folder").mkdir(parents=True)
     for victim in (victims / "file", victims / "folder" / "file"):
         victim.write_text("precious")
+    if kind == "hard link":
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_file() and not path.is_symlink():
+            (victims / "itself").hardlink_to(path)
+        elif not os.path.lexists(path):
+            path.hardlink_to(victims / "file")
+        return
     if os.path.lexists(path):
         path.rename(victims / "itself")
         kind = "itself"
@@ -163,6 +215,9 @@ def named_in(sentence: str, places: Sequence[str]) -> list[str]:
             for place, name in within.items()
             if name and re.search(rf" {re.escape(name)}[,;]", sentence)
         ]
+    if "but no manifest.json" in sentence or "no journal to resume" in sentence:
+        lost = MANIFEST if "manifest" in sentence else JOURNAL
+        return [place for place in places if Path(place).name == lost]
     found = [place for place in places if re.search(f"{re.escape(place)}[ :]", sentence)]
     return sorted(found, key=len)[-1:]
 
@@ -171,9 +226,13 @@ def test_every_verb_has_a_job() -> None:
     assert {job.words.split()[0] for job in JOBS.values()} | READING == set(verbs())
 
 
-@pytest.mark.parametrize("turn", range(len(KINDS)) if EVERY else range(1))
+@pytest.mark.parametrize("turn", range(len(SPECIAL)) if EVERY else range(1))
+@pytest.mark.parametrize("group", ["links", "special"])
 @pytest.mark.parametrize("name", JOBS)
-def test_what_a_link_leads_to_is_not_written(name: str, turn: int, records: Path, tmp_path: Path) -> None:
+def test_what_is_no_file_of_its_own_stays_as_it_is(
+    name: str, group: str, turn: int, records: Path, tmp_path: Path, specials: tuple[str, ...]
+) -> None:
+    available = LINKS if group == "links" else specials
     job, base, work, victims = JOBS[name], tmp_path / "base", tmp_path / "work", tmp_path / "victims"
     shutil.copytree(records, base)
     for words in job.before:
@@ -193,7 +252,7 @@ def test_what_a_link_leads_to_is_not_written(name: str, turn: int, records: Path
         path for path in within if path not in (".", *NAMED) and not path.startswith(("..", *RANDOM))
     )
     assert places
-    kinds = {place: KINDS[(number + turn) % len(KINDS)] for number, place in enumerate(places)}
+    kinds = {place: available[(number + turn) % len(available)] for number, place in enumerate(places)}
     # Links in all places at once; one that is refused is named, and left out the next time.
     left = places
     while left:
@@ -203,9 +262,17 @@ def test_what_a_link_leads_to_is_not_written(name: str, turn: int, records: Path
         shutil.rmtree(victims, ignore_errors=True)
         for number, place in enumerate(planted):
             plant(work / place, kinds[place], victims / str(number))
-        before = listed(victims)
+        # What a run that is begun anew has left in the folder of its journals is removed first.
+        special = [
+            work / place
+            if kinds[place] in DIRECT
+            else victims / str(number) / kinds[place].removeprefix("to a ")
+            for number, place in enumerate(planted)
+            if kinds[place] in SPECIAL and not place.startswith(SCRATCH)
+        ]
+        before = listed(victims), [state(path) for path in special]
         ended = done(job.words, work)
-        assert listed(victims) == before, (planted, ended)
+        assert (listed(victims), [state(path) for path in special]) == before, (planted, ended)
         if ended.returncode == 0:
             tried = planted
         else:

@@ -17,6 +17,7 @@ from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.errors import OutputError
 from mrwork.store.output_file import explain_failure, write_files
+from mrwork.store.output_folder import refuse_place_in_run
 
 Sample = Literal["rig", "study"]
 
@@ -108,6 +109,7 @@ def _write_study(place: Path) -> _Written:
 def _refuse_what_is_there(place: Path, *, within: bool = False) -> None:
     """Refuse a place where there is something; with `within` a folder may be there that has nothing within."""
     with explain_failure(f"write {place}", "choose another place"):
+        refuse_place_in_run(place)
         there = next(_there(place, within=within), None)
     if there is not None:
         what = "a new or empty folder" if within else "another file"

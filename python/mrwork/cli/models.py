@@ -14,6 +14,7 @@ from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
+from mrwork.store.output_folder import check_output
 from mrwork.summary import align_rows
 from mrwork.table import TableColumn, text_table
 
@@ -76,6 +77,7 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     suffix = options.figure.suffix.lower()
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
+    check_output(options.figure, replace=True, otherwise="")
     from mrwork.report.canvas import png_bytes, svg_bytes
     from mrwork.report.damper_figures import parameter_effects_figure
 

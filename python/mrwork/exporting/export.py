@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Literal, assert_never
 
 from mrwork.arguments import checked
 from mrwork.dampers.conversions import OpenSeesError, OpenSeesTimeStep
-from mrwork.errors import OutputError, SettingError
+from mrwork.errors import SettingError
 from mrwork.exporting.damper_text import force_table, opensees_damper
 from mrwork.exporting.matlab_file import matlab_of_fit, matlab_of_groups
 from mrwork.identification.fit import Fit
 from mrwork.records.columns import StatedCommand
-from mrwork.store.input_file import exists
 from mrwork.store.output_file import replacing
+from mrwork.store.output_folder import check_output
 from mrwork.stored import read_run
 from mrwork.study.results import StudyCriteria
 from mrwork.tuning.results import TuningResults
@@ -79,7 +78,7 @@ def export(
         Where the target does not take the run, as OpenSees a damper other than Bouc-Wen, or a fit with a parameter on
         its bound.
     OutputError
-        Where the file is there already, or cannot be written.
+        Where the file is there already, is no ordinary one, belongs to a run, or cannot be written.
 
     Examples
     --------
@@ -87,7 +86,7 @@ def export(
     >>> mr.export("out/rig", "opensees", "damper.tcl", command="0.5 A", error=0.01)  # doctest: +SKIP
     """
     place = Path(output)
-    check_output(place, replace=replace)
+    check_output(place, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
     content = exported(
         run,
         to,
@@ -99,16 +98,6 @@ def export(
     with replacing(place) as stream:
         stream.write(content)
     return place
-
-
-def check_output(place: Path, *, replace: bool) -> None:
-    """Refuse a file that is there, unless it is to be replaced, and the name of a folder."""
-    if place.is_dir():
-        raise OutputError(f"{place} is a folder; give the name of a file")
-    if not replace and (exists(place) or os.path.islink(place)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
-        raise OutputError(
-            f"{place} is there already; choose another name, or replace it by `--replace`, in Python `replace=True`"
-        )
 
 
 def exported(

@@ -9,15 +9,16 @@ from pathlib import Path
 from typing import Final, Literal, get_args
 
 from mrwork.arguments import checked
-from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
+from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.keys import closest, suggestion
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
-from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
+from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
+from mrwork.store.output_folder import check_output
 from mrwork.store.run_folder import real_place
 from mrwork.summary import Summarised, list_names
 from mrwork.table import csv_text
@@ -218,8 +219,7 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
         A file is in two rows.
     """
     place = Path(path)
-    if exists(place):
-        raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
+    check_output(place, replace=False, otherwise="delete it")
     check_given_once(rows)
     lines: list[Sequence[str]] = [_HEADER]
     for row in rows:

@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from mrwork.escaping import escaped_lines
 from mrwork.report import style
+from mrwork.store.output_file import replacing
 from mrwork.table import breakable, format_code
 
 _FUNCTIONS = frozenset(
@@ -93,8 +94,8 @@ def fill_template(name: str, **content: Any) -> str:
 def write_study_page(template: Path, path: Path, **content: Any) -> None:
     """Fill in a Jinja template, which may use `styles`, and write it."""
     page = _environment().from_string(template.read_text(encoding="utf-8"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(escaped_lines(page.render(**content)), encoding="utf-8")
+    with replacing(path) as stream:
+        stream.write(escaped_lines(page.render(**content)).encode())
 
 
 def _styles() -> str:

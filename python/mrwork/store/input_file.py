@@ -64,8 +64,7 @@ class Allowance:
 
 _MIB: Final = 1 << 20
 _DIGEST: Final = "sha256"
-_KINDS: Final = {
-    stat.S_IFDIR: "is a directory",
+_SPECIAL: Final = {
     stat.S_IFIFO: "is a named pipe",
     stat.S_IFCHR: "is a device",
     stat.S_IFBLK: "is a device",
@@ -196,9 +195,14 @@ def exists(path: str | Path) -> bool:
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
 
 
+def special_kind(mode: int) -> str:
+    """What a pipe, a device or a socket is, in words; empty for files and folders."""
+    return _SPECIAL.get(stat.S_IFMT(mode), "")
+
+
 def _check(status: os.stat_result, path: Path, kind: FileKind) -> None:
     if not stat.S_ISREG(status.st_mode):
-        what = _KINDS.get(stat.S_IFMT(status.st_mode), "is not an ordinary file")
+        what = special_kind(status.st_mode) or "is a directory"
         raise RecordError(f"{path}: {what} where {kind.name} was expected; {kind.remedy}")
     if status.st_size > kind.largest:
         raise RecordError(

@@ -19,8 +19,10 @@ from mrwork.arguments import checked
 from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import differences, plain, rebuilt
 from mrwork.store.input_file import bytes_of, is_there
-from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, read_lines
-from mrwork.store.output_file import Lock, explain_failure, open_to_write, refuse_link
+from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, is_journal, line_of, read_lines
+from mrwork.store.output_file import Lock, check_own, explain_failure, open_to_write
+from mrwork.store.output_folder import refuse_place_in_run
+from mrwork.store.run_folder import is_unfinished
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
@@ -51,7 +53,7 @@ class Journal:
     Parameters
     ----------
     path
-        The file; its folder must exist. The first line that is written replaces an existing file.
+        The file; its folder must exist. The first line that is written replaces an existing journal.
     resume
         Whether to continue an existing file.
     note
@@ -60,10 +62,10 @@ class Journal:
     Raises
     ------
     JournalError
-        On resuming: if there is no such file, if it is not a journal, or if it is damaged before its end. On resuming
-        or at the first step, unless `lock` was called before: if another writer holds the file.
+        If the file is there and no journal. On resuming: if there is no such file, or if it is damaged before its end.
+        On resuming or at the first step, unless `lock` was called before: if another writer holds the file.
     OutputError
-        If a line cannot be written, or the file is a link.
+        If a line cannot be written, or the file is a link or belongs to a run.
     """
 
     @checked
@@ -86,6 +88,11 @@ class Journal:
         self._synced, self._pause = 0.0, 0.0
         if resume:
             self._recorded = self._open_file(note)
+        elif not is_unfinished(self.path):
+            check_own(self.path)
+            refuse_place_in_run(self.path)
+            if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
+                raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
         self._began = time.perf_counter() - self.seconds_before
 
     @property
@@ -271,7 +278,7 @@ class Journal:
         if self.path.parent.is_dir():
             self._take_lock()
         try:
-            refuse_link(self.path)
+            check_own(self.path)
             if not is_there(self.path, JOURNAL_FILE):
                 raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
             file = self._open()

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from mrwork.errors import JournalError
 from mrwork.store.codec import plain
-from mrwork.store.input_file import FileKind
+from mrwork.store.input_file import FileKind, start_of
 from mrwork.store.parse import json_value
 
 # Increased whenever names or order of the entries change, or the bits of what is computed: older journals are refused.
@@ -23,6 +23,7 @@ FORMAT = 3
 JOURNAL_FILE: Final = FileKind(
     name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"
 )
+_START = b'{"line": '
 _SUM = ', "crc32": "'
 _END = '"}\n'
 
@@ -31,6 +32,12 @@ def line_of(entry: Mapping[str, object]) -> bytes:
     """Line of an entry; its last key is the CRC-32 of the text before it."""
     text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1]
     return f"{text}{_SUM}{zlib.crc32(text.encode()):08x}{_END}".encode()
+
+
+def is_journal(path: Path) -> bool:
+    """Whether a file begins as a journal does; an empty one is one that has not begun."""
+    start = start_of(path, JOURNAL_FILE, len(_START))
+    return start in (_START, b"")
 
 
 def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:

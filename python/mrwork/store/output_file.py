@@ -1,8 +1,11 @@
-"""Files that are written whole or not at all, through no symbolic link, and the lock of a file that grows.
+"""Files that are written whole or not at all, through no link, onto no device, and the lock of a file that grows.
+
+Only ordinary files are replaced: a pipe, a device or a socket, also one that a link leads to, is refused.
 
 A link in a run folder, beside it or in the folder of its journal may lead to any file of the user, and have been put
 there by somebody else. A file that is replaced takes the place of a link; a file that grows, and a folder on the way to
-a file, are refused where they are links. The folder that the user names may be one (`run_folder.real_place`).
+a file, are refused where they are links, and a file that grows where it has a second name. The folder that the user
+names may be a link (`run_folder.real_place`).
 
 A lock is a file `.NAME.lock` beside the file, with the process and machine that hold it, on which the kernel keeps an
 exclusive lock (`flock`). The kernel releases it when the process ends, however that happens; a lock file that is left
@@ -16,7 +19,9 @@ Windows has no `flock`, and nothing is locked there.
 from __future__ import annotations
 
 import os
+import shutil
 import socket
+import stat
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -26,28 +31,62 @@ from types import TracebackType
 from typing import BinaryIO, Final
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError
+from mrwork.store.input_file import exists, is_folder, special_kind
 
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
-def refuse_link(path: Path) -> None:
-    """Check that there is no symbolic link at `path`."""
+def check_own(path: Path) -> None:
+    """Check that there is no symbolic link at `path`, and no pipe, device or socket."""
     if os.path.islink(path):  # noqa: PTH114 - `Path.is_symlink` raises errors for some names
         raise OutputError(
             f"{path} is a symbolic link, and mrwork follows none within the folders that it writes; "
             "remove the link, or put what it leads to in its place"
         )
+    refuse_special(path)
+
+
+def check_own_folder(path: Path) -> None:
+    """Check that there is nothing at `path`, or a folder that is no link."""
+    check_own(path)
+    if exists(path) and not is_folder(path):
+        raise OutputError(f"{path} is no folder, and mrwork writes into one of that name; move it away")
+
+
+def discard_folder(path: Path) -> None:
+    """Remove a folder with what is in it, as far as that can be done; anything else of the name stays."""
+    # What removes a tree opens a named pipe in its place, and waits.
+    if is_folder(path):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def refuse_special(path: Path) -> None:
+    """Check that there is no pipe, device or socket at `path`, or where a link at `path` leads to."""
+    try:
+        what = special_kind(os.stat(path).st_mode)  # noqa: PTH116 - `Path` refuses some names with other errors
+    except (OSError, ValueError):
+        return
+    if what:
+        raise OutputError(f"{path} {what}, and only ordinary files are replaced; give another name")
 
 
 def open_to_write(path: Path, flags: int) -> int:
-    """Descriptor of the file at `path`, which is not a link."""
-    refuse_link(path)
-    return os.open(path, flags | _NO_LINK, 0o666)
+    """Descriptor of the file at `path`, which is an ordinary one with no other name."""
+    check_own(path)
+    descriptor = os.open(path, flags | _NO_LINK, 0o666)
+    status = os.fstat(descriptor)
+    if stat.S_ISREG(status.st_mode) and status.st_nlink <= 1:
+        return descriptor
+    os.close(descriptor)
+    raise OutputError(
+        f"{path} has another name (a hard link), under which it would change too; put a copy in its place, or remove it"
+    )
 
 
 def new_file(path: Path) -> BinaryIO:
     """A new file at `path`, open for writing; an earlier one, or a link, is removed first."""
+    refuse_special(path)
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, _NEW, 0o666), "wb")
 
@@ -70,9 +109,11 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     with explain_failure(f"write {path}", "make room, or give leave to write there"):
+        refuse_special(path)
         path.parent.mkdir(parents=True, exist_ok=True)
+        stream = new_file(beside)
         try:
-            with new_file(beside) as stream:
+            with stream:
                 yield stream
             beside.replace(path)
         except BaseException:
@@ -87,7 +128,7 @@ def write_files(
     with ExitStack() as renamed:
         for name, content in contents.items():
             for above in PurePath(name).parents[:-1]:
-                refuse_link(folder / above)
+                check_own_folder(folder / above)
             stream = renamed.enter_context(replacing(folder / name))
             stream.write(content)
             stream.flush()

@@ -28,17 +28,27 @@ from typing import Any, Final
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import json_document
-from mrwork.store.input_file import digest_of_content, digest_of_file
-from mrwork.store.output_file import Lock, is_lock
+from mrwork.store.input_file import (
+    digest_of_content,
+    digest_of_file,
+    exists,
+    is_file,
+    is_folder,
+    special_kind,
+)
+from mrwork.store.output_file import Lock, is_lock, refuse_special
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
+    HISTORIES,
     JOURNAL,
     MANIFEST,
     MODELS,
     PLAN,
     PROFILES,
+    RUN_KINDS,
     RunKind,
+    is_part,
     kind_of,
     part_of,
     read_manifest_if_whole,
@@ -81,8 +91,13 @@ class Destination:
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
         run = self.run()
-        if run is None or self.replace:
+        if run is None:
             return
+        if not self.replace:
+            self._check_losses_of(run)
+        run.refuse_special_files()
+
+    def _check_losses_of(self, run: FolderOfRun) -> None:
         if run.kind != self.kind:
             lost = f"the results of `mrwork {run.kind.verb}`, {list_names(_entries_of(run.files()), _NAMED)}"
         else:
@@ -112,8 +127,13 @@ class Destination:
             raise OutputError(
                 f"{self.path} has a zero character, which no name can have; choose another name"
             )
+        if any("\ud800" <= character <= "\udfff" for character in str(self.path)):
+            raise OutputError(
+                f"{self.path} has bytes that are not UTF-8, which the files of a run cannot state; choose another name"
+            )
+        refuse_place_in_run(self.path)
         if not place.is_dir():
-            if place.exists():
+            if exists(place):
                 raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
             return None
         if not (place / MANIFEST).is_file():
@@ -140,7 +160,24 @@ class FolderOfRun:
     place: Path
     kind: RunKind
     manifest: Mapping[str, Any]
-    taken: frozenset[str]
+    taken: frozenset[str] = frozenset()
+
+    @classmethod
+    def at(cls, place: Path) -> FolderOfRun | None:
+        """The run in a folder, `None` where there is none; one with a damaged manifest may be of any kind."""
+        if not is_file(place / MANIFEST):
+            return None
+        manifest = read_manifest_if_whole(place / MANIFEST)
+        kind = kind_of(manifest)
+        if kind is None and manifest:
+            return None
+        kinds = RUN_KINDS if kind is None else (kind,)
+        return cls(
+            place=place,
+            kind=kinds[0],
+            manifest=manifest,
+            taken=frozenset().union(*(each.entries for each in kinds)),
+        )
 
     def files(self) -> list[str]:
         """Paths of the files of the run and of later verbs, and of those of which the names are taken."""
@@ -155,6 +192,19 @@ class FolderOfRun:
         """Files and folders that no verb has written."""
         own = self._entries()
         return [entry for entry in self.place.iterdir() if entry.name not in own and not is_lock(entry.name)]
+
+    def refuse_special_files(self) -> None:
+        """Refuse a pipe, a device or a socket, which a new run could not keep."""
+        for entry in self.place.iterdir():
+            for path in map(Path, _names_in(entry, str(entry))):
+                if what := special_kind(path.lstat().st_mode):
+                    raise OutputError(
+                        f"{path} {what}, which no new run can keep; move it out of the run folder"
+                    )
+
+    def owns(self, name: str) -> bool:
+        """Whether a name in the folder is of the run, or one that later verbs use; some systems do not tell cases."""
+        return name.casefold() in {each.casefold() for each in self._entries()}
 
     def additions(self) -> list[str]:
         """Files that were added to those of the verb."""
@@ -188,6 +238,30 @@ class FolderOfRun:
         if found.st_size > _SMALL and found.st_mtime_ns < manifest.st_mtime_ns:
             return False
         return digest_of_file(path) != digest
+
+
+def refuse_place_in_run(path: Path) -> None:
+    """Check that what is written at `path` is no part of a run that lies in a folder above it."""
+    place = real_place(path.parent) / path.name
+    for folder in place.parents:
+        entry = place.relative_to(folder).parts[0]
+        run = FolderOfRun.at(folder)
+        unfinished = is_part(folder) and entry in (JOURNAL, MODELS, HISTORIES)
+        if unfinished or (run is not None and run.owns(entry)):
+            raise OutputError(f"{path} belongs to the run in {folder}; give a place of its own")
+
+
+def check_output(place: Path, *, replace: bool, otherwise: str) -> None:
+    """Check that the file that a user names can be written: none is there, or one of the user's that is to be replaced.
+
+    `otherwise`: what else to do than to choose another name.
+    """
+    if is_folder(place):
+        raise OutputError(f"{place} is a folder; give the name of a file")
+    if not replace and (exists(place) or os.path.islink(place)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
+        raise OutputError(f"{place} is there already; choose another name, or {otherwise}")
+    refuse_special(place)
+    refuse_place_in_run(place)
 
 
 def complete_manifest(manifest: Mapping[str, object], kind: RunKind, digests: Mapping[str, str]) -> bytes:
@@ -323,6 +397,8 @@ def write_folder(
                 _flush(fresh)
             (beside / _OLD).mkdir()
             _swap(fresh, place, beside / _OLD / place.name)
+    except OutputError:
+        raise
     except OSError as reason:
         raise _cannot_write(destination, reason) from reason
     finally:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mrwork.errors import RecordError
+from mrwork.errors import OutputError, RecordError
 from mrwork.escaping import escape_text
 from mrwork.store.codec import finite, parse_document
 from mrwork.store.input_file import exists, is_file, is_folder, is_there, make_stored_kind, text_of
@@ -119,12 +119,21 @@ def real_place(path: str | Path) -> Path:
 def part_of(path: str | Path) -> Path:
     """Folder for the journal of an unfinished run to `path`."""
     place = real_place(path)
+    if not place.name:
+        raise OutputError(
+            f"{path} is the root of all folders, where no run is written; name a folder below it"
+        )
     return place.with_name(place.name + _PART)
 
 
 def is_part(path: Path) -> bool:
     """Whether it is the folder of the journal of an unfinished run."""
     return path.name.endswith(_PART) and path.is_dir()
+
+
+def is_unfinished(journal: Path) -> bool:
+    """Whether a journal has the place of one whose run is not finished."""
+    return journal.name.endswith(_PART) or any(is_part(folder) for folder in journal.parents)
 
 
 def name_unfinished(kept: Path) -> Path:

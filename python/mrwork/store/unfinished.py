@@ -18,7 +18,16 @@ from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
 from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import Journal
 from mrwork.store.journal_file import JOURNAL_FILE
-from mrwork.store.output_file import Lock, explain_failure, is_lock, new_file, refuse_link
+from mrwork.store.output_file import (
+    Lock,
+    check_own,
+    check_own_folder,
+    discard_folder,
+    explain_failure,
+    is_lock,
+    new_file,
+    refuse_special,
+)
 from mrwork.store.output_folder import Destination, adding, replacing_run
 from mrwork.store.run_folder import (
     HISTORIES,
@@ -97,8 +106,9 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
     """
     kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
-    for each in (kept, begun.parent, begun):
-        refuse_link(each)
+    check_own_folder(begun.parent)
+    for each in (kept, begun):
+        check_own(each)
     if not begun.is_file():
         if not kept.is_file():
             raise JournalError(
@@ -115,7 +125,7 @@ def discard_journal(journal: Journal) -> None:
         if journal.is_own:
             journal.path.unlink()
         if is_part(journal.path.parent):
-            shutil.rmtree(journal.path.parent / HISTORIES, ignore_errors=True)
+            discard_folder(journal.path.parent / HISTORIES)
         journal.close()
         # Fails, and keeps the folder, if it holds another journal.
         journal.path.parent.rmdir()
@@ -137,7 +147,7 @@ def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
     """Resume a journal as `begin_addition` begins it, or the complete one at `kept`; raises as `resume_journal`."""
     begun = name_unfinished(kept)
     for each in (kept, begun):
-        refuse_link(each)
+        check_own(each)
     if not begun.is_file():
         if not kept.is_file():
             raise JournalError(f"there is no {kept} to resume; run without --resume")
@@ -148,6 +158,7 @@ def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
 def keep_addition(journal: Journal, kept: Path) -> None:
     """Move a complete journal to its place."""
     journal.finish()
+    refuse_special(kept)
     with explain_failure(f"move {journal.path} to {kept.name}", "if the run was replaced, run again"):
         journal.path.replace(kept)
 
@@ -190,7 +201,7 @@ class StepJournals:
         self._resume = resume
         self._note = note
         for each in (self._folder.parent, self._folder):
-            refuse_link(each)
+            check_own_folder(each)
         if resume and not self._folder.is_dir():
             raise JournalError(
                 f"there is no comparison to resume in {self._folder.parent.name}/{MODELS}; run without --resume"
@@ -207,7 +218,7 @@ class StepJournals:
     def __call__(self, step: str) -> Journal:
         """Journal of a step: resumed if there is one, else begun."""
         path = self.path(step)
-        refuse_link(path.parent)
+        check_own_folder(path.parent)
         path.parent.mkdir(exist_ok=True)
         return Journal(path, resume=self._resume and path.is_file(), note=self._note)
 
@@ -242,7 +253,7 @@ class StepJournals:
 
 def _folder(path: str | Path) -> Path:
     folder = part_of(path)
-    refuse_link(folder)
+    check_own_folder(folder)
     with explain_failure(f"make {folder}", "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         names = {entry.name for entry in folder.iterdir() if not is_lock(entry.name)}

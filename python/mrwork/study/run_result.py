@@ -25,7 +25,7 @@ from mrwork.errors import RecordError
 from mrwork.simulation import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
-from mrwork.store.output_file import refuse_link, replacing
+from mrwork.store.output_file import check_own, check_own_folder, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
 from mrwork.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
@@ -313,7 +313,7 @@ class Histories:
         self._begun = part_of(path) / HISTORIES
         self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
         for folder in (self._begun.parent, *self._folders):
-            refuse_link(folder)
+            check_own_folder(folder)
         self._damaged: set[Path] = set()
         if not resume:
             self.discard()
@@ -367,7 +367,7 @@ class Histories:
         found = [folder / name for folder in self._folders]
         for path in found:
             # It is linked or copied into the folder of the study.
-            refuse_link(path)
+            check_own(path)
         return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
 
     def _read(self, path: Path, row: int, motion: int) -> RunHistory:
