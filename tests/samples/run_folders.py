@@ -15,6 +15,7 @@ from mrwork.identification.fit_file import addition_content
 from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
+from mrwork.store.unfinished import begin_addition, keep_addition
 from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
@@ -35,10 +36,11 @@ def add_every_file(
     A chain of so many `steps` and its draws, profiles, bands that are calibrated on the `others`, a plan; and a ranking
     and a choice of laws, which are made up.
     """
-    with closing(mr.Journal(place / CHAIN)) as journal:
+    with closing(begin_addition(place / CHAIN)) as journal:
         draws = mr.sample(
             fit, test, walkers=WALKERS, most_steps=steps, tempering="effective", threads=1, journal=journal
         )
+        keep_addition(journal, place / CHAIN)
     predictions = predict_tests(fit, others)
     calibration = mr.calibrate(predictions, held_out="the fit has not seen")
     write_bands(place, calibration, measured_coverage(predictions), predictions, fit)

@@ -48,6 +48,10 @@ from mrwork.values import Floats
 
 _SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")
+# Of a text with a matrix; the largest is of a linear system with 6000 states.
+_MOST_NUMBERS: Final = 50_000_000
+_MOST_LINES: Final = 1_000_000
+_LONGEST_LINE: Final = 1 << 20
 
 
 def read_matrix(path: Path) -> Floats:
@@ -64,9 +68,9 @@ def read_matrix(path: Path) -> Floats:
         raise RecordError(
             f"{path}: a matrix is read from a {', '.join(_SUFFIXES)}, .npy or .mat file; save it as one of these"
         )
-    text = text_of(path, MATRIX)
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    rows: list[Floats] = []
+    n_numbers = 0
+    for number, line in enumerate(_lines_of(path), start=1):
         content = line.partition("#")[0].strip()
         if not content:
             continue
@@ -79,10 +83,36 @@ def read_matrix(path: Path) -> Floats:
             raise RecordError(
                 f"{path}: line {number} has {len(row)} numbers where the first row has {len(rows[0])}; complete it"
             )
-        rows.append(row)
+        rows.append(np.array(row))
+        n_numbers += len(row)
+        if n_numbers > _MOST_NUMBERS:
+            raise RecordError(
+                f"{path}: has more than {_MOST_NUMBERS:,} numbers, no matrix here has; name another file"
+            )
     if not rows:
         raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
     return np.array(rows)
+
+
+def _lines_of(path: Path) -> Iterator[str]:
+    """Lines of a text, one at a time: in a file of ends of lines alone each would take more than its byte."""
+    text = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n")
+    n_lines = text.count("\n") + 1
+    if n_lines > _MOST_LINES:
+        raise RecordError(
+            f"{path}: has {n_lines:,} lines where a matrix has {_MOST_LINES:,} at most; {MATRIX.remedy}"
+        )
+    start = 0
+    for number in range(1, n_lines + 1):
+        stop = text.find("\n", start)
+        stop = len(text) if stop < 0 else stop
+        if stop - start > _LONGEST_LINE:
+            raise RecordError(
+                f"{path}: line {number} is longer than {_LONGEST_LINE >> 20} MiB, which no row of a matrix is; "
+                f"{MATRIX.remedy}"
+            )
+        yield text[start:stop]
+        start = stop + 1
 
 
 def _only_matrix(path: Path) -> Floats:

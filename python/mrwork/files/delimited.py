@@ -428,4 +428,9 @@ def read_text_bytes(path: Path) -> bytes:
             f"{path}: the first line is longer than {_LONGEST_LINE // 1024} KiB, so it cannot be a "
             "header; check that this is a table with one row per line"
         )
-    return bytes_of(path, RECORD)
+    data = bytes_of(path, RECORD)
+    if (zero := data.find(b"\0")) >= 0:
+        raise RecordError(
+            f"{path}: byte {zero} is 0x00, which no text has; the file is damaged, export the record again"
+        )
+    return data

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
-from mrwork.store.input_file import LEAST, RECORD, Allowance, bytes_of
+from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
 from mrwork.values import Floats
 
 
@@ -51,8 +51,13 @@ def _values(member: Member) -> NDArray[np.generic] | None:
 
 
 _HDF5: Final = b"\x89HDF"
-# Bytes that matrices may take in all, also of a small file: three sparse ones of a building with 4096 coordinates.
-_LEAST_FOR_MATRICES: Final = 400 << 20
+# Bytes that matrices may take in all, whatever the size of the file: three sparse ones of a building with 4096
+# coordinates.
+_FOR_MATRICES: Final = 400 << 20
+# Elements of a file or of a struct, of which each may take no more than its tag.
+_MOST_ELEMENTS: Final = 10_000
+# Bytes that an item of a sparse matrix takes while it is put in its place, beside those of its value.
+_SPARSE_ITEM: Final = 40
 # Largest index of any version.
 _LARGEST_INDEX: Final = 2**31
 # Dimensions of an array, and the bytes of the longest without items: what NumPy can shape.
@@ -84,7 +89,7 @@ Block = bytes | memoryview
 
 def open_matlab(path: Path) -> ColumnTable:
     """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct."""
-    data, variables = _variables(path)
+    data, variables = _variables(path, RECORD)
     columns = {
         name: array.ravel()
         for name, array in variables.items()
@@ -105,9 +110,9 @@ def open_matlab(path: Path) -> ColumnTable:
     )
 
 
-def read_matlab_matrices(path: Path) -> dict[str, Floats]:
+def read_matlab_matrices(path: Path, kind: FileKind = MATRIX) -> dict[str, Floats]:
     """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense."""
-    _, variables = _variables(path, least=_LEAST_FOR_MATRICES)
+    _, variables = _variables(path, kind)
     return {
         name: array.astype(np.float64, copy=False)
         for name, array in variables.items()
@@ -115,9 +120,9 @@ def read_matlab_matrices(path: Path) -> dict[str, Floats]:
     }
 
 
-def _variables(path: Path, least: int = LEAST) -> tuple[bytes, Variables]:
+def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
     """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
-    data = bytes_of(path, RECORD)
+    data = bytes_of(path, kind)
     if not data:
         raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
@@ -125,7 +130,12 @@ def _variables(path: Path, least: int = LEAST) -> tuple[bytes, Variables]:
     try:
         # A version 4 file starts with a small integer, a version 5 file with text.
         read = _version_4 if 0 in data[:4] else _version_5
-        variables = read(memoryview(data), Allowance(path, len(data), least=least))
+        allowance = (
+            Allowance(path, 0, least=_FOR_MATRICES)
+            if kind is MATRIX
+            else Allowance(path, len(data), least=LEAST)
+        )
+        variables = read(memoryview(data), allowance)
     except (DamagedError, struct.error, zlib.error) as error:
         raise RecordError(
             f"{path}: not a readable .mat file ({error}); it is cut off or damaged, save it again"
@@ -161,7 +171,9 @@ def _version_4(data: Block, allowance: Allowance) -> Variables:
     order = "<" if 0 <= struct.unpack("<i", data[:4])[0] <= _V4_LAST_TYPE else ">"
     variables: Variables = {}
     position = 0
+    count = 0
     while position < len(data):
+        _refuse_many(count := count + 1)
         kind, n_rows, n_columns, is_complex, name_length = struct.unpack_from(f"{order}5i", data, position)
         precision = kind // 10 % 10
         if not 0 <= kind <= _V4_LAST_TYPE or precision >= len(_V4_ITEMS):
@@ -209,7 +221,9 @@ def _version_5(data: Block, allowance: Allowance) -> Variables:
 def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
     """Tag and content of each data element of a version 5 block."""
     position = 0
+    count = 0
     while position < len(block):
+        _refuse_many(count := count + 1)
         kind, size = struct.unpack_from(f"{order}2I", block, position)
         start = position + 8
         if kind >> 16:
@@ -220,6 +234,11 @@ def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
         yield kind, block[start : start + size]
         # Content is padded to eight bytes, except compressed content.
         position = start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
+
+
+def _refuse_many(count: int) -> None:
+    if count > _MOST_ELEMENTS:
+        raise DamagedError(f"it has more than {_MOST_ELEMENTS} elements")
 
 
 def _unpack_element(block: Block, order: str, allowance: Allowance) -> tuple[int, Block]:
@@ -260,8 +279,11 @@ def _matrix(
     if flags & _COMPLEX_FLAG:
         return name, None
     if matrix_class == _SPARSE and len(shape) == 2:
-        rows, starts = (_integers(next(elements, (0, b""))[1], order) for _ in range(2))
+        parts = [next(elements, (0, b""))[1] for _ in range(2)]
         kind, values = next(elements, (0, b""))
+        n_items = sum(map(len, parts)) // 4
+        allowance.take(_SPARSE_ITEM * n_items, f"sparse variable '{name}', of {n_items} items,")
+        rows, starts = (_integers(part, order) for part in parts)
         return name, sparse_version_5(
             rows,
             starts,
@@ -323,6 +345,7 @@ def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowa
     """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
     if triplets.ndim != 2 or triplets.shape[1] != 3 or not len(triplets):
         raise DamagedError(f"sparse variable '{name}' is not a list of row, column, value")
+    allowance.take(_SPARSE_ITEM * len(triplets), f"sparse variable '{name}', of {len(triplets)} items,")
     stated = triplets[:, :2].astype(np.float64)
     if not (np.abs(stated) <= _LARGEST_INDEX).all():
         raise DamagedError(f"sparse variable '{name}' has rows or columns that are no whole numbers")

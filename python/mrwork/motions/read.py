@@ -358,7 +358,7 @@ TABLE = Format(
 
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     """Read a .mat file of version 4 to 7: vectors by their names, or a matrix of times [s] and accelerations."""
-    matrices = read_matlab_matrices(path)
+    matrices = read_matlab_matrices(path, RECORD)
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)

@@ -153,6 +153,9 @@ def text_of(path: Path, kind: FileKind) -> str:
 
 def text_in(content: bytes, path: Path, kind: FileKind) -> str:
     """Text of the content of a file, as `text_of`."""
+    # A file with a hole, which has no size on the disk, has zeros there.
+    if (zero := content.find(b"\0")) >= 0:
+        raise RecordError(f"{path}: byte {zero} is 0x00, so this is no text; {kind.remedy}")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as reason:

@@ -20,11 +20,15 @@ _LONG_KEY: Final = re.compile(
     rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
     re.MULTILINE | re.ASCII,
 )
+# Values of a document, each of which takes some tens of bytes; more are no document of this package.
+_MOST_VALUES: Final = 16_000_000
 _TOO_DEEP: Final = f"tables and arrays are nested more than {_DEEPEST} deep"
 
 
 def json_value(text: str) -> Any:
     """The value of a JSON text."""
+    if len(text) > _MOST_VALUES and sum(map(text.count, ",[{")) > _MOST_VALUES:
+        raise ValueError(f"it has more than {_MOST_VALUES:,} values")
     try:
         value = _DECODER.decode(text)
     except RecursionError:

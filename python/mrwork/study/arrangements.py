@@ -57,6 +57,8 @@ from mrwork.study.study import (
 )
 from mrwork.units import number_in
 
+# Numbers of a matrix among the settings: those of a weight of a building with 1000 coordinates.
+_MOST_NUMBERS = 4_000_000
 _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
 
 
@@ -465,6 +467,11 @@ def _with_matrices(
         if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
+                if matrix.size > _MOST_NUMBERS:
+                    raise SettingError(
+                        f"{name} has a matrix of {matrix.shape[0]} x {matrix.shape[1]} numbers, and a setting of a law "
+                        f"has {_MOST_NUMBERS:,} at most; name another file"
+                    )
             diagonal = 1 in matrix.shape and entry.name != "gain"
             resolved[entry.name] = (matrix.ravel() if diagonal else matrix).tolist()
     wishes = resolved.get("designed")
