@@ -30,6 +30,7 @@ sentences: $(VENV)/.built $(VENV)/.dev
 faults: export PYTHONPATH := .:tests/samples:tests/faults
 faults: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python -m tools.fuzzing
+	$(BIN)/python -m tools.fuzzing.mistakes
 	$(BIN)/python tests/faults/invocations.py
 	$(BIN)/python tests/faults/endings.py
 	$(BIN)/python tests/faults/lies.py

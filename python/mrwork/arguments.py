@@ -76,20 +76,6 @@ Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
-# What this package calls an argument, and what others call it.
-_ELSEWHERE = {
-    "rng": ("seed", "random_state", "random_seed"),
-    "threads": ("n_jobs", "workers", "n_threads", "num_threads"),
-    "theta": ("params", "parameters", "x", "p"),
-    "tests": ("test", "record", "records", "data"),
-    "record": ("test", "tests", "data", "loading"),
-    "model": ("spec", "damper"),
-    "bounds": ("limits", "box", "ranges"),
-    "on_progress": ("callback", "progress"),
-    "seconds": ("timeout", "time_limit", "max_time", "max_seconds"),
-    "until": ("target", "tolerance", "ftol"),
-}
-
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
 
@@ -168,8 +154,7 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
 
 def _unknown_argument(function: str, given: str, signature: inspect.Signature) -> ArgumentError:
     names = [each for each in signature.parameters if each not in ("self", "cls")]
-    meant_here = (each for each in names if given in _ELSEWHERE.get(each, ()))
-    near = next(meant_here, "") or closest(given, names)
+    near = closest(given, names)
     meant = f", did you mean `{near}`" if near else f"; it takes {list_names(names, 12) or 'none'}"
     return ArgumentError(escape_text(f"{function} has no argument `{given}`{meant}"))
 

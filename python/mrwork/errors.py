@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
 from mrwork.escaping import escape_text
@@ -11,6 +12,9 @@ ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
 _LONGEST = 2000
+# Mistakes of a document that are listed, and characters of each.
+_MOST_LISTED = 20
+_LONGEST_LISTED = 500
 
 __all__ = [
     "ArgumentError",
@@ -18,6 +22,7 @@ __all__ = [
     "InvalidSettingError",
     "JournalError",
     "LibraryError",
+    "MistakesError",
     "MrworkError",
     "MrworkWarning",
     "OutputError",
@@ -54,13 +59,14 @@ class Restorable(BaseException):
 class MrworkError(Restorable, Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
-    `document` is the file whose place the text begins with; empty if the text does not begin with a place. Of an
-    argument that is refused, `key` is the name, and `in_a_file` the text for who has written a file and called no
-    function; both are empty otherwise. `of_columns` is whether the columns of one file are to be told, which others do
-    not share.
+    `document` is the file whose place the text begins with, and `line` the line in it, 0 where it is not known; the
+    first is empty if the text does not begin with a place. Of an argument that is refused, `key` is the name, and
+    `in_a_file` the text for who has written a file and called no function; both are empty otherwise. `of_columns` is
+    whether the columns of one file are to be told, which others do not share.
     """
 
     document: str = ""
+    line: int = 0
     of_columns: bool = False
     key: str = ""
     in_a_file: str = ""
@@ -78,9 +84,9 @@ class MrworkWarning(UserWarning):
         return _in_one_line(super().__str__())
 
 
-def _in_one_line(sentence: str) -> str:
+def _in_one_line(sentence: str, longest: int = _LONGEST) -> str:
     text = escape_text(sentence)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
+    return text if len(text) <= longest else f"{text[: longest // 2]} … {text[3 - longest // 2 :]}"
 
 
 def reason_of(error: BaseException) -> str:
@@ -101,6 +107,25 @@ class UnitError(MrworkError, ValueError):
 
 class SettingError(MrworkError, ValueError):
     """An option, bound or argument is outside what it may be."""
+
+
+class MistakesError(SettingError):
+    """Several mistakes of one document; its text has a line for each, of which `mistakes` has the errors."""
+
+    def __init__(self, document: str, mistakes: Sequence[MrworkError]) -> None:
+        super().__init__(document, mistakes)
+        self.document = document
+        self.mistakes = tuple(sorted(mistakes, key=lambda each: each.line))
+
+    def __str__(self) -> str:
+        """The mistakes in the order of the document, the first ones where there are many."""
+        own = (f"{self.document}, ", f"{self.document}: ")
+        listed = [str(each) for each in self.mistakes[:_MOST_LISTED]]
+        listed = [each.removeprefix(own[0]).removeprefix(own[1]) for each in listed]
+        if more := len(self.mistakes) - len(listed):
+            listed.append(f"and {more:,} more")
+        head = f"{self.document} has {len(self.mistakes):,} mistakes:"
+        return "\n  ".join(_in_one_line(each, _LONGEST_LISTED) for each in (head, *listed))
 
 
 class ArgumentError(MrworkError, TypeError):

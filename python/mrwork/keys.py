@@ -13,14 +13,17 @@ import unicodedata
 from abc import ABCMeta
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from datetime import date, time
 from difflib import get_close_matches
 from typing import Any, NoReturn, TypeVar, cast
 
 from mrwork import hints as nodes
-from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.hints import LARGEST, NOTES, May, Node, Notes, Record, Scalar, Within, fields_of
+from mrwork.places import Place, Unread
+from mrwork.summary import list_names
+from mrwork.synonyms import synonyms, without_style
 from mrwork.units import number_in
 
 T = TypeVar("T")
@@ -36,116 +39,46 @@ _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or fals
 # Controls, separators of lines and paragraphs.
 _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
-KeyPath = tuple[str | int, ...]
-"""Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where a table or value stands in a document; begins a message.
-
-    With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
-    "frame.toml, rayleigh.ratios". `title` is what messages call the document.
-    """
-
-    origin: str
-    path: KeyPath = ()
-    lines: Mapping[KeyPath, int] = field(default_factory=dict)
-    title: str = "the study"
-
-    def within(self, *keys: str | int) -> Place:
-        """The place of something inside."""
-        return replace(self, path=(*self.path, *keys))
-
-    def __str__(self) -> str:
-        return (
-            f"{self.origin}, {where}"
-            if (where := self._line() if self.lines else self._keys())
-            else self.origin
-        )
-
-    def _line(self) -> str:
-        known = (self.path[:n] for n in range(len(self.path), 0, -1))
-        line = next((self.lines[path] for path in known if path in self.lines), 0)
-        return f"line {line}" if line else ""
-
-    def _keys(self) -> str:
-        parts = (f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in self.path)
-        return "".join(parts).removeprefix(".")
-
-    @property
-    def table(self) -> str:
-        """What messages call the table: [hardware], [[damper]]."""
-        keys = [str(part) for part in self.path if isinstance(part, str)]
-        if not keys:
-            return self.title
-        return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
-
-    def refuse(self, sentence: str) -> NoReturn:
-        """Raise a SettingError that begins with this place."""
-        raise self.error(SettingError, sentence)
-
-    @contextmanager
-    def prefix_errors(self, kind: type[MrworkError] | None = None) -> Iterator[None]:
-        """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
-        try:
-            yield
-        except MrworkError as error:
-            known = error.document == self.origin
-            if known and (kind is None or isinstance(error, kind)):
-                raise
-            changed = kind or type(error)
-            raise (self._as(changed, str(error)) if known else self.about(error, changed)) from error
-
-    def about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
-        """The error of a value of this table as one whose message begins with the line of that value."""
-        own = isinstance(error, InvalidSettingError) or (*self.path, error.key) in self.lines
-        place = self.within(error.key) if own else self
-        return place.error(kind, error.in_a_file or str(error))
-
-    def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
-        """An error whose message begins with this place."""
-        return self._as(kind, f"{self}: {sentence}")
-
-    def _as(self, kind: type[MrworkError], text: str) -> MrworkError:
-        # A place says more than the key of an InvalidSettingError.
-        error = (SettingError if kind is InvalidSettingError else kind)(text)
-        error.document = self.origin
-        return error
-
 
 def quote_value(value: object) -> str:
     """A value of a table as a message quotes it."""
+    if isinstance(value, date | time):
+        return f"the date or time {value}"
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
-    """End of a message on an unknown name: the closest known name, or all known names if none is close."""
-    near = closest(name, known)
+    """End of a message on an unknown name: the known names that are meant, or all where none is close."""
+    near = " or ".join(meant(name, known))
     return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
 
 # Characters from which on a name in another style is compared with others that are only similar.
 _LONG = 6
+# Likeness of a misspelt key from which on its value is read as that of the other.
+_MISSPELT = 0.75
 
 
 def closest(name: object, known: Sequence[str]) -> str:
-    """The known name that is closest to an unknown one, whatever its case and separators; empty if none is close."""
+    """The known name that is meant by an unknown one; empty if none is close."""
+    return next(iter(meant(name, known)), "")
+
+
+def meant(name: object, known: Sequence[str]) -> list[str]:
+    """The known names that an unknown one may mean: itself in another style, its synonyms, or one spelt alike."""
     if not isinstance(name, str):
-        return ""
-    plain = {_without_style(each): each for each in reversed(known)}
-    if same := plain.get(_without_style(name)):
-        return same
+        return []
+    plain = {without_style(each): each for each in reversed(known)}
+    if same := plain.get(without_style(name)):
+        return [same]
+    for alike in synonyms(name):
+        if found := [plain[word] for each in alike if (word := without_style(each)) in plain]:
+            return found
     if near := get_close_matches(name, known, n=1):
-        return near[0]
+        return near
     # Short names, as of units, are like too many others then.
-    alike = get_close_matches(_without_style(name), plain, n=1) if len(name) >= _LONG else []
-    return plain[alike[0]] if alike else ""
-
-
-def _without_style(name: str) -> str:
-    """`BoucWen`, `bouc-wen` and `bouc_wen` alike."""
-    return "".join(each for each in name.lower() if each.isalnum())
+    alike = get_close_matches(without_style(name), plain, n=1) if len(name) >= _LONG else []
+    return [plain[each] for each in alike]
 
 
 def key(
@@ -277,16 +210,44 @@ def refuse_repeated(table: Any) -> None:
             raise InvalidSettingError(entry.name, refusal)
 
 
-def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
-    """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place."""
-    values = given_values(kind, table, place)
-    for entry in keys_of(kind):
-        if is_required(entry):
-            refuse_missing(entry, values, place)
-    if "place" in fields_of(kind):
-        values["place"] = place
-    with place.prefix_errors(SettingError):
-        return kind(**values)
+def read_table(kind: type[T], table: Mapping[str, Any], place: Place, *, whole: bool = False) -> T:
+    """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place.
+
+    Within `Place.collecting` mistakes are kept, and the table lacks the keys that they are about, or is `Unread` if it
+    must be `whole`.
+    """
+    with place.collecting() as place:
+        values, unread = _read_keys(kind, table, place)
+        for entry in keys_of(kind):
+            if is_required(entry) and entry.name not in unread and entry.name not in values:
+                unread.add(entry.name)
+                with place.keeping():
+                    refuse_missing(entry, values, place)
+        if "place" in fields_of(kind):
+            values["place"] = place
+        if unread and whole:
+            raise Unread
+        if unread:
+            return _incomplete(kind, values, unread)
+        with place.prefix_errors(SettingError):
+            return kind(**values)
+
+
+def _incomplete(kind: type[T], values: Mapping[str, Any], unread: Collection[str]) -> T:
+    """A table without some of its keys: whoever asks for one of them is `Unread`, too."""
+    metaclass: Any = type(kind)
+    table: T = object.__new__(
+        metaclass(kind.__name__, (kind,), {"__slots__": (), "__getattr__": _raise_unread})
+    )
+    for entry in fields(cast(Any, kind)):
+        value = values.get(entry.name, entry.default)
+        if entry.name not in unread and value is not MISSING:
+            object.__setattr__(table, entry.name, value)
+    return table
+
+
+def _raise_unread(*_: object) -> NoReturn:
+    raise Unread
 
 
 def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> None:
@@ -295,19 +256,68 @@ def refuse_missing(entry: Field[Any], given: Collection[str], place: Place) -> N
         place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
 
 
-def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI."""
-    known = {name_in_file(entry): entry for entry in keys_of(kind)}
-    for name in table:
-        if name not in known:
-            near = suggestion(name, list(known), otherwise="it has")
-            place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
-    declared = fields_of(kind)
-    return {
-        entry.name: _value(declared[entry.name], table[name], place.within(name), entry)
-        for name, entry in known.items()
-        if name in table
-    }
+def given_values(
+    kind: type, table: Mapping[str, Any], place: Place, *, whole: bool = False
+) -> dict[str, Any]:
+    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI; see `read_table`."""
+    with place.collecting() as place:
+        values, unread = _read_keys(kind, table, place)
+        if unread and whole:
+            raise Unread
+        return values
+
+
+def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict[str, Any], set[str]]:
+    """The values of the keys that a table gives, and the names of those that are given wrongly."""
+    known, declared = {name_in_file(entry): entry for entry in keys_of(kind)}, fields_of(kind)
+    values: dict[str, Any] = {}
+    unread: set[str] = set()
+
+    def read(name: str, entry: Field[Any], place: Place) -> None:
+        unread.add(entry.name)
+        with place.keeping():
+            values[entry.name] = _value(declared[entry.name], table[name], place.within(name), entry)
+            unread.discard(entry.name)
+
+    for name, entry in known.items():
+        if name in table:
+            read(name, entry, place)
+    for name, value in table.items():
+        if name in known:
+            continue
+        near = meant(name, [*known])
+        left = [
+            each
+            for each in known
+            if each not in table and _fits(declared[known[each].name], value, known[each])
+        ]
+        taken = [each for each in left if each in near]
+        may_be = taken or left
+        lacks = list_names([each for each in may_be if is_required(known[each])])
+        with place.keeping():
+            place.within(name).refuse(
+                f"{place.table} has no key {name!r}{suggestion(name, [*known], otherwise='it has')}"
+                f"{f', and lacks {lacks}' if lacks and not near else ''}"
+            )
+        unread |= {known[each].name for each in may_be if known[each].name not in values}
+        is_table = any(isinstance(one, dict) for one in (value, *(value if isinstance(value, list) else ())))
+        given = [each for each in near if is_table and known[each].name in values]
+        if not (given or is_table):
+            taken = get_close_matches(name, taken, n=1, cutoff=_MISSPELT)
+        for each in given or taken[:1]:
+            place.take_for(name, each)
+            read(name, known[each], place)
+            # What stands below two headings of one table belongs together.
+            unread |= {known[each].name} if each in given else set()
+    return values, unread
+
+
+def _fits(node: Node, value: Any, entry: Field[Any]) -> bool:
+    """Whether a value under an unknown name may be one of this key."""
+    members = node.parts if isinstance(node, nodes.Either) else (node,)
+    return any(_is_near(each, value) for each in members) or (
+        isinstance(value, str) and bool(entry.metadata["unit"])
+    )
 
 
 def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
@@ -350,7 +360,11 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
                 _refuse(place, value, "a table, as { name = 1 }")
             if not value and inner != Node(notes=inner.notes):
                 place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}, or leave it out")
-            return {name: _value(inner, each, place.within(name), entry) for name, each in value.items()}
+            read = {
+                name: place.attempt(_value, inner, each, place.within(name), entry)
+                for name, each in value.items()
+            }
+            return {name: each() for name, each in read.items()}
         case nodes.Scalar(kind, _, notes):
             return _plain(kind, notes, value, place, entry)
     return value
@@ -380,10 +394,11 @@ def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tu
         place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {describe_key(entry)}")
     if node.is_matrix:
         _check_rows(value, place)
-    return tuple(
-        _value(kind, each, place.within(number), entry)
+    read = [
+        place.attempt(_value, kind, each, place.within(number), entry)
         for number, (kind, each) in enumerate(zip(kinds, value, strict=True))
-    )
+    ]
+    return tuple(each() for each in read)
 
 
 def _plain(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:

@@ -236,12 +236,22 @@ _WORDS: Final = {
 _LONGEST: Final = 60
 
 
+# A letter directly behind a number begins its unit, unless it is the exponent.
+_GLUED: Final = re.compile(
+    r"([+-]?(?:\d[\d_]*+(?:\.[\d_]*+)?+|\.\d[\d_]*+)(?:e[+-]?\d++)?+)([a-z].*)",
+    re.ASCII | re.IGNORECASE | re.DOTALL,
+)
+
+
 def number_in(text: str, unit: str) -> float | str:
     """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence.
 
-    The text may have any unit of the dimension of `unit`, which may be several with "or" between.
+    The text may have any unit of the dimension of `unit`, which may be several with "or" between. A blank between
+    number and unit may be left out, but not in front of a unit that begins with a digit, as 1/s.
     """
     number, _, given = (part.strip() for part in text.strip().partition(" "))
+    if glued := _GLUED.fullmatch(text.strip()):
+        number, given = glued.groups()
     # Usual units of the dimension of each, that one first.
     like = (
         next((units for units in FACTORS.values() if each in units), (each,)) for each in unit.split(" or ")

@@ -32,7 +32,8 @@ from mrwork.buildings import (
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
 from mrwork.hints import Within
-from mrwork.keys import Place, keys_of, read_table
+from mrwork.keys import keys_of, read_table
+from mrwork.places import Place
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """

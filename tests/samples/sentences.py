@@ -73,7 +73,11 @@ class Refused:
         self.failed = not WRITES and self.expected[len(self.came) :][:1] != [line]
         if self.failed:
             assert line == "".join(self.expected[len(self.came) :][:1]), MEANT
-        assert line.isprintable(), "a refusal is one line of printable text"
+        head, *mistakes = line.split("\n  ")
+        assert not mistakes or head.endswith(f" has {len(mistakes)} mistakes:"), line
+        assert all(map(str.isprintable, (head, *mistakes))), (
+            "a refusal is printable text, in a line or one a mistake"
+        )
         self.came.append(line)
 
 

@@ -11,7 +11,8 @@ from study_samples import ranges
 
 from mrwork.dampers import damper
 from mrwork.errors import RecordError
-from mrwork.keys import Place, read_table
+from mrwork.keys import read_table
+from mrwork.places import Place
 from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable

@@ -26,7 +26,8 @@ from mrwork.control import (
 from mrwork.control.design_problem import LawSettings
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.keys import Place, read_table
+from mrwork.keys import read_table
+from mrwork.places import Place
 from mrwork.study.arrangements import laws_text
 from mrwork.study.reading import parse
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
-from mrwork.keys import KeyPath
+from mrwork.places import KeyPath
 from mrwork.study.reading import parse
 
 DOCUMENT = '''# a comment with [brackets] and key = 1

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.keys import Place, read_table
+from mrwork.keys import read_table
 from mrwork.motions import GroundMotion, suite, synthetic_motion
+from mrwork.places import Place
 from mrwork.study import MotionOfStudy
 from mrwork.study.reading import motions_of_study, parse
 from mrwork.study.schema import MotionTable
@@ -29,7 +30,7 @@ def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfS
     for text in texts:
         document, lines = parse(text, "study.toml")
         read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
-    return motions_of_study(read, folder, seed, sample_time=0.001)
+    return motions_of_study(read, folder, seed, sample_time=lambda: 0.001, place=Place(origin="study.toml"))
 
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:

@@ -16,8 +16,10 @@ import mrwork as mr
 from mrwork.buildings import Building, read_building
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import SettingError
-from mrwork.keys import Place, given_values, keys_of, name_in_file, tables
+from mrwork.keys import given_values, keys_of, name_in_file, tables
+from mrwork.places import Place
 from mrwork.study.schema import StudyTable
+from mrwork.units import number_in
 
 # A unit of each dimension with a prefix, and its size in SI. A unit that is new to the keys wants its line.
 PREFIXED = {
@@ -71,6 +73,72 @@ def test_every_key_takes_its_number_in_a_prefixed_unit(kind: type, entry: Field[
     unit, size = PREFIXED[entry.metadata["unit"]]
     for value in written(get_type_hints(kind)[entry.name], f"2.5 {unit}"):
         assert np.allclose(read(kind, entry, value), 2.5 * size, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("kind", "entry"), list(keys_with_units()))
+def test_a_number_may_touch_its_unit(kind: type, entry: Field[Any]) -> None:
+    unit, size = PREFIXED[entry.metadata["unit"]]
+    for number in ("2.5", "25e-1", "0.25E+1", "+2.5", "0_2.5"):
+        for value in written(get_type_hints(kind)[entry.name], f"{number}{unit}"):
+            if unit[0].isdigit():
+                with pytest.raises(SettingError, match="give a number"):
+                    read(kind, entry, value)
+            else:
+                assert np.allclose(read(kind, entry, value), 2.5 * size, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("0.3g", "m/s2", 0.3 * 9.80665),
+        ("12t", "kg", 12e3),
+        ("1e3kN", "N", 1e6),
+        ("5e-3m", "m", 5e-3),
+        ("-.5m", "m", -0.5),
+        ("3.m", "m", 3.0),
+        ("3kN s/mm", "N s/m", 3e6),
+        ("5m2/s3", "m2/s3", 5.0),
+        ("12min", "s", 720.0),
+        ("3V", "A or V", 3.0),
+    ],
+)
+def test_a_number_that_touches_its_unit_is_that_number(text: str, unit: str, expected: float) -> None:
+    assert number_in(text, unit) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        # An exponent without digits is the beginning of a unit.
+        ("12e", "whose unit is not known"),
+        ("12E", "whose unit is not known"),
+        ("1e5e", "whose unit is not known"),
+        ("1e3e3m", "whose unit is not known"),
+        ("1em", "whose unit is not known"),
+        ("0x1Fm", "whose unit is not known"),
+        ("12 e3 m", "whose unit is not known"),
+        ("12e3", "is the text"),
+        ("1__0m", "give a number"),
+        ("1..5m", "give a number"),
+        ("1,5m", "give a number"),
+        ("- 3m", "give a number"),
+        ("--3m", "give a number"),
+        ("nanm", "give a number"),
+        ("infm", "give a number"),
+        ("\u0661\u0662m", "give a number"),
+        ("1\u200bm", "give a number"),
+        ("1\x00m", "give a number"),
+        ("m3", "give a number"),
+        ("", "give a number"),
+        ("12g", "where a number"),
+        ("9" * 100_000 + "_", "give a number"),
+        ("1" + "e1" * 50_000 + "m", "whose unit is not known"),
+    ],
+)
+def test_what_is_no_number_with_a_unit_is_refused(text: str, says: str) -> None:
+    found = number_in(text, "m")
+    assert isinstance(found, str)
+    assert says in found
 
 
 @pytest.mark.parametrize(("kind", "entry"), list(keys_with_units()))

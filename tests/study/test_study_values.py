@@ -12,7 +12,7 @@ from examples import examples
 from hypothesis import given
 
 from mrwork.errors import SettingError
-from mrwork.keys import KeyPath
+from mrwork.places import KeyPath
 from mrwork.study import read_study
 from mrwork.study.study import fingerprint_of
 

@@ -21,7 +21,7 @@ from multiprocessing import RawArray
 from pathlib import Path
 from typing import Any, Final, get_args
 
-from mrwork.errors import MrworkError, MrworkWarning
+from mrwork.errors import MistakesError, MrworkError, MrworkWarning
 from mrwork.store import child_formats, child_reader
 from mrwork.store.input_file import compute_allowance
 from tools.fuzzing.reader import Reader
@@ -150,7 +150,9 @@ def _outcome(reader: Reader, path: Path) -> tuple[str, str]:
     except MrworkError as error:
         try:
             text = str(error)
-            fault = _fault_of(text)
+            # Several mistakes have a line each.
+            lines = text.split("\n  ") if isinstance(error, MistakesError) else [text]
+            fault = next(filter(None, map(_fault_of, lines)), "")
         except Exception as other:  # a text that cannot be shown
             return "failures", _where(other)
         return (

@@ -11,6 +11,7 @@ import inspect
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -40,7 +41,8 @@ from mrwork.buildings.shear import building as published_building
 from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matlab import read_matlab_matrices
-from mrwork.keys import Place, choose_way, key, keys_of, read_table, refuse_missing
+from mrwork.keys import choose_way, key, keys_of, read_table, refuse_missing
+from mrwork.places import Place, Unread
 from mrwork.store.input_file import MATRIX, TOML, is_folder, read_array, text_of
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.store.run_folder import real_place
@@ -160,17 +162,25 @@ class Addition:
     ways: ClassVar[tuple[Callable[..., Building], ...]]
     place: Place
 
-    def apply_to(self, building: Building) -> Building:
-        """The building with this addition; keys that are not given have the defaults of the function."""
+    def way(self) -> Callable[[Building], Building]:
+        """The function that puts this addition in; keys that are not given have its defaults."""
         takes = [inspect.signature(way).parameters for way in self.ways]
         names = [[name for name in each if name != "building"] for each in takes]
         number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
         given = {name: value for name in names[number] if (value := getattr(self, name)) is not None}
-        for entry in keys_of(type(self)):
-            if entry.name in names[number] and takes[number][entry.name].default is inspect.Parameter.empty:
+        absent = [
+            entry
+            for entry in keys_of(type(self))
+            if entry.name in names[number]
+            and takes[number][entry.name].default is inspect.Parameter.empty
+            and entry.name not in given
+        ]
+        for entry in absent:
+            with self.place.keeping():
                 refuse_missing(entry, given, self.place)
-        with self.place.prefix_errors():
-            return self.ways[number](building, **given)
+        if absent:
+            raise Unread
+        return partial(self.ways[number], **given)
 
 
 _STOREY: Final = "storey: its number from 1, or its name"
@@ -232,11 +242,16 @@ class LeadRubberTable(Addition):
     sharpness: float | None = key(f"{_SHARP}; 2 by default", default=None, least=1.0, most=50.0)
     name: str | None = key("name in tables", default=None, label=True)
 
-    def apply_to(self, building: Building) -> Building:
-        """The building on its bearings."""
-        if "isolation" in building.storey_names:
-            self.place.refuse("isolation and lead_rubber both stand under the building; keep one")
-        return Addition.apply_to(self, building)
+    def way(self) -> Callable[[Building], Building]:
+        """The function that puts the building on its bearings."""
+        put = Addition.way(self)
+
+        def put_on_bearings(building: Building) -> Building:
+            if "isolation" in building.storey_names:
+                self.place.refuse("isolation and lead_rubber both stand under the building; keep one")
+            return put(building)
+
+        return put_on_bearings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -461,10 +476,10 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
         document = toml_table(text)
     except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
-    place = Place(origin=str(path), lines=toml_lines(text), title="the building")
-    table = read_table(BuildingTable, document, place)
-    table = replace(table, name=path.stem) if table.name is None else table
-    built = _make_building(table, path.parent, (*readers, real_place(path)))
+    with Place(origin=str(path), lines=toml_lines(text), title="the building").collecting() as place:
+        table = read_table(BuildingTable, document, place)
+        table = replace(table, name=path.stem) if table.name is None else table
+        built = _make_building(table, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
@@ -482,9 +497,11 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     for name in foreign:
         if name in given:
             goes = "matrices" if form == "masses" else "masses"
-            place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
+            with place.keeping():
+                place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
     if table.rayleigh is not None and table.modal_damping is not None:
         table.modal_damping.place.refuse("rayleigh and modal_damping both give the damping; keep one")
+    ways = [(each.place, each.place.attempt(each.way)) for each in table.additions()]
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         if form == "masses":
@@ -493,8 +510,9 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _from_matrices(_arrays(table, folder), table)
         else:
             built = _replace_matrices(_read_named_building(table, form, folder, readers), table, folder)
-        for addition in table.additions():
-            built = addition.apply_to(built)
+        for where, way in ways:
+            with where.prefix_errors():
+                built = way()(built)
     return built
 
 

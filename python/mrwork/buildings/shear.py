@@ -12,6 +12,7 @@ from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coeffic
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
+from mrwork.numbers import bytes_in_words
 from mrwork.values import Floats
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
@@ -22,8 +23,8 @@ def check_storeys(count: int) -> None:
     """Refuse a building whose matrices would not fit into memory."""
     if count > _MOST_STOREYS:
         raise SettingError(
-            f"a building of {count:,} storeys would have matrices of {8e-9 * count * count:,.1f} GB each; "
-            f"give {_MOST_STOREYS} storeys at most"
+            f"a building of {count:,} storeys is taller than any, and would have matrices of "
+            f"{bytes_in_words(8.0 * count * count)} each; give {_MOST_STOREYS:,} storeys at most"
         )
 
 

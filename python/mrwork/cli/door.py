@@ -14,7 +14,7 @@ from typing import TextIO
 from mrwork.cli.command_parser import CommandParser, VerbHelp
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show, show_all
-from mrwork.errors import MrworkError, MrworkWarning, reason_of
+from mrwork.errors import MistakesError, MrworkError, MrworkWarning, reason_of
 
 _VERBS = {
     "demo": "identify a damper from an embedded synthetic test",
@@ -120,7 +120,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     except Exception as error:
         if not (isinstance(error, _SAID) or _is_of_loading(error)):
             raise
-        note(sentence_on(error))
+        note(*(str(error).split("\n") if isinstance(error, MistakesError) else [sentence_on(error)]))
         return 2
     return signals.status if status == 130 else status
 

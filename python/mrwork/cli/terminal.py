@@ -27,10 +27,11 @@ def show_all() -> None:
     _write_text("")
 
 
-def note(sentence: str) -> None:
-    """Print a message in one line on stderr, in the place of a line that is written again and again."""
+def note(sentence: str, *more: str) -> None:
+    """Print a message in one line on stderr, in the place of a line that is written again and again, and more below it."""
     clear = f"\r{' ' * _LINE[0]}\r" if _LINE[0] else ""
-    write_stderr(f"{clear}mrwork: {escape_text(sentence)}\n")
+    lines = "".join(f"{escape_text(each)}\n" for each in (f"mrwork: {sentence}", *more))
+    write_stderr(clear + lines)
 
 
 def write_stderr(text: str) -> None:

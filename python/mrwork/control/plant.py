@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import field
 from typing import Any, ClassVar
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.summary import Summarised
+from mrwork.summary import Summarised, list_names
 from mrwork.values import Floats, array_dataclass
 
 
@@ -88,8 +89,10 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
         raise SettingError("a row of `attachment` is zero; each device must be elongated by some coordinate")
     names = tuple(device_names) or tuple(f"device {number + 1}" for number in range(len(rows)))
     if len(names) != len(rows) or len(set(names)) < len(names):
+        counts = Counter(names).items()
+        several = list_names([name if count == 1 else f"{name} ({count} times)" for name, count in counts])
         raise SettingError(
-            f"{len(rows)} devices have the names {', '.join(names)}; give each device a name of its own"
+            f"{len(rows)} devices have the names {several}; give each device a name of its own"
         )
     A = np.block(
         [

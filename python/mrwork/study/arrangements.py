@@ -26,10 +26,11 @@ from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
 from mrwork.control.design_problem import DesignProblem, LawSettings, ReferencePeaks
 from mrwork.control.law_design import SETTINGS, design_law
-from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.control.laws import ControlLaw, control_law, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.errors import SettingError
-from mrwork.keys import Place, given_values, heading_lines, key_lines, keys_of, read_table, suggestion
+from mrwork.keys import given_values, heading_lines, key_lines, keys_of, read_table, suggestion
+from mrwork.places import Place
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.named_laws import Trials, toml_value
@@ -179,7 +180,7 @@ def laws_text() -> str:
 
 
 def refuse_loose_settings(document: Mapping[str, Any], place: Place) -> None:
-    """Refuse settings of a law that stand beside its name instead of in [controller.settings]."""
+    """Refuse settings of a law that stand beside its name, and read them as if they stood in [controller.settings]."""
     tables = document.get("controller")
     own = {entry.name for entry in keys_of(ControllerTable)}
     for number, table in enumerate(tables if isinstance(tables, list) else []):
@@ -188,10 +189,14 @@ def refuse_loose_settings(document: Mapping[str, Any], place: Place) -> None:
             continue
         for name in [entry.name for entry in keys_of(SETTINGS[law])]:
             if name in table and name not in own:
-                place.within("controller", number, name).refuse(
-                    f"{name} is a setting of the law; it stands in [controller.settings], or below the law as "
-                    f"settings = {{ {name} = {toml_value(table[name])} }}"
-                )
+                with place.keeping():
+                    place.within("controller", number, name).refuse(
+                        f"{name} is a setting of the law; it stands in [controller.settings], or below the law as "
+                        f"settings = {{ {name} = {toml_value(table[name])} }}"
+                    )
+                value, settings = table.pop(name), table.setdefault("settings", {})
+                if isinstance(settings, dict):
+                    settings.setdefault(name, value)
 
 
 def arrangements(
@@ -200,45 +205,37 @@ def arrangements(
     problem: DesignProblem,
     folder: Path,
     hardware: Hardware,
+    settings: Sequence[Callable[[], _GivenSettings | None]],
 ) -> tuple[Arrangement, ...]:
-    """The building without dampers, with them at i = 0, the baselines, and every control law."""
+    """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
     building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
-    controllable = any(device.spec.follows_command for device in devices)
     if devices:
         off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
-        if not controllable:
+        if not any(device.spec.follows_command for device in devices):
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         arrangements_of_study.append(
             make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
         )
-    arrangements_of_study += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     trials = Trials(bare=bare, problem=problem, hardware=hardware)
-    for controller in table.controller:
-        if not devices:
-            controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
-        if not controllable:
-            _refuse_command(controller)
-        limited = _limit_command(controller, problem)
-        chosen = _choose_law(controller, limited, folder, trials)
-        title, law = chosen.title, _shape_command(controller, chosen.law)
-        constant = CONSTANT_LAWS.get(controller.law)
-        if constant is not None and constant.share == 0.0:
+    others = [
+        *(each.place.attempt(_baseline, each, table, bare, folder) for each in table.baseline),
+        *(
+            each.place.attempt(_controlled, each, problem, bare, folder, given, trials)
+            for each, given in zip(table.controller, settings, strict=True)
+        ),
+    ]
+    for each in others:
+        arrangement = each()
+        if arrangement.row.kind != "passive_off":
+            arrangements_of_study.append(arrangement)
+        elif arrangement.row.label:
             # This arrangement exists already; only its label may differ.
-            arrangements_of_study[1] = replace(
-                arrangements_of_study[1],
-                row=replace(
-                    arrangements_of_study[1].row, label=controller.label or arrangements_of_study[1].row.label
-                ),
-            )
-            continue
-        user = controller.user
-        description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
-        row = Row(label=controller.label or title, kind=_kind(law), description=description)
-        made = make_arrangement(bare, row, building, tuple(limited.devices), law)
-        arrangements_of_study.append(replace(made, taken=chosen.taken))
+            former = arrangements_of_study[1]
+            arrangements_of_study[1] = replace(former, row=replace(former.row, label=arrangement.row.label))
     known = [each.row for each in arrangements_of_study]
+    controllable = any(device.spec.follows_command for device in devices)
     if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
         label = (
             OPTIMAL_PASSIVE
@@ -249,6 +246,34 @@ def arrangements(
         made = make_arrangement(bare, row, building, devices, None)
         arrangements_of_study.insert(2, replace(made, added=True))
     return tuple(arrangements_of_study)
+
+
+def _controlled(
+    controller: ControllerTable,
+    problem: DesignProblem,
+    bare: Building,
+    folder: Path,
+    settings: Callable[[], _GivenSettings | None],
+    trials: Trials,
+) -> Arrangement:
+    """The building with its dampers under the law of a table; one at i = 0 has a label if the table has."""
+    devices = tuple(problem.devices)
+    if not devices:
+        controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
+    if not any(device.spec.follows_command for device in devices):
+        _refuse_command(controller)
+    limited = _limit_command(controller, problem)
+    chosen = _choose_law(controller, limited, folder, settings(), trials)
+    law = _shape_command(controller, chosen.law)
+    constant = CONSTANT_LAWS.get(controller.law)
+    if constant is not None and constant.share == 0.0:
+        at_zero = Row(label=controller.label, kind="passive_off")
+        return make_arrangement(bare, at_zero, problem.building, devices, law)
+    user = controller.user
+    description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
+    row = Row(label=controller.label or chosen.title, kind=_kind(law), description=description)
+    made = make_arrangement(bare, row, problem.building, tuple(limited.devices), law)
+    return replace(made, taken=chosen.taken)
 
 
 def problem_of(
@@ -358,6 +383,47 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _GivenSettings:
+    """The settings that a table gives a law, as they stand there, and in SI."""
+
+    stated: dict[str, Any]
+    values: dict[str, Any]
+    where: Place
+
+
+def settings_of_law(table: ControllerTable, folder: Path) -> _GivenSettings | None:
+    """The settings that a table gives its law, checked; a constant command and a law in Python have none.
+
+    Names of files with matrices are relative to `folder`.
+    """
+    place = table.place
+    if table.user is not None:
+        for name in ("law", "settings", "gain"):
+            if getattr(table, name):
+                place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
+        return None
+    if not table.law:
+        place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
+    if table.law in CONSTANT_LAWS:
+        for name in table.settings or {}:
+            place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
+        if table.gain is not None:
+            place.within("gain").refuse(f"{table.law} has no gain; leave it out")
+        return None
+    if table.law not in SETTINGS:
+        near = suggestion(table.law, [*SETTINGS, *CONSTANT_LAWS])
+        place.within("law").refuse(f"no control law is called {table.law!r}{near}")
+    kind = SETTINGS[table.law]
+    given, where = dict(table.settings or {}), place.within("settings")
+    if table.gain is not None:
+        _check_takes_gain(table, kind)
+        given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
+        where = place if table.settings is None else where
+    given = _with_matrices(kind, given, where, folder)
+    return _GivenSettings(stated=given, values=given_values(kind, given, where, whole=True), where=where)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Chosen:
     """Title and law of a table, and settings that it leaves out.
 
@@ -369,48 +435,27 @@ class _Chosen:
     taken: TakenSettings | None = None
 
 
-def _choose_law(table: ControllerTable, problem: DesignProblem, folder: Path, trials: Trials) -> _Chosen:
-    """The law of a table; names of files with matrices or laws are relative to `folder`."""
-    place = table.place
+def _choose_law(
+    table: ControllerTable, problem: DesignProblem, folder: Path, given: _GivenSettings | None, trials: Trials
+) -> _Chosen:
+    """The law of a table; names of files with laws are relative to `folder`."""
     if table.user is not None:
-        for name in ("law", "settings", "gain"):
-            if getattr(table, name):
-                place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
         return _Chosen(title=table.user.function, law=_load_law(table.user, folder))
-    if not table.law:
-        place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
-    constant = CONSTANT_LAWS.get(table.law)
-    if constant is not None:
-        for name in table.settings or {}:
-            place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
-        if table.gain is not None:
-            place.within("gain").refuse(f"{table.law} has no gain; leave it out")
-        largest = min(device.largest_command for device in problem.devices)
-        share = constant.share
+    if given is None:
+        constant = CONSTANT_LAWS[table.law]
+        largest, share = min(device.largest_command for device in problem.devices), constant.share
         return _Chosen(
             title=constant.title,
             law=None if share is None else constant_command(problem.devices, share * largest),
         )
-    specs = {spec.name: spec for spec in control_laws()}
-    if table.law not in specs:
-        known = [*specs, *CONSTANT_LAWS]
-        near = suggestion(table.law, known)
-        place.within("law").refuse(f"no control law is called {table.law!r}{near}")
-    kind = SETTINGS[table.law]
-    given, where = dict(table.settings or {}), place.within("settings")
-    if table.gain is not None:
-        _check_takes_gain(table, kind)
-        given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
-        where = place if table.settings is None else where
-    given = _with_matrices(kind, given, where, folder)
-    values = given_values(kind, given, where)
-    with where.prefix_errors(SettingError):
-        problem, beside = trials.expect_motion(problem) if specs[table.law].needs_curve else (problem, "")
-        taken = trials.take(table.law, values, problem, lambda law: _shaped(table, law), beside=beside)
-        settings: LawSettings = read_table(kind, given | (taken.as_read if taken else {}), where)
-        return _Chosen(
-            title=specs[table.law].title, law=design_law(table.law, problem, settings), taken=taken
+    kind, spec = SETTINGS[table.law], control_law(table.law)
+    with given.where.prefix_errors(SettingError):
+        problem, beside = trials.expect_motion(problem) if spec.needs_curve else (problem, "")
+        taken = trials.take(table.law, given.values, problem, lambda law: _shaped(table, law), beside=beside)
+        settings: LawSettings = read_table(
+            kind, given.stated | (taken.as_read if taken else {}), given.where, whole=True
         )
+        return _Chosen(title=spec.title, law=design_law(table.law, problem, settings), taken=taken)
 
 
 def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:

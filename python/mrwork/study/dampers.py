@@ -18,7 +18,8 @@ from mrwork.command_signal import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import Place, suggestion
+from mrwork.keys import suggestion
+from mrwork.places import Place
 from mrwork.study.schema import DamperTable
 from mrwork.tested_range import FittedDamper, OperatingRange
 from mrwork.units import CommandUnit, DriverUnit, number_in
@@ -235,15 +236,20 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
 _JOINT_SHARE = 1e-3
 
 
+def choose_dampers(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> list[ChosenDamper]:
+    """The dampers of the tables, each read by itself."""
+    chosen = [table.place.attempt(chosen_damper, table, folder, identified) for table in tables]
+    return [each() for each in chosen]
+
+
 def equip_building(
-    bare: Building, tables: Sequence[DamperTable], folder: Path, identified: Identified
-) -> tuple[Building, tuple[Device, ...], list[ChosenDamper]]:
-    """The building with braces, its devices, and the dampers chosen for them."""
-    chosen = [chosen_damper(table, folder, identified) for table in tables]
-    building, rows = bare, []
-    for table in tables:
-        with table.place.within("storey").prefix_errors(SettingError):
-            row = bare.storey_row(table.storey)
+    bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
+) -> tuple[Building, tuple[Device, ...]]:
+    """The building with braces, and its devices; their dampers are asked for after their storeys."""
+    found = [table.place.attempt(_storey_row, bare, table) for table in tables]
+    chosen = choose()
+    building, rows = bare, [each() for each in found]
+    for number, table in enumerate(tables):
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
             with table.place.within("brace").prefix_errors(SettingError):
@@ -254,8 +260,7 @@ def equip_building(
                     damping=table.brace.damping,
                     mass=mass,
                 )
-            row = building.storeys[-1]
-        rows.append(row)
+            rows[number] = building.storeys[-1]
     devices: list[Device] = []
     for table, one, row in zip(tables, chosen, rows, strict=True):
         if one.spec != chosen[0].spec:
@@ -265,12 +270,12 @@ def equip_building(
             )
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
-        where = bare.storey_name(table.storey)
-        same = [bare.storey_name(each.storey) for each in tables[: len(devices)]].count(where)
+        name = f"damper in {bare.storey_name(table.storey)}"
+        before = sum(device.name.startswith(name) for device in devices)
         with table.place.prefix_errors(SettingError):
             devices.append(
                 Device(
-                    name=f"damper in {where}, {same + 1}" if same else f"damper in {where}",
+                    name=f"{name}, number {before + 1}" if before else name,
                     spec=one.spec,
                     theta=one.theta,
                     row=whole,
@@ -280,4 +285,9 @@ def equip_building(
                     tested=one.tested,
                 )
             )
-    return building, tuple(devices), chosen
+    return building, tuple(devices)
+
+
+def _storey_row(bare: Building, table: DamperTable) -> Floats:
+    with table.place.within("storey").prefix_errors(SettingError):
+        return bare.storey_row(table.storey)

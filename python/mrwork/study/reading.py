@@ -22,7 +22,7 @@ from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unre
 from mrwork.control.design_problem import ReferencePeaks
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.errors import SettingError
-from mrwork.keys import KeyPath, Place, read_table, suggestion
+from mrwork.keys import read_table, suggestion
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import (
     baseline_corrected,
@@ -38,6 +38,7 @@ from mrwork.motions.ground_motion import (
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import suite, synthetic_motion
+from mrwork.places import KeyPath, Place
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.study.arrangements import (
@@ -47,10 +48,12 @@ from mrwork.study.arrangements import (
     refuse_loose_settings,
     resolve_settings,
     running_in_words,
+    settings_of_law,
 )
 from mrwork.study.dampers import (
     ChosenDamper,
     Identified,
+    choose_dampers,
     chosen_damper,
     equip_building,
 )
@@ -90,23 +93,34 @@ class _Bare:
 
 
 def motions_of_study(
-    tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: float
+    tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: Callable[[], float], place: Place
 ) -> tuple[MotionOfStudy, ...]:
     """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
-    bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
-    _refuse_both_uses(bare)
-    found: list[MotionOfStudy] = []
-    for each in bare:
-        _refuse_still(each, sample_time)
-        with each.table.place.prefix_errors(SettingError):
-            found += [
-                MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
-                for ground in _scale(each.ground, each.table)
-            ]
-    return tuple(found)
+    bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
+    read = [each for of_table in bare for each in of_table()]
+    _refuse_both_uses(read)
+    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time) for each in read]
+    found = tuple(motion for of_one in scaled for motion in of_one())
+    if not found:
+        place.refuse("the study has no motion; give a [[motion]]")
+    if all(motion.use == "training" for motion in found):
+        place.within("motion").refuse(
+            'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
+        )
+    _refuse_same([motion.name for motion in found], place.within("motion"), "motions", "name")
+    return found
 
 
-def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare]:
+def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[MotionOfStudy]:
+    _refuse_still(bare, sample_time())
+    with bare.table.place.prefix_errors(SettingError):
+        return [
+            MotionOfStudy(ground=ground, use=bare.table.use, synthetic=bare.file is None)
+            for ground in _scale(bare.ground, bare.table)
+        ]
+
+
+def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     place = table.place
     if sum(each is not None for each in (table.file, table.synthetic, table.suite)) != 1:
         place.refuse(f"{place.table} needs either a file, a synthetic motion or a suite")
@@ -117,9 +131,8 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
     else:
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
-    for ground, file in found:
-        with place.prefix_errors(SettingError):
-            yield _Bare(ground=_process(ground, table), table=table, file=file)
+    with place.prefix_errors(SettingError):
+        return [_Bare(ground=_process(ground, table), table=table, file=file) for ground, file in found]
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -307,27 +320,51 @@ def read_study(
     path = Path(path)
     file = _read(path)
     document, lines = parse(file.text, str(path))
-    place = Place(origin=str(path), lines=lines)
-    refuse_loose_settings(document, place)
-    table = read_table(StudyTable, document, place)
-    folder = path.parent / table.folder
-    for each in table.controller:
-        if each.user is not None:
-            on_python(running_in_words(each.user, folder))
-    with place.within("building").prefix_errors(SettingError):
-        bare = table.building.build(folder)
-    building, devices, chosen = equip_building(bare, table.damper, folder, identified)
-    with place.within("hardware").prefix_errors(SettingError):
-        hardware = replace(table.hardware, seed=seed)
-    motions = motions_of_study(table.motion, folder, seed, sample_time=hardware.sample_time)
-    if not motions:
-        place.refuse("the study has no motion; give a [[motion]]")
-    training = tuple(motion.ground for motion in motions if motion.use == "training")
-    if len(training) == len(motions):
-        place.within("motion").refuse(
-            'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
+    with Place(origin=str(path), lines=lines).collecting() as place:
+        refuse_loose_settings(document, place)
+        return _study_of(read_table(StudyTable, document, place), file, place, identified, seed, on_python)
+
+
+def _study_of(
+    table: StudyTable,
+    file: StudyFile,
+    place: Place,
+    identified: Identified,
+    seed: int,
+    on_python: Callable[[str], None],
+) -> Study:
+    """The study of a table, whose parts are read by themselves: a mistake in one hides none in others."""
+    folder = Path(place.origin).parent / table.folder
+    with place.keeping():
+        for each in table.controller:
+            with place.keeping():
+                if each.user is not None:
+                    on_python(running_in_words(each.user, folder))
+
+    def built() -> Building:
+        with place.within("building").prefix_errors(SettingError):
+            return table.building.build(folder)
+
+    def loop() -> Hardware:
+        with place.within("hardware").prefix_errors(SettingError):
+            return replace(table.hardware, seed=seed)
+
+    bare_part, hardware_part = place.attempt(built), place.attempt(loop)
+    chosen_part = place.attempt(lambda: choose_dampers(table.damper, folder, identified))
+    equipped_part = place.attempt(lambda: equip_building(bare_part(), table.damper, chosen_part))
+    motions_part = place.attempt(
+        lambda: motions_of_study(
+            table.motion, folder, seed, sample_time=lambda: hardware_part().sample_time, place=place
         )
-    _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
+    )
+    settings = place.attempt(
+        lambda: [each.place.attempt(settings_of_law, each, folder) for each in table.controller]
+    )
+    tunes = place.attempt(lambda: tuple(resolve_settings(each, folder) for each in table.tune))
+    detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
+    bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
+    building, devices = equipped_part()
+    training = tuple(motion.ground for motion in motions if motion.use == "training")
     chosen_on = training or tuple(motion.ground for motion in motions)
 
     @cache
@@ -339,7 +376,7 @@ def read_study(
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
 
     problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
-    compared = arrangements(table, bare, problem, folder, hardware)
+    compared = arrangements(table, bare, problem, folder, hardware, settings())
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
         for arrangement in compared:
@@ -361,7 +398,8 @@ def read_study(
     labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
-    detailed = _choose_detailed(table.report, motions, labels, place)
+    _refuse_unknown_labels(table.report, labels, place)
+    detailed = detailed_part()
     study = Study(
         title=table.title or bare.name,
         file=file,
@@ -380,7 +418,7 @@ def read_study(
         ],
         report=table.report,
         problem=problem,
-        tunes=tuple(resolve_settings(each, folder) for each in table.tune),
+        tunes=tunes(),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
@@ -448,19 +486,20 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
         seen.add(name)
 
 
-def _choose_detailed(
-    table: ReportTable, motions: Sequence[MotionOfStudy], labels: Sequence[str], place: Place
-) -> int:
-    """Index of the motion of the time histories; what [report] names must be in the study."""
-    names = [motion.name for motion in motions]
+def _refuse_unknown_labels(table: ReportTable, labels: Sequence[str], place: Place) -> None:
     where = place.within("report")
-    if table.motion is not None and table.motion not in names:
-        near = suggestion(table.motion, names)
-        where.within("motion").refuse(f"no motion is called {table.motion!r}{near}")
     for label in table.controllers:
         if label not in labels and present_label(label) not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
+
+
+def _choose_detailed(table: ReportTable, motions: Sequence[MotionOfStudy], place: Place) -> int:
+    """Index of the motion of the time histories; one that [report] names must be in the study."""
+    names = [motion.name for motion in motions]
+    if table.motion is not None and table.motion not in names:
+        near = suggestion(table.motion, names)
+        place.within("report", "motion").refuse(f"no motion is called {table.motion!r}{near}")
     largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))
     return largest if table.motion is None else names.index(table.motion)
 

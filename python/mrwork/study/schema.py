@@ -17,9 +17,10 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY
 from mrwork.dampers.parameters import LawName
-from mrwork.keys import LARGEST_SEED, Place, heading_lines, key, key_lines, refuse_repeated, tables
+from mrwork.keys import LARGEST_SEED, heading_lines, key, key_lines, refuse_repeated, tables
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
+from mrwork.places import Place
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.units import DriverUnit
 

@@ -16,8 +16,9 @@ from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
 from mrwork.control.laws import control_law, control_laws
 from mrwork.errors import SettingError
-from mrwork.keys import Place, is_required, keys_of, suggestion
+from mrwork.keys import is_required, keys_of, suggestion
 from mrwork.numbers import of_unit
+from mrwork.places import Place
 from mrwork.store.codec import Related
 from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable

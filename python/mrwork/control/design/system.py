@@ -191,8 +191,8 @@ def system_of(
         raise SettingError(
             f"{building.name} has a mode without damping, so that its rms values do not exist; give every mode damping"
         ) from error
-    rms = np.sqrt(np.diag(covariance))
-    # A mode that the ground does not excite still needs a scale.
+    # A variance of zero may be rounded below it; a mode that the ground does not excite still needs a scale.
+    rms = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rms = np.maximum(rms, 1e-9 * rms.max())
     frequency = float(building.frequencies[0])
     A, B = A / rms[:, None] * rms, B / rms[:, None]
