@@ -28,7 +28,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "report": "output plot figure result page recorder",
     "uncertainty": "monte_carlo uncertain robustness scatter random_variable",
     "tune": "tuning optimise optimize optimisation optimization ga nsga",
-    "clairvoyant": "optimum non_causal noncausal upper_bound best_possible",
+    "clairvoyant": "optimum noncausal upper_bound best_possible",
     "name label title": "name label title caption legend id tag heading description",
     # Buildings and what is built in.
     "masses mass": "m mass floor_mass storey_mass story_mass lumped_mass nodal_mass seismic_mass mass_matrix",
@@ -44,7 +44,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "a1 rayleigh": "beta beta_k beta_k_init beta_k_comm stiffness_proportional stiffness_coefficient",
     "n_storeys storey floor": (
         "story stories n_floors n_stories n_story number_of_floors number_of_storeys number_of_stories "
-        "num_floors num_stories level floor storey location position dof ndof n_dof"
+        "num_floors num_stories level floor storey location position dof ndof"
     ),
     "influence": "influence_vector iota",
     "published preset": "benchmark preset published literature paper",
@@ -75,17 +75,17 @@ _WORDS: Final[Mapping[str, str]] = {
     "settings parameters theta": "params parameters properties property coefficients options weights args config x p",
     "lag time_constant delay": "driver_lag tau lag_rate driver_rate current_driver",
     "command largest_command": (
-        "current voltage i v amps volts ampere volt max_current max_voltage maximum_current maximum_voltage i_max "
-        "v_max current_limit voltage_limit largest_current largest_voltage max_command saturation command"
+        "current voltage i v amps volts ampere max_current max_voltage maximum_current maximum_voltage i_max "
+        "v_max current_limit voltage_limit largest_current largest_voltage max_command saturation"
     ),
     "command_rate command_slope": "slew_rate rate_limit ramp max_rate current_rate voltage_rate",
-    "dead_zone": "deadband dead_band threshold",
+    "dead_zone": "dead_band threshold",
     "count n_storeys motions realisations": "n num number quantity multiplicity n_dampers number_of_dampers n_motions",
     "control_weight settings": "control_weight r control_cost r_weight force_weight",
     "state_weight settings": "state_weight q q_weight state_cost drifts accelerations drift_weight",
     "gain": "gain_matrix feedback_gain lqr_gain k_lqr control_gain",
     "user": "python script custom custom_law user_law own_law function plugin",
-    "mixed_skyhook": "skyhook sky_hook",
+    "mixed_skyhook": "sky_hook",
     "decentralised_bang_bang": "bang_bang on_off",
     "predictive_rollout": "mpc model_predictive predictive",
     "sliding_mode": "smc",
@@ -106,8 +106,8 @@ _WORDS: Final[Mapping[str, str]] = {
         "sampling_time sampling_period sampling_interval sample_period sample_rate sampling_rate sampling_frequency fs "
         "ts control_period control_interval"
     ),
-    "dt step interval": "time_step timestep delta_t integration_step h dt",
-    "duration end": "length total_time time t_end t_max t_final tmax",
+    "dt step interval": "time_step delta_t integration_step h dt",
+    "duration end": "length total_time time t_end t_max t_final",
     "start": "t_start begin t0 from",
     "synthetic": "artificial random white_noise stochastic kanai_tajimi clough_penzien simulated filtered_noise",
     "suite": "ensemble set_of_motions catalogue",
@@ -123,19 +123,19 @@ _WORDS: Final[Mapping[str, str]] = {
     "budget": "evaluations iterations max_evals n_evals trials candidates",
     "search": "optimizer optimiser solver",
     "criteria": "objective cost cost_function performance_index fitness",
-    "constraints bounds": "constraint limits limit",
+    "constraints bounds": "constraint limit",
     "free bounds": "bounds variables ranges design_variables search_space box",
-    "population generations": "pop pop_size popsize npop",
+    "population generations": "pop pop_size npop",
     # Options of commands and arguments of functions.
     "rng seed": "seed random_state random_seed",
     "threads": "n_jobs workers n_threads num_threads jobs cores parallel",
-    "tests": "test record records data",
-    "record": "test tests data loading",
+    "tests": "test record data",
+    "record": "test data loading",
     "model": "spec damper",
     "on_progress": "callback progress",
     "seconds": "timeout time_limit max_time max_seconds",
     "until": "target tolerance ftol",
-    "out": "output outdir out_dir output_dir save results",
+    "out": "output out_dir output_dir save results",
     "replace": "overwrite force",
     "quiet": "silent",
 }

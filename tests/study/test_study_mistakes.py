@@ -121,6 +121,8 @@ def test_the_command_lists_them_below_each_other(tmp_path: Path) -> None:
         ("kwok2006", "kwok", 1),
         ("kwok2006", "kwok2007", 1),
         ("storey = 1", 'storey = "roof"', 1),
+        ("peak_drift = 1", "peak_drft = 1", 1),
+        ('laws = ["lyapunov"]', 'laws = ["liapunov", "mpc"]\nobjectives = ["peak"]', 3),
         # Two in one table, and two that a third hides no longer.
         ('storey = 1\npreset = "kwok2006"', 'storey = 99\npreset = "kwok"', 2),
         ('law = "clipped_optimal"', 'law = "clipped"\nlabel = 3', 2),
@@ -140,6 +142,9 @@ settings = {{ drifts = 1.0, control_weight = 1e-9 }}
 delay = "1 ms"
 [report]
 controllers = ["Clipped-optimal"]
+[[tune]]
+laws = ["lyapunov"]
+criteria = {{ peak_drift = 1 }}
 {motion("A", 1)}"""
     assert old in text
     mr.read_study(study_in(tmp_path, text))

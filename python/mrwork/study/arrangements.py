@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.from_file import read_matrix
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
@@ -472,12 +473,41 @@ def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
         where.refuse("the gain stands here and among the settings; keep one")
 
 
+def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
+    """Raise a SettingError with the place in the study file, where the table has one."""
+    if table.place is None:
+        raise SettingError(sentence)
+    table.place.within(*keys).refuse(sentence)
+
+
+def check_law(table: TuneTable, law: str) -> None:
+    """Refuse a name that is no control law."""
+    if law not in SETTINGS:
+        refuse_within(table, f"no control law is called {law!r}{suggestion(law, [*SETTINGS])}", "laws")
+
+
+def check_criterion(table: TuneTable, key: str, name: str) -> None:
+    """Refuse a name that is no criterion."""
+    known = [entry.name for entry in criteria()]
+    if name not in known:
+        refuse_within(table, f"no criterion is called {name!r}{suggestion(name, known)}", key)
+
+
 def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """A table whose settings, if any, are in SI, with the matrices of the files that they name.
 
-    Settings that a law does not have are left to the tuning, which refuses them.
+    Names of laws and criteria must exist; settings that a law does not have are left to the tuning, which refuses them.
     """
-    if table.settings is None or table.place is None:
+    if table.place is None:
+        return table
+    for law in table.laws:
+        with table.place.keeping():
+            check_law(table, law)
+    for key in ("criteria", "objectives", "constraints"):
+        for name in getattr(table, key) or ():
+            with table.place.keeping():
+                check_criterion(table, key, name)
+    if table.settings is None:
         return table
     place, settings = table.place.within("settings"), dict(table.settings)
     for law in table.laws:

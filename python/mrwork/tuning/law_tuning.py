@@ -24,6 +24,7 @@ from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
+from mrwork.study.arrangements import refuse_within
 from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
@@ -45,7 +46,6 @@ from mrwork.tuning.space import (
     LawCandidate,
     SettingSpace,
     TuningObjective,
-    refuse_within,
 )
 from mrwork.values import Floats, array_dataclass
 

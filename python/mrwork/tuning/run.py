@@ -15,6 +15,7 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.journal import Journal
+from mrwork.study.arrangements import check_law, refuse_within
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
@@ -31,10 +32,8 @@ from mrwork.tuning.problem import Clock, benches_of, check_controllable, count_b
 from mrwork.tuning.results import Front, LawResult, TuningResults
 from mrwork.tuning.space import (
     TuningObjective,
-    check_law,
     check_scored_criterion,
     objective_of,
-    refuse_within,
     space_of,
 )
 

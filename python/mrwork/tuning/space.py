@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, NoReturn
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from mrwork.arguments import Share, Whole
-from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.design_problem import LawSettings, Magnitudes, Span
 from mrwork.control.law_design import SETTINGS
-from mrwork.control.laws import control_law, control_laws
-from mrwork.errors import SettingError
+from mrwork.control.laws import control_law
 from mrwork.keys import is_required, keys_of, suggestion
 from mrwork.numbers import of_unit
-from mrwork.places import Place
 from mrwork.store.codec import Related
+from mrwork.study.arrangements import check_criterion, check_law, refuse_within
 from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised
@@ -153,15 +152,9 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     )
 
 
-def _check_criterion(table: TuneTable, key: str, name: str) -> None:
-    known = [entry.name for entry in criteria()]
-    if name not in known:
-        refuse_within(table, f"no criterion is called {name!r}{suggestion(name, known)}", key)
-
-
 def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
     """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
-    _check_criterion(table, key, name)
+    check_criterion(table, key, name)
     if criterion(name).of_command:
         refuse_within(
             table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
@@ -169,7 +162,7 @@ def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
 
 
 def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
-    _check_criterion(table, "constraints", name)
+    check_criterion(table, "constraints", name)
     unit = criterion(name).unit
     if isinstance(value, str):
         number = number_in(value, in_command_unit(unit, command_unit))
@@ -179,14 +172,6 @@ def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -
     if not (value > 0.0 and math.isfinite(value)):
         refuse_within(table, f"{name} is {value:g}; give a positive limit [{unit}]", "constraints")
     return value
-
-
-def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
-    """Raise a SettingError with the place in the study file, where the table has one."""
-    place: Place | None = table.place
-    if place is None:
-        raise SettingError(sentence)
-    place.within(*keys).refuse(sentence)
 
 
 LARGEST = "largest_command"
@@ -403,13 +388,6 @@ def is_semi_active(settings: Mapping[str, Any]) -> bool:
     """Whether settings have designed weights with a semi-active condition, whose budget decides the law."""
     designed = settings.get("designed")
     return isinstance(designed, Mapping) and designed.get("semi_active") is not None
-
-
-def check_law(table: TuneTable, law: str) -> None:
-    """Refuse a name that is no control law."""
-    known = [spec.name for spec in control_laws()]
-    if law not in known:
-        refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
 
 
 def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
