@@ -12,7 +12,8 @@ ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
 _LONGEST = 2000
-# Mistakes of a document that are listed, and characters of each.
+# Mistakes of a document after which it is read no further, those that are listed, and characters of each.
+MOST_MISTAKES = 100
 _MOST_LISTED = 20
 _LONGEST_LISTED = 500
 
@@ -123,8 +124,9 @@ class MistakesError(SettingError):
         listed = [str(each) for each in self.mistakes[:_MOST_LISTED]]
         listed = [each.removeprefix(own[0]).removeprefix(own[1]) for each in listed]
         if more := len(self.mistakes) - len(listed):
-            listed.append(f"and {more:,} more")
-        head = f"{self.document} has {len(self.mistakes):,} mistakes:"
+            listed.append(f"and {more} more")
+        beyond = " or more" if len(self.mistakes) >= MOST_MISTAKES else ""
+        head = f"{self.document} has {len(self.mistakes)} mistakes{beyond}:"
         return "\n  ".join(_in_one_line(each, _LONGEST_LISTED) for each in (head, *listed))
 
 

@@ -13,9 +13,11 @@ import unicodedata
 from abc import ABCMeta
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from datetime import date, time
 from difflib import get_close_matches
+from functools import cache
 from typing import Any, NoReturn, TypeVar, cast
 
 from mrwork import hints as nodes
@@ -235,15 +237,18 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place, *, whole: 
 
 def _incomplete(kind: type[T], values: Mapping[str, Any], unread: Collection[str]) -> T:
     """A table without some of its keys: whoever asks for one of them is `Unread`, too."""
-    metaclass: Any = type(kind)
-    table: T = object.__new__(
-        metaclass(kind.__name__, (kind,), {"__slots__": (), "__getattr__": _raise_unread})
-    )
+    table: T = object.__new__(_lacking(cast(Any, kind)))
     for entry in fields(cast(Any, kind)):
         value = values.get(entry.name, entry.default)
         if entry.name not in unread and value is not MISSING:
             object.__setattr__(table, entry.name, value)
     return table
+
+
+@cache
+def _lacking(kind: Any) -> Any:
+    metaclass: Any = type(kind)
+    return metaclass(kind.__name__, (kind,), {"__slots__": (), "__getattr__": _raise_unread})
 
 
 def _raise_unread(*_: object) -> NoReturn:
@@ -283,7 +288,7 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
         if name in table:
             read(name, entry, place)
     for name, value in table.items():
-        if name in known:
+        if name in known or place.is_full:
             continue
         near = meant(name, [*known])
         left = [
@@ -394,10 +399,15 @@ def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tu
         place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {describe_key(entry)}")
     if node.is_matrix:
         _check_rows(value, place)
-    read = [
-        place.attempt(_value, kind, each, place.within(number), entry)
-        for number, (kind, each) in enumerate(zip(kinds, value, strict=True))
-    ]
+    places = (place.within(number) for number in range(len(value)))
+    given = list(zip(kinds, value, places, strict=True))
+    if not tables:
+        # Many numbers are soon read where all are right.
+        with suppress(SettingError):
+            return tuple(
+                _value(kind, each, replace(where, mistakes=None), entry) for kind, each, where in given
+            )
+    read = [place.attempt(_value, kind, each, where, entry) for kind, each, where in given]
     return tuple(each() for each in read)
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import NoReturn, TypeVar, TypeVarTuple
 
-from mrwork.errors import InvalidSettingError, MistakesError, MrworkError, SettingError
+from mrwork.errors import MOST_MISTAKES, InvalidSettingError, MistakesError, MrworkError, SettingError
 
 T = TypeVar("T")
 Given = TypeVarTuple("Given")
@@ -141,6 +141,11 @@ class Place:
         if mistakes.found:
             raise MistakesError(self.origin, [*mistakes.found.values()])
 
+    @property
+    def is_full(self) -> bool:
+        """Whether so many mistakes have been kept that the document is read no further."""
+        return self.mistakes is not None and len(self.mistakes.found) >= MOST_MISTAKES
+
     @contextmanager
     def keeping(self) -> Iterator[None]:
         """Keep the mistake with which the block ends, if any; what comes after the block is read all the same."""
@@ -158,8 +163,9 @@ class Place:
     def attempt(self, read: Callable[[*Given], T], *given: *Given) -> Callable[[], T]:
         """Read a part of the document; whoever then calls for a part that has a mistake is `Unread`, too."""
         found: list[T] = []
-        with self.keeping():
-            found.append(read(*given))
+        if not self.is_full:
+            with self.keeping():
+                found.append(read(*given))
 
         def part() -> T:
             if not found:
