@@ -1,4 +1,4 @@
-"""Small files that unpack to gigabytes, and files with holes: each reader refuses them in one sentence, soon.
+"""Small files that unpack to gigabytes, and files with holes: each reader refuses them in one sentence, before it unpacks them.
 
 A hole of a sparse file reads as zeros, and takes no room on the disk.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import struct
-import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,8 +28,7 @@ except ImportError:
     pytest.skip("Windows has no limits of a process", allow_module_level=True)
 
 MATLAB_5 = b"MATLAB 5.0 MAT-file".ljust(124, b" ") + struct.pack("<H", 0x0100) + b"IM"
-# Processor time [s], for reading the file itself, too, and memory beyond the largest file.
-MOST_SECONDS = 8.0
+# Memory that a reader takes at most, beyond the largest file.
 MOST_MEMORY = 600 << 20
 LARGEST = 1 << 30
 ROWS = "".join(f"{0.01 * row:.2f},{row % 7},{row % 5}\n" for row in range(10_000)).encode()
@@ -131,10 +129,9 @@ SPARSE: dict[str, tuple[Callable[[Path], object], str, bytes, int]] = {
 
 
 def refused_soon(read: Callable[[Path], object], path: Path) -> None:
-    used, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(MrworkError):
         read(path)
-    assert time.process_time() - began < MOST_SECONDS
     more = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used)
     assert more < MOST_MEMORY + path.stat().st_size
 

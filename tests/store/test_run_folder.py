@@ -339,7 +339,7 @@ def damaged(change: Any) -> bytes:
         (None, "cannot be read"),
         (b"", "is not JSON"),
         (b'{"model": "bouc_', "is not JSON"),
-        (b"\xff\xfe\x00", "is not UTF-8"),
+        (b"\xff\xfe\x00", "byte 2 is 0x00, so this is no text"),
         (b"[]", r"`fit` should be an object, it is \[\]"),
         (b"{}", "`fit` lacks model, estimates"),
         (damaged(lambda fit: fit.update(status="fine")), "`fit.status` should be 'converged' or"),

@@ -103,7 +103,7 @@ def test_weights_are_the_best_of_the_training_motions(tmp_path: Path) -> None:
 def test_two_dampers_of_one_storey_have_names_of_their_own(tmp_path: Path) -> None:
     second = f"\n[[damper]]\nstorey = 1\n{PLAIN}\ncount = 20\n"
     study = read(tmp_path, second + named("clipped_optimal"))
-    assert study.device_names == ("damper in storey 1", "damper in storey 1, 2")
+    assert study.device_names == ("damper in storey 1", "damper in storey 1, number 2")
     assert mr.run_study(study, threads=1).complete
 
 
