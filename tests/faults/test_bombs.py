@@ -1,4 +1,4 @@
-"""Small files that unpack to gigabytes, and files with holes: each reader refuses them in one sentence, before it unpacks them.
+"""Small files that unpack to gigabytes, and files with holes: each reader refuses them in one sentence beforehand.
 
 A hole of a sparse file reads as zeros, and takes no room on the disk.
 """
