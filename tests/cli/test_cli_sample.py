@@ -66,6 +66,7 @@ def test_one_sampling_at_a_time_and_ctrl_c_keeps_its_chain(run: Path, tmp_path: 
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, stderr
+    assert "1,000,000 steps take about" in stderr
     assert "steps are kept in" in stderr
     assert "Traceback" not in stderr
     assert (place / "posterior.jsonl").read_text() == "an earlier chain"
