@@ -255,7 +255,7 @@ impl<'a, 'b, M: DamperModel, R: Lanes, D> Integrated<M, R, D, ForceAccumulator<'
 /// Sums and states of packs.
 #[inline(always)]
 fn block_result<M: DamperModel, R: Lanes, D>(
-    packs: &[WithState<Integrated<M, R, D, ForceAccumulator<'_, '_, R>>, M::State<R>>],
+    packs: &[Summed<'_, '_, M, R, D>],
     samples: usize,
 ) -> BlockResult {
     let n_states = M::SPEC.n_states;
@@ -276,6 +276,10 @@ struct WithState<P, S> {
     pack: P,
     state: S,
 }
+
+/// A pack that has summed its residuals.
+type Summed<'a, 'b, M, R, D> =
+    WithState<Integrated<M, R, D, ForceAccumulator<'a, 'b, R>>, <M as DamperModel>::State<R>>;
 
 /// One pack, whose states are a value apart and stay where a step leaves them, or several side by side with theirs.
 pub(crate) trait Packs {

@@ -485,7 +485,7 @@ def simulate_loop(
         done = min(part.stop, len(runs))
         if on_progress is not None:
             on_progress(done, len(runs))
-            blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / (perf_counter() - began)
+            blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
             count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     responses = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
     if largest_commands is None:
