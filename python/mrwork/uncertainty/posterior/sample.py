@@ -557,7 +557,7 @@ def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Floats:
 
 @dataclass(slots=True, kw_only=True)
 class _Monitor:
-    """Reports progress; the rate is that of steps that were not recalled."""
+    """Reports progress; the rate is that of steps that were not recalled, but for the first, which has the set-up."""
 
     most_steps: int
     began: float
@@ -565,7 +565,7 @@ class _Monitor:
     journal: Journal | None
     diagnosis: Diagnosis | None = None
     reported: float = 0.0
-    recalled: tuple[int, float] = (0, 0.0)
+    counted_from: tuple[int, float] | None = None
 
     @property
     def recalling(self) -> bool:
@@ -575,9 +575,9 @@ class _Monitor:
     def update(self, steps: int) -> None:
         """Called after each step."""
         seconds = time.perf_counter() - self.began
-        if self.recalling:
-            self.recalled = (steps, seconds)
-        first, before = self.recalled
+        if self.recalling or self.counted_from is None:
+            self.counted_from = (steps, seconds)
+        first, before = self.counted_from
         if self.on_progress is not None and seconds - self.reported >= _REPORT_EVERY:
             self.reported = seconds
             self.on_progress(
