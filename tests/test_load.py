@@ -12,7 +12,6 @@ import tuning_samples
 import xarray
 from command_line import mrwork
 from sentences import Refused
-from study_texts import study_text
 
 import mrwork as mr
 from mrwork.cli.completion import subcommands
@@ -63,9 +62,7 @@ def additions(verb: str) -> list[object]:
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("inputs")
-    tuning_samples.study_file(place, building=tuning_samples.TWO_STOREYS).rename(place / "tuned.toml")
-    small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
-    (place / "small.toml").write_text(small)
+    tuning_samples.small_files(place)
     return place
 
 

@@ -6,6 +6,7 @@ the printed schema and scripts that build the same values all use these notes.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import textwrap
@@ -511,6 +512,20 @@ _SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
 def before_sections(docstring: str) -> str:
     """What a docstring says before its first section, as users of a file read it."""
     return _SECTION.split(docstring)[0].rstrip()
+
+
+def toml_value(value: Any) -> str:
+    """A value of a setting as a study file states it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # The escapes of JSON are those of TOML.
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {toml_value(each)}" for name, each in value.items()) + " }"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(toml_value(each) for each in value) + "]"
+    return repr(value)
 
 
 def heading_lines(heading: str, prose: str) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from study_texts import study_text
 
 import mrwork as mr
 from mrwork.tuning import tune
@@ -59,6 +60,13 @@ def study_file(
     path = folder / "study.toml"
     path.write_text(STUDY.format(building=building) + more + given + tune, encoding="utf-8")
     return path
+
+
+def small_files(place: Path) -> None:
+    """Write studies that take little time: tuned.toml to be tuned, small.toml to be simulated."""
+    study_file(place, building=TWO_STOREYS).rename(place / "tuned.toml")
+    small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
+    (place / "small.toml").write_text(small)
 
 
 @cache

@@ -30,11 +30,11 @@ from mrwork.control.law_design import SETTINGS, design_law
 from mrwork.control.laws import ControlLaw, control_law, control_laws
 from mrwork.control.weights import WeightWishes
 from mrwork.errors import SettingError
-from mrwork.keys import given_values, heading_lines, key_lines, keys_of, read_table, suggestion
+from mrwork.keys import given_values, heading_lines, key_lines, keys_of, read_table, suggestion, toml_value
 from mrwork.places import Place
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.named_laws import Trials, toml_value
+from mrwork.study.named_laws import Trials
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,

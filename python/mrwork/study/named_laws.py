@@ -7,7 +7,6 @@ were better in one, of 20 storeys.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +23,7 @@ from mrwork.control.design_problem import DesignProblem, LawSettings, Magnitude,
 from mrwork.control.law_design import SETTINGS, design_candidates, settings_of
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
-from mrwork.keys import is_required, keys_of
+from mrwork.keys import is_required, keys_of, toml_value
 from mrwork.motions import GroundMotion
 from mrwork.numbers import counted
 from mrwork.study.labelled import LabelledRuns
@@ -89,20 +88,6 @@ def _middle(values: Floats) -> float:
             "check the study with mrwork respond"
         )
     return float(np.median(finite))
-
-
-def toml_value(value: Any) -> str:
-    """A value of a setting as a study file states it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        # The escapes of JSON are those of TOML.
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {toml_value(each)}" for name, each in value.items()) + " }"
-    if isinstance(value, Sequence):
-        return "[" + ", ".join(toml_value(each) for each in value) + "]"
-    return repr(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

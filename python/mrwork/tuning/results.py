@@ -15,7 +15,7 @@ from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
 from mrwork.control.law_design import SETTINGS
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.keys import suggestion
+from mrwork.keys import suggestion, toml_value
 from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.plotted import plots_of
@@ -33,7 +33,6 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_kind,
 )
-from mrwork.study.named_laws import toml_value
 from mrwork.study.results import RealisationBand
 from mrwork.study.schema import present_label
 from mrwork.study.study import StudyFile
