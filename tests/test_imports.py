@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import json
 import sys
+from collections.abc import Container
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -19,11 +21,11 @@ import mrwork
 HOMES = {
     ("jax", "equinox", "optimistix"): (
         "twins",
-        "identification.levenberg_marquardt_twin",
+        "identification.minimise.levenberg_marquardt_twin",
         "uncertainty.posterior.nuts",
     ),
     ("emcee",): ("uncertainty.posterior",),
-    ("xarray", "pandas"): ("labelled", "uncertainty.posterior"),
+    ("xarray", "pandas"): ("base.labelled", "uncertainty.posterior"),
     ("h5py",): ("store.child_formats",),
     ("nptdms",): ("files.open_table",),
     ("pyarrow",): ("store.child_formats",),
@@ -32,7 +34,7 @@ HOMES = {
     ("fontTools", "jinja2"): ("report",),
     ("ipywidgets",): ("plots.explore",),
     ("control",): ("buildings.state_space",),
-    ("cvxpy", "clarabel"): ("control.design",),
+    ("cvxpy", "clarabel"): ("control.weights",),
     ("shtab",): ("cli.completion",),
 }
 
@@ -127,10 +129,10 @@ def test_a_study_of_published_dampers_loads_nothing_of_the_identification(tmp_pa
     study.write_text(study_text("drifts = 1.0\ncontrol_weight = 1e-13"))
     in_fresh_process(
         "import sys\n"
-        "from mrwork.study.reading import read_study\n"
+        "from mrwork.study import read_study\n"
         "read_study(sys.argv[1])\n"
         "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('mrwork.')}\n"
-        "assert not {'records', 'identification', 'uncertainty', 'synthetic', 'stored'} & rooms, rooms",
+        "assert not {'records', 'identification', 'uncertainty'} & rooms, rooms",
         study,
     )
 
@@ -161,3 +163,51 @@ def test_standard_errors_do_not_depend_on_what_was_imported_before() -> None:
     assert (
         in_fresh_process("import jax; jax.config.update('jax_enable_x64', True)" + IDENTIFY + asked) == plain
     )
+
+
+ROOT = Path(mrwork.__file__).parent
+
+
+def modules() -> dict[str, ast.Module]:
+    """Every module of the package by its name."""
+    return {
+        ".".join(("mrwork", *file.relative_to(ROOT).with_suffix("").parts)): ast.parse(file.read_text())
+        for file in ROOT.rglob("*.py")
+    }
+
+
+def imported(tree: ast.Module, known: Container[str]) -> set[str]:
+    """Modules that a module imports, at its top or within a function, but for the types of its annotations."""
+    for_types = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in node.body
+    }
+    names = {
+        name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module and node not in for_types
+        for alias in node.names
+        for name in (f"{node.module}.{alias.name}", node.module)
+    }
+    return {name for name in names if name in known}
+
+
+def test_modules_import_each_other_in_no_circle() -> None:
+    trees = modules()
+    order = TopologicalSorter({name: imported(tree, trees) for name, tree in trees.items()})
+    assert len(list(order.static_order())) == len(trees)
+
+
+def test_only_the_figures_of_results_are_loaded_by_name() -> None:
+    """What `plotted` names stands above it; the door names the verbs, which stand beside it."""
+    by_name = {
+        name.removeprefix("mrwork."): constant.value
+        for name, tree in modules().items()
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and "import_module" in ast.unparse(call.func)
+        for constant in ast.walk(call)
+        if isinstance(constant, ast.Constant) and str(constant.value).startswith("mrwork")
+    }
+    assert by_name == {"base.plotted": "mrwork.plots", "cli.door": "mrwork.cli."}

@@ -19,7 +19,7 @@ import pytest
 from command_line import ran
 
 import mrwork as mr
-from mrwork.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary
 
 NAMESPACES = (
     "dampers",
@@ -39,9 +39,7 @@ NAMESPACES = (
 # Namespaces within a namespace.
 INNER_NAMESPACES = ("dampers.design",)
 # Modules of one public purpose; `twins` needs JAX.
-OWN_PATHS = ("errors", "simulation", "synthetic", "twins")
-# Studies that measure the simulation itself, below the models of dampers.
-OF_KERNELS = ("studies/speed/", "studies/stiff_stepping/", "studies/rollout/findings.py")
+OWN_PATHS = ("errors", "twins")
 
 # Dataclasses that are no results: their few numbers fit on a line, so they keep the `repr` that can be evaluated.
 SMALL_VALUES = {
@@ -188,14 +186,10 @@ def sources() -> list[tuple[str, str]]:
 
 
 def imported_from(node: ast.ImportFrom) -> list[str]:
-    """Modules of the package that a `from` import reaches; `from mrwork import kernels` reaches `mrwork.kernels`."""
+    """Modules of the package that a `from` import reaches."""
     if node.module != "mrwork":
         return [node.module or ""]
-    return [
-        name
-        for each in node.names
-        if (name := f"mrwork.{each.name}") == "mrwork.kernels" or each.name in NAMESPACES
-    ]
+    return [f"mrwork.{alias.name}" for alias in node.names if alias.name in NAMESPACES]
 
 
 @pytest.mark.parametrize(("place", "source"), sources(), ids=lambda value: value if len(value) < 80 else "")
@@ -212,8 +206,6 @@ def test_studies_and_readme_import_no_deeper_than_a_namespace(place: str, source
         )
     ]
     allowed = {"mrwork", *(f"mrwork.{name}" for name in (*NAMESPACES, *OWN_PATHS))}
-    if place.startswith(OF_KERNELS):
-        allowed.add("mrwork.kernels")
     deep = [name for name in imported if name.partition(".")[0] == "mrwork" and name not in allowed]
     assert not deep, f"{place} imports {deep}; give the names to a namespace"
 

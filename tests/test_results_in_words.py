@@ -11,11 +11,11 @@ import study_samples
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.numbers import counted
+from mrwork.base.numbers import counted
+from mrwork.base.summary import Summary
 from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
-from mrwork.summary import Summary
 from mrwork.tuning.results import Better, motions_in_words, speed_in_words
 
 

@@ -8,8 +8,8 @@ from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
 from mrwork.control import SETTINGS, ControlLawSpec, control_laws
-from mrwork.control.laws import SOURCES
-from mrwork.control.weights import WeightWishes
+from mrwork.control.laws.control_law import SOURCES
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
 
 _EXPLANATION = Path(__file__).resolve().parents[1] / "explanation"

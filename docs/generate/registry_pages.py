@@ -6,11 +6,11 @@ from dataclasses import fields, is_dataclass
 
 from generate.markdown import code, document, prose, table
 from generate.study_keys import documentation
+from mrwork.base.units import FACTORS, OTHER_COMMAND_UNITS
 from mrwork.files.open_table import EXTENSIONS
 from mrwork.motions.read import FORMATS
 from mrwork.search import OPTIMISERS, PEERS
 from mrwork.uncertainty.noise import NOISES
-from mrwork.units import FACTORS, OTHER_COMMAND_UNITS
 
 
 def search_page() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 
 from generate.markdown import code, directive, document, prose, table, unit
-from mrwork.keys import KeyInWords, before_sections, keys_in_words, tables
+from mrwork.base.keys import KeyInWords, before_sections, keys_in_words, tables
 from mrwork.study.schema import StudyTable
 
 HEADINGS = ("key", "type", "unit", "default", "meaning")

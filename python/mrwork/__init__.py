@@ -9,7 +9,7 @@ from __future__ import annotations
 
 def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.
-    from mrwork.namespace import attach
+    from mrwork.base.namespace import attach
 
     found, names, listed = attach(__name__, __file__)
     globals().update(__getattr__=found, __dir__=names, __all__=listed)

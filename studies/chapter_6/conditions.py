@@ -14,9 +14,9 @@ import numpy as np
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
 from mrwork.control import ControlLaw
+from mrwork.dampers import Outcome
 from mrwork.errors import MrworkError
 from mrwork.motions import GroundMotion, read_motion
-from mrwork.simulation import Outcome
 from studies.chapter_6.tuning import Tuned, control_law_of
 from studies.common.frame import FRAME, HARDWARE, Bench, Figures, bench, figures, figures_of, pair
 

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.stats import chisquare
 
 from mrwork import identify
-from mrwork.dampers import Box, DamperSpec, damper
+from mrwork.dampers import Box, DamperSpec, Loading, damper, simulate_force
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import (
     Lognormal,
     Noise,

@@ -14,7 +14,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import ClairvoyantSettings, clairvoyant
 from mrwork.control import ControlLaw
-from mrwork.kernels import flops_per_step
+from mrwork.dampers import flops_per_step
 from studies.robust_control.findings import CLAIRVOYANT
 from studies.rollout.cases import CHANGES, LOOPS, Case, sensor_peaks
 from studies.rollout.loop import SIXTEEN, TRAINING, Bench, Plant, strongest

@@ -48,7 +48,7 @@ def ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
     """The variants of a contender, each with its name."""
     match tool:
         case "mrwork":
-            from mrwork import kernels as core
+            from mrwork import dampers as core
             from studies.speed import loop_ours
 
             name = f"simulate_loop, {core.instruction_set().used}"

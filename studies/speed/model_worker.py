@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError
 from studies.speed.model_workload import SUBSTEPS, ModelWorkload, model_workload

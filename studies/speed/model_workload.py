@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.dampers import DamperSpec
 from mrwork.errors import MrworkError
 from studies.speed.workload import DT, N_TIME, displacement_record, measured_force

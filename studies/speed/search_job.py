@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork import synthetic_test
 from mrwork.dampers import Box, DamperSpec, damper
 from mrwork.errors import RecordError
 from mrwork.identification import Objective, search_box
 from mrwork.records import DamperTest, cut, read_damper_test
-from mrwork.synthetic import synthetic_test
 from studies.common.records import damper_tests
 
 MODEL = "non_symmetric_bouc_wen"

@@ -60,7 +60,7 @@ def main() -> None:
 
 def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) -> Measurement:
     """Time our kernel and the fastest variant of each installed peer, in turns, on one batch."""
-    from mrwork import kernels as core
+    from mrwork import dampers as core
 
     displacement = displacement_record()
     force = measured_force(displacement)

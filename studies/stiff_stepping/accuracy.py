@@ -9,9 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers import damper
-from mrwork.kernels import LoadingHistory
-from mrwork.simulation import simulate_forces
+from mrwork.dampers import LoadingHistory, damper, simulate_forces
 from mrwork.twins import simulate
 from studies.stiff_stepping.any_model import twin_force
 from studies.stiff_stepping.batch import PRESET, forces, random_record

@@ -9,8 +9,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.dampers import DamperSpec
-from mrwork.kernels import LoadingHistory
+from mrwork.dampers import DamperSpec, LoadingHistory
 from mrwork.twins import twin_of
 from studies.stiff_stepping.batch import motion_table
 from studies.stiff_stepping.steppers import ENDS, GAMMA_ROS2

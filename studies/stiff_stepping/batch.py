@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mrwork.kernels import LoadingHistory
-from mrwork.simulation import Loading
+from mrwork.dampers import Loading, LoadingHistory
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.steppers import TIMES, steppers
 

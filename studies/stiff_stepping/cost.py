@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork import kernels
+from mrwork import dampers as kernels
 from mrwork.dampers import damper
 from studies.stiff_stepping.batch import BLOCK, PRESET, kernel, motion_table, random_record, scaled
 from studies.stiff_stepping.steppers import TIMES, steppers

@@ -12,6 +12,9 @@ import pytest
 from scipy.io import savemat
 from sentences import Refused
 
+from mrwork.base.hints import Within
+from mrwork.base.keys import keys_of, read_table
+from mrwork.base.places import Place
 from mrwork.buildings import (
     Building,
     building,
@@ -31,9 +34,6 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
-from mrwork.hints import Within
-from mrwork.keys import keys_of, read_table
-from mrwork.places import Place
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """

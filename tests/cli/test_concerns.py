@@ -19,7 +19,7 @@ from record_files import Columns, codes, write_text
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.identification import polish
+from mrwork.identification.minimise import polish
 from mrwork.records import DamperTest, Finding, read_damper_test
 from mrwork.records.findings import CONCERNS, Verb, findings_for
 from mrwork.records.repairs import REPAIR_KINDS

@@ -82,7 +82,7 @@ def test_neither_the_tour_nor_the_help_loads_a_verb_or_numpy() -> None:
         "import sys\n"
         "from mrwork.cli.door import parser, _show_tour\n"
         "parser([]).parse_args([]).run(None)\n"
-        "loaded = {'numpy', 'difflib', 'shtab', 'mrwork.keys', 'mrwork.cli.init'} & set(sys.modules)\n"
+        "loaded = {'numpy', 'difflib', 'shtab', 'mrwork.base.keys', 'mrwork.cli.init'} & set(sys.modules)\n"
         "assert not loaded, loaded"
     )
     ended = ran(sys.executable, "-c", code)

@@ -12,7 +12,7 @@ import pytest
 from mrwork.cli.output import progress_line, reading_line
 from mrwork.identification import Progress
 from mrwork.identification.progress import IdentificationInWords
-from mrwork.identification.settings import Reading
+from mrwork.records.reading import Reading
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 BEGAN = Progress(

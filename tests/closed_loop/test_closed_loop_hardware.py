@@ -30,8 +30,8 @@ from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, si
 from mrwork.closed_loop.hardware import refuse_unread
 from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
+from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -28,8 +28,8 @@ from mrwork.buildings import Building, buildings
 from mrwork.closed_loop import Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import damper_models
+from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

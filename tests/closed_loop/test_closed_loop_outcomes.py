@@ -16,9 +16,9 @@ import mrwork as mr
 from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, simulate_loop
 from mrwork.control import ControlLaw
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import MrworkWarning
 from mrwork.motions import GroundMotion
-from mrwork.simulation import Outcome
 
 PASSIVE = ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
 ONE = ControlLaw(name="passive", gains={"command": [0.0]})

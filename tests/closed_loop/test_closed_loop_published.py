@@ -12,8 +12,8 @@ from mrwork import Device
 from mrwork.buildings import building
 from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw, accelerations, plant_of, regulator_of_outputs
+from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion, read_motion, time_scaled
-from mrwork.simulation import Outcome
 
 DATA = measured_data.DATA
 EL_CENTRO = DATA / "records" / "el_centro_1940_ns.csv"

@@ -23,9 +23,9 @@ from mrwork import Device
 from mrwork.buildings import shear_building
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, control_laws
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 NAMES = [spec.name for spec in control_laws()]

@@ -13,8 +13,8 @@ import mrwork as mr
 from mrwork.buildings import Building
 from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw
+from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -14,8 +14,8 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw
 from mrwork.control import lyapunov_function, plant_of
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import SettingError
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 CASES = {

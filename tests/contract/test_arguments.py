@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.argument_kinds import Kind, kind_of
-from mrwork.arguments import nodes_of
+from mrwork.base.argument_kinds import Kind, kind_of
+from mrwork.base.arguments import nodes_of
 from mrwork.errors import ArgumentError, MrworkError
 
 NAMESPACES: tuple[str, ...] = (
@@ -28,8 +28,8 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.identification",
     "mrwork.uncertainty",
     "mrwork.search",
-    "mrwork.simulation",
-    "mrwork.synthetic",
+    "mrwork.dampers.simulation",
+    "mrwork.records.synthetic",
     "mrwork.store.journal",
     "mrwork.buildings",
     "mrwork.control",

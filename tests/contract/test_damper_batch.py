@@ -10,7 +10,7 @@ from damper_samples import noise, random_theta, sine
 
 import mrwork as mr
 from mrwork import _rust
-from mrwork.simulation import Outcome, simulate_forces, simulate_misfits
+from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_misfits
 
 # Around every width of a block: 1, 8, 16, 32 and 48 lanes; the largest batch is two blocks of the widest. The record is
 # longer than the 256 samples between two looks at lost lanes.

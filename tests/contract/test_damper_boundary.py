@@ -9,8 +9,8 @@ import pytest
 from damper_samples import DT, sine
 
 from mrwork import _rust
+from mrwork.dampers.simulation import Loading, simulate_force, simulate_forces, simulate_misfits
 from mrwork.errors import SettingError, SimulationError
-from mrwork.simulation import Loading, simulate_force, simulate_forces, simulate_misfits
 
 N_TIME = 60
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from damper_samples import STROKE, noise, random_theta, sine
 
+from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.records.window import settling_samples
-from mrwork.simulation import Loading, Outcome, simulate_forces
 
 # The reference takes so many times the steps of the finest that is compared with it.
 FINER = 4

@@ -11,8 +11,8 @@ from damper_samples import DT, N_TIME, noise, sine
 
 from mrwork.dampers import damper
 from mrwork.dampers.parameters import current_laws, polynomial_laws
+from mrwork.dampers.simulation import Outcome, simulate_force, simulate_forces
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
-from mrwork.simulation import Outcome, simulate_force, simulate_forces
 from mrwork.twins.models import parameters_at, simulate
 
 LAWS = ("linear", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")

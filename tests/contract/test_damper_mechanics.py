@@ -10,8 +10,8 @@ import pytest
 from damper_samples import DT, random_theta, scaled_box, sine, sweep, without_offsets
 
 from mrwork import _rust
+from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_misfits
 from mrwork.identification import identifiable_form
-from mrwork.simulation import Loading, Outcome, simulate_forces, simulate_misfits
 
 CORNERS = 64
 

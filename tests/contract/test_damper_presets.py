@@ -9,8 +9,8 @@ import pytest
 from damper_samples import DT, sine
 
 from mrwork.dampers import PUBLISHED_SETS, damper, damper_models
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import UnknownNameError
-from mrwork.simulation import Loading, simulate_force
 from mrwork.twins.models import parameters_at
 
 

@@ -13,8 +13,8 @@ from test_damper_current_laws import followed, stepped_command, theta_of, with_l
 from test_damper_twin import rows_to_compare
 
 from mrwork import _rust
+from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.errors import SettingError
-from mrwork.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import parameters_at, simulate
 
 MOST_SUBSTEPS = 16

@@ -9,7 +9,7 @@ import pytest
 from damper_samples import DT, noise, random_theta
 
 from mrwork import _rust
-from mrwork.simulation import Loading, simulate_forces, simulate_sensitivities
+from mrwork.dampers.simulation import Loading, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import simulate, twin_of
 
 # Sub-steps beyond this only make the twin slow, they exercise no other line of it.

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import mrwork
 import mrwork as mr
-from mrwork.values import array_dataclass
+from mrwork.base.values import array_dataclass
 
 
 def data_classes() -> Iterator[type]:

@@ -25,8 +25,8 @@ from loop_samples import (
 from mrwork import Device, _rust
 from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -15,8 +15,8 @@ import mrwork as mr
 from mrwork.buildings import Building
 from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, DesignProblem, FurtherSignal, design_law, settings_of
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import SettingError
-from mrwork.simulation import Outcome
 from mrwork.study import TuneTable
 from mrwork.study.study import fingerprint_of
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.control.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, fuzzy_table, infer, memberships
+from mrwork.control.laws.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, fuzzy_table, infer, memberships
 
 
 def test_sets_share_each_input_among_them() -> None:

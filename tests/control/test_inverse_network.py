@@ -9,9 +9,9 @@ import pytest
 from sentences import Refused
 
 from mrwork.control import train_inverse_network
-from mrwork.control.inverse_network import InverseNetwork, random_loading
+from mrwork.control.laws.inverse_network import InverseNetwork, random_loading
 from mrwork.dampers import damper
-from mrwork.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import Loading, simulate_force
 
 RD1005 = damper("static_hysteretic").preset("kwok2006")
 PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")

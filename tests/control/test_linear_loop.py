@@ -8,6 +8,7 @@ import scipy
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.base.values import Floats
 from mrwork.control import (
     LoopMargins,
     Plant,
@@ -16,7 +17,6 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
 )
-from mrwork.values import Floats
 
 STEP = 1e-3
 

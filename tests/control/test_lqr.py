@@ -19,8 +19,8 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
 )
-from mrwork.control.lqr import Regulator
-from mrwork.control.plant import Outputs
+from mrwork.control.linear.lqr import Regulator
+from mrwork.control.linear.plant import Outputs
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)
 

@@ -10,8 +10,8 @@ from control_samples import five_storeys, frame, in_units, plant, three_storeys
 from sentences import Refused
 
 from mrwork.control import Plant, accelerations, deformations, observer_of, plant_of, stack_outputs
-from mrwork.control.lqr import Observer
-from mrwork.control.plant import Outputs
+from mrwork.control.linear.lqr import Observer
+from mrwork.control.linear.plant import Outputs
 
 TS = 2e-3
 

@@ -16,8 +16,8 @@ from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, DesignProblem, LoopModel, design_law
 from mrwork.dampers import DamperSpec
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import SettingError
-from mrwork.simulation import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -34,9 +34,9 @@ from mrwork.control import (
     regulators_of_weights,
     riccati,
 )
-from mrwork.control.design_problem import LawSettings
-from mrwork.control.lqr import Regulator, Weighed, regulator_of_weights, weighed_outputs
-from mrwork.control.riccati import RiccatiSolutions, RiccatiStatus
+from mrwork.control.laws.law_problem import LawSettings
+from mrwork.control.linear.lqr import Regulator, Weighed, regulator_of_weights, weighed_outputs
+from mrwork.control.linear.riccati import RiccatiSolutions, RiccatiStatus
 from mrwork.errors import MrworkWarning, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

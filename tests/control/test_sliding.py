@@ -8,7 +8,7 @@ from control_samples import five_storeys, plant
 from sentences import Refused
 
 from mrwork.control import Plant, optimal_surface, placed_surface, plant_of
-from mrwork.control.sliding import SlidingGains, SlidingSurface, sliding_gains
+from mrwork.control.laws.sliding import SlidingGains, SlidingSurface, sliding_gains
 
 
 def surfaces(system: Plant) -> list[SlidingSurface]:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.control.counterpart import StaticCounterpart, static_counterpart
+from mrwork.control.laws.counterpart import StaticCounterpart, static_counterpart
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SettingError
-from mrwork.simulation import Loading, simulate_force
 
 RD1005 = damper("static_hysteretic").preset("kwok2006")
 PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")

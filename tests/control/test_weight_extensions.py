@@ -150,7 +150,7 @@ def test_the_semi_active_condition_is_met(refused: Refused) -> None:
 def force_and_rate(found: DesignedWeights) -> float:
     """Correlation of desired force and rate of elongation under the Riccati gain on all states."""
     # The covariance of all states is no public number.
-    from mrwork.control.design.riccati_dual import regulate
+    from mrwork.control.weights.riccati_dual import regulate
 
     at = regulate(found.system, found.rows, found.multipliers)
     force, rate = -at.gain[0], found.system.rates[0]

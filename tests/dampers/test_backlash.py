@@ -7,7 +7,7 @@ import pytest
 from backlash_rig import DT, ELEMENT, MOTIONS, PLAY, force_behind_play
 
 import mrwork as mr
-from mrwork.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import Loading, simulate_force
 
 # s of the model [m].
 WIDTH = 2e-4

@@ -33,7 +33,7 @@ from mrwork.dampers.conversions import (
     rescaled_bouc_wen,
     solver_remarks,
 )
-from mrwork.simulation import Loading, simulate_force, simulate_forces
+from mrwork.dampers.simulation import Loading, simulate_force, simulate_forces
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 LOADING = Loading(dt=1e-3, displacement=0.01 * np.sin(2.0 * np.pi * 2.0 * TIME) * np.exp(-TIME))

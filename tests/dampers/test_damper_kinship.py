@@ -7,8 +7,8 @@ import pytest
 
 from mrwork.dampers import damper
 from mrwork.dampers.conversions import NESTINGS, Scales, nesting_of
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
-from mrwork.simulation import Loading, simulate_force
 
 DT = 1e-3
 TIME = DT * np.arange(1001)

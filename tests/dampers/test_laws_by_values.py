@@ -12,8 +12,8 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.dampers import LawName
 from mrwork.dampers.parameters import current_laws, law_by_values, law_named, law_through
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits, worst_laws
-from mrwork.simulation import Loading, simulate_force
 
 POSITIVE = st.floats(1e-2, 1e4)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
-from mrwork.simulation import Loading, simulate_forces
+from mrwork.dampers.simulation import Loading, simulate_forces
 
 DT = 1.0 / 3000.0
 TIME = np.arange(0.0, 2.0, DT)

@@ -12,9 +12,9 @@ from generate.api_pages import described_names, namespaces, plain_types
 from generate.equations import tex
 from generate.markdown import prose
 from generate.pages import REFERENCE, STUDIES, pages, pictures
+from mrwork.base.keys import keys_in_words, tables
 from mrwork.cli.door import parser, verbs
 from mrwork.control import SETTINGS
-from mrwork.keys import keys_in_words, tables
 from mrwork.study.schema import StudyTable
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import mrwork as mr
+from mrwork.dampers.simulation import simulate_forces
 from mrwork.errors import SettingError
-from mrwork.simulation import simulate_forces
 
 PATIENCE = 60.0
 # That of JAX, where another test has loaded it.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import mrwork as mr
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification.fit_file import fit_content, fit_from_json
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulation import Loading, simulate_force
 
 STIFF = (800.0, 500.0, 0.0, 900.0, 7e4, 0.5, 1.1)
 """Of normalised_bouc_wen: a loop that yields within hundredths of a millimetre."""

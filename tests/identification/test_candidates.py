@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import pickle
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +11,9 @@ from scipy.optimize import approx_fprime, least_squares, minimize
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.dampers.simulation import simulate_forces, simulate_sensitivities
 from mrwork.identification import CandidateObjective, FitSettings, Objective
 from mrwork.records import cut
-from mrwork.simulation import simulate_forces, simulate_sensitivities
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +26,6 @@ def theta() -> np.ndarray:
     """Bingham dampers about the published one."""
     spread = np.random.default_rng(0).uniform(0.8, 1.2, (5, 4))
     return spread * mr.damper("bingham").nominal
-
-
-def test_simulate_is_one_function_however_it_is_imported() -> None:
-    code = (
-        "import mrwork as mr\nmr.Loading\nfrom mrwork.simulate import Loading, simulate_forces\n"
-        "import mrwork.simulate\n"
-        "assert mr.simulate is mrwork.simulate and callable(mr.simulate) and Loading is mr.Loading\n"
-        "assert mr.simulate.simulate_forces is simulate_forces"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    assert inspect.signature(mr.simulate).parameters.keys() == {"model", "theta", "record", "threads"}
-    assert importlib.import_module("mrwork.simulate") is mr.simulate
 
 
 def test_forces_and_derivatives_have_the_bits_of_the_compiled_batch(

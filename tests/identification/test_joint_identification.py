@@ -13,18 +13,18 @@ from sinusoidal_tests import sinusoidal_test
 import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run, level_search
 from mrwork.identification.equivalent import leaves_range, within_range
-from mrwork.identification.level_search import unlike_tests
-from mrwork.identification.multistart import far_worse, far_worse_sentence
+from mrwork.identification.minimise.level_search import unlike_tests
+from mrwork.identification.minimise.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance
 from mrwork.records import DamperTest, Observation, cut
+from mrwork.records.synthetic import synthetic_test
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import synthetic_test
 
 PRESET = damper("static_hysteretic").preset("kwok2006")
 TRUTH = np.array(PRESET.theta)

@@ -27,9 +27,9 @@ from mrwork.errors import JournalError
 from mrwork.identification import Fit, Progress
 from mrwork.identification.progress import Tally
 from mrwork.records import DamperTest
+from mrwork.records.synthetic import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.journal_file import line_of
-from mrwork.synthetic import synthetic_test
 
 KILLED = "MRWORK_KILL_POINTS" in os.environ
 N_POINTS = int(os.environ.get("MRWORK_KILL_POINTS", "3"))

@@ -17,6 +17,7 @@ from command_line import ran
 
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SettingError
 from mrwork.identification import (
     Objective,
@@ -26,14 +27,13 @@ from mrwork.identification import (
     identifiable_form,
 )
 from mrwork.identification.equivalent import Form
-from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
+from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.residual import NuisanceName, bounds_without_offsets
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
 # Of the static model the switch of side is sharper than the data can tell.
@@ -199,10 +199,10 @@ from collections import Counter
 from dataclasses import replace
 import jax
 from mrwork.identification.objective import Objective
-from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
+from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 told = Counter()
 jax.monitoring.register_event_listener(lambda name, **_: told.update([name.rpartition("/")[2]]))

@@ -23,10 +23,10 @@ from mrwork.identification import (
     search_box,
     search_starts,
 )
-from mrwork.identification.levenberg_marquardt import Hopeless
-from mrwork.identification.multistart import distinct_minima
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless
+from mrwork.identification.minimise.multistart import distinct_minima
 from mrwork.identification.objective import linearise_residuals
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")
 FORM = identifiable_form(damper("normalised_bouc_wen"), {})
@@ -112,7 +112,7 @@ def test_a_start_whose_derivatives_overflow_does_not_move(
         jacobian[0] *= 1e200 if len(jacobian) > 1 else 1.0
         return residuals, jacobian
 
-    monkeypatch.setattr("mrwork.identification.levenberg_marquardt.linearise_residuals", overflowing)
+    monkeypatch.setattr("mrwork.identification.minimise.levenberg_marquardt.linearise_residuals", overflowing)
     minima = find_minima(objective(), FORM.box, starts[:2], max_iterations=8)
     before = objective()(starts[:2])
     assert minima.misfit[0] == pytest.approx(before[0])

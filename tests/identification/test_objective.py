@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 SPEC = damper("normalised_bouc_wen")
 

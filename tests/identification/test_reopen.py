@@ -12,7 +12,7 @@ from command_line import printed
 from sentences import Refused
 
 from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.identification.settings import Reading
+from mrwork.records.reading import Reading
 
 OPTIONS = [
     "--column",

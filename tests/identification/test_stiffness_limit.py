@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective, find_minima, identifiable_form
-from mrwork.identification.levenberg_marquardt import nearest_below_stiffness
+from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
 from mrwork.records import DamperTest
-from mrwork.simulation import Loading, simulate_force, stiffness_shares
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 MODEL = damper("normalised_modified_bouc_wen")
 TRUE = {

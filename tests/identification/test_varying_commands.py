@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.command_signal import Command
 from mrwork.dampers import LawName
+from mrwork.dampers.command import Command
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.identify import identify_again
-from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
-from mrwork.identification.polish import Ended, polish_with_wanted_lag
+from mrwork.identification.minimise.global_search import StartingPoints
+from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
+from mrwork.identification.minimise.polish import Ended, polish_with_wanted_lag
+from mrwork.identification.minimise.scaled_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.scaled_search import relative_force
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.damper_test import loading_of
 from mrwork.search import EfficientGA, StopRules

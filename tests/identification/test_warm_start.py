@@ -10,13 +10,13 @@ from sentences import Refused
 
 from mrwork import identify
 from mrwork.dampers import LawName, damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit, FitSettings, start_from
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
+from mrwork.records.synthetic import synthetic_test
 from mrwork.search import EfficientGA, StopRules
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import synthetic_test
 
 # Too short to find anything by itself.
 BARELY = EfficientGA(population=8, stop=StopRules(max_generations=2))

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 from sentences import Refused
 
+from mrwork.base.units import FACTORS
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.motions import read_motion
-from mrwork.units import FACTORS
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
 from mrwork.dampers import damper
+from mrwork.dampers.tested_range import covering, outside_of, worst_of
 from mrwork.records import DamperTest, OperatingRange, build_damper_test
 from mrwork.records.damper_test import Exceedance, range_of_test, range_of_tests
-from mrwork.tested_range import covering, outside_of, worst_of
 
 BINGHAM = (400.0, 1e-3, 900.0, 0.0)
 

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing
 from mrwork.records.checks import breakaway_overshoot
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
@@ -17,8 +18,7 @@ from mrwork.records.findings import find_mislabelled
 from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
 from mrwork.records.read import examine
 from mrwork.records.resolution import clipped_share
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.
 CORNERED = ("bouc_wen", "normalised_bouc_wen")

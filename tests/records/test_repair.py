@@ -10,7 +10,7 @@ from sentences import Refused
 
 from mrwork.records import DamperTest, repair
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 
 # Its noise has a standard deviation of 8 N.
 NOISE_N = 8.0

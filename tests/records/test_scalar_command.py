@@ -15,10 +15,10 @@ from record_files import clean_columns
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.command_signal import levels_of_command
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
+from mrwork.dampers.command import levels_of_command
 from mrwork.records import DamperTest, build_damper_test, guess_tests, read_damper_test
 from mrwork.records.damper_test import range_of_test, range_of_tests
-from mrwork.units import COMMAND_SCALES, CommandUnit
 
 DT = 2e-3
 NOISE_N = 5.0

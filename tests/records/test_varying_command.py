@@ -12,7 +12,7 @@ from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.command_signal import is_stepped, levels_of_command, same_command
+from mrwork.dampers.command import is_stepped, levels_of_command, same_command
 from mrwork.records import DamperTest, build_damper_test, cut, read_damper_test, repair
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.window import excerpt, varied_excerpt

@@ -24,13 +24,13 @@ from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
+from mrwork.records.synthetic import synthetic_test
 from mrwork.report.figures import Comparison
 from mrwork.report.fit.amplitudes import amplitude_section
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
 from mrwork.store.codec import json_document
-from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 

@@ -17,7 +17,10 @@ from mrwork.cli.study_text import study_text
 from mrwork.report.figures import envelope
 from mrwork.report.study.figures import strokes
 from mrwork.report.study.page import study_page
-from mrwork.report.study.tables import (
+from mrwork.study import StudyResults, compared
+from mrwork.study.run_result import RunResult
+from mrwork.study.study import Row
+from mrwork.study.tables import (
     MOST_DRAWN,
     MOST_LISTED,
     change_table,
@@ -28,9 +31,6 @@ from mrwork.report.study.tables import (
     step_table,
     value_table,
 )
-from mrwork.study import StudyResults, compared
-from mrwork.study.run_result import RunResult
-from mrwork.study.study import Row
 from studies.common.expected import departures
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulation import Loading, simulate_force
 
 DT = 2e-3
 PLAY = 1.5e-3

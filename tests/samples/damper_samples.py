@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 from mrwork.dampers import Box, damper_models
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import identifiable_form, search_box
 from mrwork.records import DamperTest
-from mrwork.simulation import Loading, simulate_force
 
 DT = 1e-3
 N_TIME = 801

@@ -20,8 +20,8 @@ from mrwork.control import (
     plant_of,
     regulator_of_state,
 )
-from mrwork.control.fuzzy import fuzzy_table
-from mrwork.control.sliding import sliding_gains
+from mrwork.control.laws.fuzzy import fuzzy_table
+from mrwork.control.laws.sliding import sliding_gains
 from mrwork.dampers import PUBLISHED_SETS, DamperSpec
 from mrwork.motions import GroundMotion
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrwork.base.values import Floats
 from mrwork.dampers import OpenSeesBoucWen
-from mrwork.values import Floats
 
 # The solver starts at this z in every step, and gives up after so many iterations.
 _START = 0.01

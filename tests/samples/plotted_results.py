@@ -21,7 +21,7 @@ from mrwork.dampers.design import SizeFront
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Multistart
 from mrwork.identification.fit_file import write_run
-from mrwork.identification.settings import Reading
+from mrwork.records.reading import Reading
 from mrwork.store.codec import json_document
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN

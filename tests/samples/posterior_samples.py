@@ -8,9 +8,9 @@ import numpy as np
 
 from mrwork import identify
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import Draws, noise_model
 from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest, build_damper_test
-from mrwork.simulation import Loading, simulate_force
 
 MOTIONS = ((0.010, 1.0), (0.004, 3.0), (0.015, 0.5), (0.006, 2.0))
 PER_CYCLE = 60

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.dampers.tested_range import OperatingRange
 from mrwork.study import StudyResults
 from mrwork.study.labelled import (
     HALF_STEP,
@@ -18,8 +20,6 @@ from mrwork.study.labelled import (
 from mrwork.study.results import MotionFacts
 from mrwork.study.run_result import RunHistory, RunResult
 from mrwork.study.study import Row
-from mrwork.tested_range import OperatingRange
-from mrwork.units import STANDARD_GRAVITY
 
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (

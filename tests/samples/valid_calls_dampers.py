@@ -13,8 +13,13 @@ from posterior_samples import small_sampling, small_test
 from wrong_arguments import Calls, call
 
 import mrwork as mr
-from mrwork import dampers, motions, records, report
-from mrwork.simulation import simulate_forces, simulate_misfits, simulate_sensitivities, stiffness_shares
+from mrwork import dampers, motions, records
+from mrwork.dampers.simulation import (
+    simulate_forces,
+    simulate_misfits,
+    simulate_sensitivities,
+    stiffness_shares,
+)
 
 _N_TIME = 60
 _BINGHAM = mr.damper("bingham")
@@ -149,7 +154,7 @@ def record_calls(files: Path) -> Calls:
     yield call(test.part, first=2, last=100, every=2)
     yield call(records.branches, test=harmonic, over="displacement", force=harmonic.force, points=21)
     yield call(
-        report.branches_figure,
+        mr.report.branches_figure,
         tests=[harmonic, harmonic],
         forces=[harmonic.force, harmonic.force],
         over="displacement",

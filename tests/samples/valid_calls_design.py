@@ -9,7 +9,7 @@ import numpy as np
 from small_damper import SMALL, WISHES
 from wrong_arguments import Calls, call
 
-from mrwork import report
+import mrwork as mr
 from mrwork.dampers import design
 
 _FLUID, _STEEL = design.fluid("MRF-132DG"), design.steel("AISI 1010")
@@ -62,7 +62,7 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(large.inductance, current=np.array([0.0, 1.0]))
     yield call(large.response_time, supply=100.0)
     yield call(large.as_model, supply=100.0, transition=0.01)
-    yield call(report.cross_section_figure, design=large)
+    yield call(mr.report.cross_section_figure, design=large)
     yield call(
         design.DamperWishes,
         **WISHES,

@@ -10,8 +10,8 @@ from study_samples import results
 from wrong_arguments import Calls, call
 
 import mrwork as mr
-from mrwork.control.fuzzy import fuzzy_table
-from mrwork.control.plant import Outputs
+from mrwork.control.laws.fuzzy import fuzzy_table
+from mrwork.control.linear.plant import Outputs
 
 _FREE = np.exp(-0.3 * np.linspace(0.0, 10.0, 2000)) * np.cos(20.0 * np.linspace(0.0, 10.0, 2000))
 

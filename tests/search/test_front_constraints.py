@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from sentences import Refused
 
+from mrwork.base.values import Floats
 from mrwork.search.peers import FrontResult, run_front
 from mrwork.store.journal import Journal
-from mrwork.values import Floats
 
 pytest.importorskip("pymoo")
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sentences import Refused
 
+from mrwork.base.values import Floats
 from mrwork.search import OPTIMISERS, misfit_under_constraints, run_search
-from mrwork.values import Floats
 
 columns_of_points = arrays(np.float64, (6, 3), elements=st.floats(-1e3, 1e3))
 

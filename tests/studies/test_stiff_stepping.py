@@ -7,7 +7,7 @@ import pytest
 
 from mrwork import _rust
 from mrwork.dampers import damper
-from mrwork.simulation import Loading, simulate_forces
+from mrwork.dampers.simulation import Loading, simulate_forces
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.accuracy import scattered_errors
 from studies.stiff_stepping.any_model import twin_force

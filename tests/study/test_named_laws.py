@@ -12,9 +12,9 @@ from command_line import mrwork
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.base.keys import is_required, keys_of
 from mrwork.control import control_laws
-from mrwork.control.law_design import SETTINGS
-from mrwork.keys import is_required, keys_of
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.store.journal import Journal
 from mrwork.study import StudyResults
 from mrwork.study.comparison import compared, findings

@@ -12,8 +12,8 @@ from mrwork import Journal
 from mrwork.errors import Interrupted
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared, read_study, run_study
+from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
-from mrwork.study.run import StudyProgress
 
 STUDY = """
 [building]

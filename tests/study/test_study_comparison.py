@@ -10,11 +10,11 @@ import study_samples
 
 from mrwork.cli.study_text import study_text
 from mrwork.report.study.page import study_page
-from mrwork.report.study.tables import change_table, leading_table
 from mrwork.study import StudyResults, compared
 from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities
 from mrwork.study.folder import study_document
 from mrwork.study.study import Row
+from mrwork.study.tables import change_table, leading_table
 
 # Isolation has the lowest score of all, and Lyapunov that of the laws in spite of its peak accelerations.
 SHAKEN = 4

@@ -10,8 +10,8 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
+from mrwork.base.progress import ProgressLine, TerminalBar
 from mrwork.closed_loop import simulate
-from mrwork.progress_display import ProgressLine, TerminalBar
 from mrwork.study.course import Course, Part, StudyProgress, excerpt_of
 
 UNCERTAIN = "[uncertainty]\nrealisations = 200\nstiffness = 0.1\n"
@@ -108,7 +108,7 @@ def test_an_excerpt_is_the_part_with_the_most_energy() -> None:
 
 def test_a_line_goes_on_while_no_report_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
-    monkeypatch.setattr("mrwork.progress_display._TICK", 0.01)
+    monkeypatch.setattr("mrwork.base.progress._TICK", 0.01)
     display = TerminalBar(written.append, written.append)
     display.every = 0.0
     report = StudyProgress(done=0, total=3, label="first", seconds=0.0, left=9.0)

@@ -9,14 +9,14 @@ import pytest
 from sentences import Refused
 from study_samples import ranges
 
+from mrwork.base.keys import read_table
+from mrwork.base.places import Place
 from mrwork.dampers import damper
+from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import RecordError
-from mrwork.keys import read_table
-from mrwork.places import Place
 from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
-from mrwork.tested_range import FittedDamper
 
 TESTED = ranges(command=(0.5, 4.003), command_unit="V")
 

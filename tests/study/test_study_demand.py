@@ -13,6 +13,7 @@ from command_line import printed
 from study_samples import ranges
 
 import mrwork as mr
+from mrwork.dampers.tested_range import FittedDamper
 from mrwork.records import OperatingRange
 from mrwork.report.study.page import study_page
 from mrwork.store.codec import plain
@@ -20,7 +21,6 @@ from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.folder import study_document
 from mrwork.study.run_result import demands_of
 from mrwork.study.schema import ReportTable
-from mrwork.tested_range import FittedDamper
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\

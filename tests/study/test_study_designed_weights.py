@@ -21,14 +21,14 @@ from mrwork.control import (
     WeightWishes,
     design_weights,
 )
-from mrwork.control.design_basis import damper_forces
-from mrwork.control.design_problem import Magnitudes
+from mrwork.control.laws.design_ground import damper_forces
+from mrwork.control.laws.law_problem import Magnitudes
+from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import strong_part
 from mrwork.study.arrangements import laws_text
 from mrwork.study.comparison import findings
-from mrwork.tested_range import OperatingRange
 from mrwork.tuning.results import chosen_study
 from mrwork.tuning.space import space_of
 

@@ -9,6 +9,8 @@ import pytest
 from sentences import Refused
 
 from mrwork import Device
+from mrwork.base.keys import read_table
+from mrwork.base.places import Place
 from mrwork.buildings import building
 from mrwork.control import (
     SETTINGS,
@@ -23,11 +25,9 @@ from mrwork.control import (
     regulator_as_published,
     regulator_of_outputs,
 )
-from mrwork.control.design_problem import LawSettings
+from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
-from mrwork.keys import read_table
-from mrwork.places import Place
 from mrwork.study.arrangements import laws_text
 from mrwork.study.reading import parse
 

@@ -9,8 +9,8 @@ from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrwork.base.places import KeyPath
 from mrwork.errors import SettingError
-from mrwork.places import KeyPath
 from mrwork.study.reading import parse
 
 DOCUMENT = '''# a comment with [brackets] and key = 1

@@ -10,10 +10,10 @@ from sentences import Refused
 from tuning_samples import motion
 
 import mrwork as mr
+from mrwork.base.keys import read_table
+from mrwork.base.places import Place
 from mrwork.buildings import read_building
 from mrwork.errors import MistakesError, SettingError
-from mrwork.keys import read_table
-from mrwork.places import Place
 from mrwork.study.schema import StudyTable
 from tools.fuzzing.mistakes import measured, whole_studies
 

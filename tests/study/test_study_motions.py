@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from sentences import Refused
 
-from mrwork.keys import read_table
+from mrwork.base.keys import read_table
+from mrwork.base.places import Place
 from mrwork.motions import GroundMotion, suite, synthetic_motion
-from mrwork.places import Place
 from mrwork.study import MotionOfStudy
 from mrwork.study.reading import motions_of_study, parse
 from mrwork.study.schema import MotionTable

@@ -18,12 +18,12 @@ import pytest
 from test_study_values import Document, places, with_headers
 
 import mrwork
+from mrwork.base.hints import May
+from mrwork.base.keys import keys_of, name_in_file, tables
+from mrwork.base.places import KeyPath
 from mrwork.buildings.from_file import Addition
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import MrworkError
-from mrwork.hints import May
-from mrwork.keys import keys_of, name_in_file, tables
-from mrwork.places import KeyPath
 from mrwork.study import read_study
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable

@@ -10,7 +10,7 @@ import study_samples
 
 from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
-from mrwork.simulation import Outcome
+from mrwork.dampers.simulation import Outcome
 from mrwork.study import compared
 from mrwork.study.comparison import chosen_in_words, judged_in_words, motion_groups, times_better
 from mrwork.study.labelled import HALF_STEP, NOMINAL

@@ -14,13 +14,13 @@ from command_line import printed
 from sentences import Refused
 
 from mrwork import Journal
+from mrwork.dampers.simulation import Outcome
 from mrwork.errors import Interrupted
-from mrwork.simulation import Outcome
 from mrwork.store.codec import plain
 from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
 from mrwork.study import Study, StudyResults, read_study, run_study
-from mrwork.study.run import StudyProgress
+from mrwork.study.course import StudyProgress
 from mrwork.study.run_result import Histories, RunHistory
 
 # Two motions, four arrangements.

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from sentences import Refused
 
-from mrwork.hints import node_of
-from mrwork.keys import in_words, is_required, keys_of, name_in_file, read_table, tables
-from mrwork.places import Place
+from mrwork.base.hints import node_of
+from mrwork.base.keys import in_words, is_required, keys_of, name_in_file, read_table, tables
+from mrwork.base.places import Place
 from mrwork.study.reading import parse
 from mrwork.study.schema import StudyTable, schema_text
 

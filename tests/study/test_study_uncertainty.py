@@ -14,12 +14,13 @@ import mrwork as mr
 from mrwork.buildings import with_tuned_mass
 from mrwork.cli.study_text import study_text
 from mrwork.closed_loop import criterion
+from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
+from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
+from mrwork.study.loop_runs import simulate_criteria, vary_building
 from mrwork.study.results import RealisationBand
-from mrwork.study.run import StudyProgress, simulate_criteria, vary_building
 from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
-from mrwork.tested_range import FittedDamper
 
 CONTROLLER = """
 [[controller]]

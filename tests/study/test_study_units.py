@@ -13,13 +13,13 @@ import pytest
 from tuning_samples import study_file
 
 import mrwork as mr
+from mrwork.base.keys import given_values, keys_of, name_in_file, tables
+from mrwork.base.places import Place
+from mrwork.base.units import number_in
 from mrwork.buildings import Building, read_building
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.errors import SettingError
-from mrwork.keys import given_values, keys_of, name_in_file, tables
-from mrwork.places import Place
 from mrwork.study.schema import StudyTable
-from mrwork.units import number_in
 
 # A unit of each dimension with a prefix, and its size in SI. A unit that is new to the keys wants its line.
 PREFIXED = {

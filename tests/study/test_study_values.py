@@ -11,8 +11,8 @@ import pytest
 from examples import examples
 from hypothesis import given
 
+from mrwork.base.places import KeyPath
 from mrwork.errors import SettingError
-from mrwork.places import KeyPath
 from mrwork.study import read_study
 from mrwork.study.study import fingerprint_of
 

@@ -11,7 +11,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Device
 from mrwork.control import SETTINGS, DesignProblem, ReferencePeaks, design_candidates, settings_of
-from mrwork.control.design_problem import Magnitudes
+from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.study import TuneTable
 from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 

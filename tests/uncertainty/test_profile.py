@@ -12,11 +12,11 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import Box, damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, find_minimum
 from mrwork.records import DamperTest, cut
-from mrwork.simulation import Loading, simulate_force
-from mrwork.synthetic import synthetic_test
+from mrwork.records.synthetic import synthetic_test
 from mrwork.uncertainty import Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (
     Point,

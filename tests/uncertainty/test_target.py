@@ -12,10 +12,10 @@ from sentences import Refused
 
 from mrwork import identify
 from mrwork.dampers import Box, damper
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import identifiable_form
 from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
-from mrwork.simulation import Loading, simulate_force
 from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model
 from mrwork.uncertainty.posterior.laplace import fisher_information, mode_near, residual_slope
 from mrwork.uncertainty.posterior.sample import SamplingProblem

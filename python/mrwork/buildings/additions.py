@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
-from mrwork.values import Floats
 
 
 @checked

@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError
-from mrwork.hints import Within
-from mrwork.summary import Summarised
-from mrwork.values import Floats
 
 _FEWEST: Final = 16
 

@@ -17,7 +17,10 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import choose_way, key, keys_of, read_table, refuse_missing
+from mrwork.base.places import Place, Unread
+from mrwork.base.values import Floats
 from mrwork.buildings.additions import (
     with_base_isolation,
     with_base_isolation_of_period,
@@ -41,12 +44,9 @@ from mrwork.buildings.shear import building as published_building
 from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matlab import read_matlab_matrices
-from mrwork.keys import choose_way, key, keys_of, read_table, refuse_missing
-from mrwork.places import Place, Unread
 from mrwork.store.input_file import MATRIX, TOML, is_folder, read_array, text_of
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.store.run_folder import real_place
-from mrwork.values import Floats
 
 _SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")

@@ -10,16 +10,16 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.keys import control_in
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.tested_range import OperatingRange, Outside, outside_of
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.hints import Within
-from mrwork.keys import control_in
-from mrwork.numbers import format_rounded
-from mrwork.summary import Summarised, Summary
-from mrwork.tested_range import OperatingRange, Outside, outside_of
-from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 
 @checked

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, array_dataclass
+from mrwork.base.values import Floats, array_dataclass
 
 UNDAMPED: Final = 1e-6
 """Damping ratio below which a mode counts as undamped."""

@@ -10,7 +10,9 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from mrwork.arguments import Level, NotNegative, Positive, checked
+from mrwork.base.arguments import Level, NotNegative, Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings.additions import (
     mode_at_floor,
     with_base_isolation_of_period,
@@ -18,8 +20,6 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.hints import Within
-from mrwork.units import STANDARD_GRAVITY
 
 
 @checked

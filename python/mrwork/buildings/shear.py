@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 
-from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.numbers import bytes_in_words
+from mrwork.base.values import Floats
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.numbers import bytes_in_words
-from mrwork.values import Floats
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000

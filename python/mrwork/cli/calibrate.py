@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import (
     add_files,
@@ -32,7 +33,6 @@ from mrwork.identification.progress import IdentificationInWords
 from mrwork.records import DamperTest, observed
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS
-from mrwork.table import Table
 from mrwork.uncertainty.bands.calibration_files import Folds, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,

@@ -15,12 +15,11 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json, reading_line
 from mrwork.cli.terminal import note, show
-from mrwork.command_signal import Command, command_range
-from mrwork.errors import MrworkError, SettingError
-from mrwork.escaping import escape_text
-from mrwork.identification.settings import is_synthetic
+from mrwork.dampers.command import Command, command_range
+from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings
+from mrwork.records.reading import is_synthetic
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
 

@@ -21,7 +21,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.errors import RecordError
-from mrwork.identification.settings import is_synthetic
+from mrwork.records.reading import is_synthetic
 from mrwork.store.input_file import is_file, make_stored_kind, text_of
 from mrwork.store.parse import json_value, toml_table
 from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunKind, read_kind
@@ -142,7 +142,7 @@ def _stored(path: Path, read: Callable[[str], Any]) -> Any:
 def _sources() -> dict[str, list[tuple[str, str]]]:
     """What each name of a model, published set, control law or building stands for, with its source."""
     from mrwork.buildings.shear import buildings
-    from mrwork.control.laws import control_laws
+    from mrwork.control.laws.control_law import control_laws
     from mrwork.dampers.spec import PUBLISHED_SETS, damper_models
 
     sources: dict[str, list[tuple[str, str]]] = {}

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
 
-from mrwork.escaping import escape_text
+from mrwork.errors import escape_text
 
 RECORDS = "records"
 MEASUREMENT = "measurement"
@@ -91,7 +91,7 @@ class CommandParser(argparse.ArgumentParser):
             # argparse takes the beginning of an option for the option, and a text with a blank for an argument.
             if _is_option(word) and " " not in word and not any(each.startswith(name) for each in known):
                 # Loads difflib, which only a mistake needs.
-                from mrwork.keys import closest
+                from mrwork.base.keys import closest
 
                 near = closest(name[2:], [each[2:] for each in known if each.startswith("--")])
                 of_verb = "; options of a verb come after it" if self._subparsers else ""
@@ -100,7 +100,7 @@ class CommandParser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:
             return
-        from mrwork.keys import suggestion
+        from mrwork.base.keys import suggestion
 
         near = suggestion(value, [*action.choices])
         if isinstance(action, argparse._SubParsersAction):

@@ -56,7 +56,7 @@ def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
 
 def _offered() -> dict[tuple[str, str], list[str]]:
     """Names for arguments that take more than names, by verb and argument."""
-    from mrwork.control.laws import control_laws
+    from mrwork.control.laws.control_law import control_laws
     from mrwork.dampers.parameters import current_laws
     from mrwork.dampers.spec import ALL, damper_models
     from mrwork.records.repairs import REPAIR_KINDS

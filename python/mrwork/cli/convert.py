@@ -8,6 +8,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from mrwork.base.keys import suggestion
+from mrwork.base.values import Floats
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SCALE, add_number, add_opensees_error
 from mrwork.cli.options import end_parser, parsed_number
@@ -27,8 +29,6 @@ from mrwork.dampers.conversions import (
 )
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
-from mrwork.keys import suggestion
-from mrwork.values import Floats
 
 Convention = Literal["spencer", "normalised", "opensees"]
 

@@ -56,7 +56,7 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
     # SciPy and the readers of runs are slow to load.
-    from mrwork.exporting.export import export, exported
+    from mrwork.runs.export import export, exported
 
     wanted = {"command": options.command, "error": options.error, "time_step": options.time_step}
     if options.output is not None:

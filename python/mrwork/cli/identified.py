@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from mrwork.base.progress import ProgressLine
 from mrwork.cli.output import (
     as_plain,
     drawing,
@@ -25,15 +26,13 @@ from mrwork.cli.output import (
 )
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import Interrupted
-from mrwork.escaping import escape_text
+from mrwork.errors import Interrupted, escape_text
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
-from mrwork.identification.settings import Reading
-from mrwork.progress_display import ProgressLine
 from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
+from mrwork.records.reading import Reading
 from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import FIT_RUN, REPORT
 from mrwork.store.unfinished import INTERRUPTED, is_complete
@@ -163,7 +162,7 @@ class Identification:
         def draw(on_progress: OnDrawn) -> None:
             # Matplotlib is slow to load and needed for reports only.
             from mrwork.report.fit.page import comparisons_of, write_page
-            from mrwork.stored import StoredRun
+            from mrwork.runs.load import StoredRun
 
             run = StoredRun(place=self.folder, fit=fit, ranking=ranking, laws=laws)
             write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)

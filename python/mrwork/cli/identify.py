@@ -9,6 +9,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from mrwork.base.table import Table
+from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.identified import (
     Identification,
@@ -44,7 +46,6 @@ from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import (
     Engine,
     FitSettings,
-    Reading,
     Search,
     has_generations,
     resize_search,
@@ -53,11 +54,10 @@ from mrwork.identification.settings import (
 )
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
+from mrwork.records.reading import Reading
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
-from mrwork.table import Table
 from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.units import COMMAND_SCALES
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.choose import Choice
@@ -259,7 +259,7 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     if not laws:
         return plain
     # SciPy's optimisers are slow to load, and not needed for a plain model.
-    from mrwork.identification.level_search import spec_by_values, tested_commands
+    from mrwork.identification.minimise.level_search import spec_by_values, tested_commands
 
     spec = plain.with_current_laws(laws, unit=command_unit(tests, options), lagged=options.driver_lag)
     return spec_by_values(spec, tested_commands(spec, tests))

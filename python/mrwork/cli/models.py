@@ -6,6 +6,8 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from mrwork.base.summary import align_rows
+from mrwork.base.table import TableColumn, text_table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import end_parser
@@ -15,8 +17,6 @@ from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
-from mrwork.summary import align_rows
-from mrwork.table import TableColumn, text_table
 
 _PARAMETER_COLUMNS = (
     TableColumn(heading="parameter", cell=lambda each: each.name),
@@ -78,8 +78,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
     check_output(options.figure, replace=True, otherwise="")
+    from mrwork.plots.damper_figures import parameter_effects_figure
     from mrwork.report.canvas import png_bytes, svg_bytes
-    from mrwork.report.damper_figures import parameter_effects_figure
 
     figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:

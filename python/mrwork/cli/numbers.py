@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mrwork.arguments import Threads
+from mrwork.base.arguments import Threads
+from mrwork.base.hints import Within, node_of
+from mrwork.base.keys import LARGEST_SEED
 from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR, OpenSeesError, OpenSeesTimeStep
-from mrwork.hints import Within, node_of
-from mrwork.keys import LARGEST_SEED
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.candidate_tests import (
     AMPLITUDE_RANGE,

@@ -8,6 +8,8 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args
 
+from mrwork.base.keys import suggestion
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.output import is_quiet, reading_line
@@ -16,9 +18,8 @@ from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
-from mrwork.identification.settings import Reading, is_synthetic
-from mrwork.keys import suggestion
 from mrwork.records import DamperTest, parse_column_option
+from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import (
     AMOUNTS_IN_WORDS,
     DETECT,
@@ -35,7 +36,6 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
-from mrwork.units import COMMAND_SCALES, CommandUnit
 
 _NONE = "none"
 _AUTO = "auto"

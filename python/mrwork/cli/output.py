@@ -10,18 +10,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from mrwork.base.progress import ProgressLine, Told
+from mrwork.base.summary import Summarised, align_rows
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError
-from mrwork.progress_display import ProgressLine, Told
 from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
 from mrwork.store.run_folder import FIT
-from mrwork.summary import Summarised, align_rows
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
-    from mrwork.identification.settings import OnRead
+    from mrwork.records.reading import OnRead
     from mrwork.report.section import OnDrawn
 
 Report = TypeVar("Report")

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrwork.base.table import text_table
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
 from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
@@ -20,10 +23,7 @@ from mrwork.identification.fit_file import OpenedRun, addition_content
 from mrwork.store.output_file import write_files
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import PLAN, REPORT
-from mrwork.table import text_table
 from mrwork.uncertainty.candidate_tests import Candidate, Limits, candidate_grid, read_candidates
-from mrwork.units import CommandUnit
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.planning import CheckedPlan, LinearisedPosterior

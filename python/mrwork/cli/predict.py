@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.base.table import TableColumn, text_table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
@@ -22,14 +23,13 @@ from mrwork.cli.options import (
 from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import LawLimit, worst_laws
+from mrwork.dampers.tested_range import Exceedance, worst_of
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.table import TableColumn, text_table
-from mrwork.tested_range import Exceedance, worst_of
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED

@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.stored import judged_by_additions
+    from mrwork.runs.load import judged_by_additions
     from mrwork.uncertainty.identifiability.profile import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
     from mrwork.uncertainty.posterior.draws import read_draws
@@ -113,7 +113,7 @@ def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.N
 
 def _has_complete(opened: OpenedRun) -> bool:
     """Whether the run has profiles of its fit that are complete; damaged ones are none, as for a run to its end."""
-    from mrwork.stored import read_profiles
+    from mrwork.runs.load import read_profiles
 
     try:
         earlier = read_profiles(opened.place, opened.fit)

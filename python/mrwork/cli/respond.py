@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import in_words, is_quiet, progress_line
 from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.errors import SettingError
-from mrwork.numbers import duration_in_words
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import TEMPERING, Range, add_number
 from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
@@ -24,7 +25,6 @@ from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
-from mrwork.numbers import duration_in_words
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
 from mrwork.store.unfinished import addition_journal, keep_addition
@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     priors = dict(parse_prior(text) for text in options.prior)
     # SciPy is slow to load.
-    from mrwork.stored import judged_by_additions, read_profiles
+    from mrwork.runs.load import judged_by_additions, read_profiles
 
     opened = opened_run(options)
     findings = told_findings("sample", opened.tests, options)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.base.table import csv_text
 from mrwork.dampers.parameters import LawName
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.records.rig_table import Use
-from mrwork.simulation import Loading, simulate_force
-from mrwork.table import csv_text
 
 # Sampling of a slow rig, and the white noise of its sensors: standard deviations.
 _DT = 0.005

@@ -20,19 +20,11 @@ from textwrap import wrap
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
+from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
+from mrwork.base.table import Table
 from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, stopped_in_words
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.errors import Interrupted
-from mrwork.numbers import MINUS, NOTHING, duration_in_words
-from mrwork.report.study.tables import (
-    bands_of_study,
-    change_table,
-    group_table,
-    ratio_table,
-    spread_table,
-    step_table,
-    value_table,
-)
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.output_folder import Destination, check_destination
@@ -56,7 +48,15 @@ from mrwork.study.results import (
 )
 from mrwork.study.schema import Use
 from mrwork.study.study import Study, StudyFile
-from mrwork.table import Table
+from mrwork.study.tables import (
+    bands_of_study,
+    change_table,
+    group_table,
+    ratio_table,
+    spread_table,
+    step_table,
+    value_table,
+)
 from mrwork.tuning.results import TuningResults
 
 
@@ -174,7 +174,7 @@ def run_on_study(
 ) -> int:
     """Run a verb on the motions of a `use` of its study, in a folder, by default `default` in `out`; its status."""
     # The simulation is slow to load.
-    from mrwork.study.reading import read_study
+    from mrwork.runs.study import read_study
 
     began = time.perf_counter()
     with (

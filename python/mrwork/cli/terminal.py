@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
-from mrwork.errors import OutputError
-from mrwork.escaping import escape_text, escaped_lines
+from mrwork.errors import OutputError, escape_text, escaped_lines
 
 # Length of the line that is open on stderr.
 _LINE = [0]

@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrwork.base.numbers import with_decimals
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import in_words, is_quiet, progress_line, table_lines
-from mrwork.numbers import with_decimals
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 
 if TYPE_CHECKING:

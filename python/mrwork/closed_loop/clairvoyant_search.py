@@ -17,19 +17,19 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from mrwork.arguments import Threads, Within, checked
+from mrwork.base.arguments import Threads, Within, checked
+from mrwork.base.keys import key
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, axis_of
 from mrwork.closed_loop.simulate import PrescribedCommands, samples_of, simulate_loop, simulate_prescribed
-from mrwork.control.laws import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import Interrupted, SettingError
-from mrwork.keys import key
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.numbers import format_rounded
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.twins.loop_derivatives import PrescribedLoop

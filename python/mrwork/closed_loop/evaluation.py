@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.arguments import AnyNumbers, Positive, Whole
+from mrwork.base.arguments import AnyNumbers, Positive, Whole
+from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
+from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.codec import OrNan
-from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-from mrwork.values import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

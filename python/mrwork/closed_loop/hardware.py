@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
-from mrwork.arguments import May, checked
-from mrwork.control.laws import FurtherSignal
+from mrwork.base.arguments import May, checked
+from mrwork.base.keys import key
+from mrwork.base.summary import Summarised, Summary
+from mrwork.control.laws.control_law import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.keys import key
-from mrwork.summary import Summarised, Summary
 
 LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration"]
 Feedback = Literal["state", "observer"]

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.numbers import counted, format_rounded
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
+from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
-from mrwork.numbers import counted, format_rounded
-from mrwork.plotted import plots_of
-from mrwork.summary import Summarised, Summary
-from mrwork.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.plots.building_forms import HistoryPlots, ResponsesPlots

@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.arguments import May, Positive, Threads, checked
+from mrwork.base.arguments import May, Positive, Threads, checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Fault, Hardware, refuse_unmeasured
@@ -26,18 +29,15 @@ from mrwork.closed_loop.responses import (
     run_quantities,
 )
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.counterpart import is_curve
-from mrwork.control.laws import ControlLaw
-from mrwork.control.lqr import Observer, observer_of
-from mrwork.control.plant import Plant, accelerations, deformations, plant_of, stack_outputs
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.counterpart import is_curve
+from mrwork.control.linear.lqr import Observer, observer_of
+from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
+from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
-from mrwork.hints import Within
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.simulation import core_refusals
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9

@@ -21,14 +21,14 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.argument_kinds import Refusal, kind_of
-from mrwork.arguments import AnyNumbers, Positive, checked
+from mrwork.base.argument_kinds import Refusal, kind_of
+from mrwork.base.arguments import AnyNumbers, Positive, checked
+from mrwork.base.hints import Within, node_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
-from mrwork.control.laws import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.hints import Within, node_of
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass
 
 
 class Undone:

@@ -1,67 +1,67 @@
-from .design.designer import design_weights as design_weights
-from .design.inverse import inverse_weights as inverse_weights
-from .design.limits import RmsLimits as RmsLimits
-from .design.limits import SemiActiveCondition as SemiActiveCondition
-from .design_problem import DesignProblem as DesignProblem
-from .inverse_network import train_inverse_network as train_inverse_network
-from .law_design import design_law as design_law
-from .law_design import settings_of as settings_of
-from .laws import ControlLaw as ControlLaw
-from .laws import FurtherSignal as FurtherSignal
-from .laws import control_law as control_law
-from .laws import control_laws as control_laws
-from .linear_loop import loop_margins as loop_margins
-from .lqr import observer_of as observer_of
-from .lqr import regulator_of_outputs as regulator_of_outputs
-from .lqr import regulator_of_state as regulator_of_state
-from .lqr import regulators_of_weights as regulators_of_weights
-from .lyapunov import lyapunov_function as lyapunov_function
-from .plant import accelerations as accelerations
-from .plant import deformations as deformations
-from .plant import displacements as displacements
-from .plant import drifts as drifts
-from .plant import plant_of as plant_of
-from .plant import relative_velocities as relative_velocities
-from .plant import velocities as velocities
-from .riccati import kalman_gains as kalman_gains
-from .riccati import lyapunov_solutions as lyapunov_solutions
-from .riccati import regulator_gains as regulator_gains
-from .sliding import optimal_surface as optimal_surface
-from .sliding import placed_surface as placed_surface
+from .laws.control_law import ControlLaw as ControlLaw
+from .laws.control_law import FurtherSignal as FurtherSignal
+from .laws.control_law import control_law as control_law
+from .laws.control_law import control_laws as control_laws
+from .laws.inverse_network import train_inverse_network as train_inverse_network
+from .laws.law_problem import DesignProblem as DesignProblem
+from .laws.law_settings import design_law as design_law
+from .laws.law_settings import settings_of as settings_of
+from .laws.lyapunov import lyapunov_function as lyapunov_function
+from .laws.sliding import optimal_surface as optimal_surface
+from .laws.sliding import placed_surface as placed_surface
+from .linear.lqr import observer_of as observer_of
+from .linear.lqr import regulator_of_outputs as regulator_of_outputs
+from .linear.lqr import regulator_of_state as regulator_of_state
+from .linear.lqr import regulators_of_weights as regulators_of_weights
+from .linear.margins import loop_margins as loop_margins
+from .linear.plant import accelerations as accelerations
+from .linear.plant import deformations as deformations
+from .linear.plant import displacements as displacements
+from .linear.plant import drifts as drifts
+from .linear.plant import plant_of as plant_of
+from .linear.plant import relative_velocities as relative_velocities
+from .linear.plant import velocities as velocities
+from .linear.riccati import kalman_gains as kalman_gains
+from .linear.riccati import lyapunov_solutions as lyapunov_solutions
+from .linear.riccati import regulator_gains as regulator_gains
+from .weights.inverse import inverse_weights as inverse_weights
+from .weights.limits import RmsLimits as RmsLimits
+from .weights.limits import SemiActiveCondition as SemiActiveCondition
+from .weights.weight_solver import design_weights as design_weights
 
 if True:  # the lower tier
-    from .design.designed import DesignedWeights as DesignedWeights
-    from .design.designer import WeightDesigner as WeightDesigner
-    from .design.limits import DesignCase as DesignCase
-    from .design.limits import LoopTiming as LoopTiming
-    from .design.limits import damper_cases as damper_cases
-    from .design.limits import soil_cases as soil_cases
-    from .design.limits import stiffness_cases as stiffness_cases
-    from .design_problem import Design as Design
-    from .design_problem import ReferencePeaks as ReferencePeaks
-    from .fuzzy import FuzzySettings as FuzzySettings
-    from .law_design import SETTINGS as SETTINGS
-    from .law_design import FrictionSettings as FrictionSettings
-    from .law_design import MixedSkyhookSettings as MixedSkyhookSettings
-    from .law_design import NoSettings as NoSettings
-    from .law_design import PassiveSettings as PassiveSettings
-    from .law_design import design_candidates as design_candidates
-    from .laws import ControlLawSpec as ControlLawSpec
-    from .laws import LoopModel as LoopModel
-    from .linear_loop import DeviceMargins as DeviceMargins
-    from .linear_loop import LoopMargins as LoopMargins
-    from .lqr import published_regulator as published_regulator
-    from .lqr import regulator_as_published as regulator_as_published
-    from .lyapunov import LyapunovSettings as LyapunovSettings
-    from .lyapunov import ProportionalSettings as ProportionalSettings
-    from .plant import Plant as Plant
-    from .plant import deformation_rates as deformation_rates
-    from .plant import stack_outputs as stack_outputs
-    from .regulator_settings import ClippedSettings as ClippedSettings
-    from .regulator_settings import NetworkSettings as NetworkSettings
-    from .regulator_settings import RegulatorSettings as RegulatorSettings
-    from .rollout import RolloutSettings as RolloutSettings
-    from .sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
-    from .sliding import SlidingSettings as SlidingSettings
-    from .sliding import SuperTwistingSettings as SuperTwistingSettings
-    from .weights import WeightWishes as WeightWishes
+    from .laws.control_law import ControlLawSpec as ControlLawSpec
+    from .laws.control_law import LoopModel as LoopModel
+    from .laws.fuzzy import FuzzySettings as FuzzySettings
+    from .laws.law_problem import Design as Design
+    from .laws.law_problem import ReferencePeaks as ReferencePeaks
+    from .laws.law_settings import SETTINGS as SETTINGS
+    from .laws.law_settings import FrictionSettings as FrictionSettings
+    from .laws.law_settings import MixedSkyhookSettings as MixedSkyhookSettings
+    from .laws.law_settings import NoSettings as NoSettings
+    from .laws.law_settings import PassiveSettings as PassiveSettings
+    from .laws.law_settings import design_candidates as design_candidates
+    from .laws.lyapunov import LyapunovSettings as LyapunovSettings
+    from .laws.lyapunov import ProportionalSettings as ProportionalSettings
+    from .laws.regulator_settings import ClippedSettings as ClippedSettings
+    from .laws.regulator_settings import NetworkSettings as NetworkSettings
+    from .laws.regulator_settings import RegulatorSettings as RegulatorSettings
+    from .laws.rollout import RolloutSettings as RolloutSettings
+    from .laws.sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
+    from .laws.sliding import SlidingSettings as SlidingSettings
+    from .laws.sliding import SuperTwistingSettings as SuperTwistingSettings
+    from .laws.weights import WeightWishes as WeightWishes
+    from .linear.lqr import published_regulator as published_regulator
+    from .linear.lqr import regulator_as_published as regulator_as_published
+    from .linear.margins import DeviceMargins as DeviceMargins
+    from .linear.margins import LoopMargins as LoopMargins
+    from .linear.plant import Plant as Plant
+    from .linear.plant import deformation_rates as deformation_rates
+    from .linear.plant import stack_outputs as stack_outputs
+    from .weights.limits import DesignCase as DesignCase
+    from .weights.limits import LoopTiming as LoopTiming
+    from .weights.limits import damper_cases as damper_cases
+    from .weights.limits import soil_cases as soil_cases
+    from .weights.limits import stiffness_cases as stiffness_cases
+    from .weights.weight_certificate import DesignedWeights as DesignedWeights
+    from .weights.weight_solver import WeightDesigner as WeightDesigner

@@ -14,11 +14,11 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from mrwork.arguments import AnyArray, Shape, checked
+from mrwork.base.arguments import AnyArray, Shape, checked
+from mrwork.base.hints import Within
+from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.hints import Within
-from mrwork.values import Floats
 
 # NumPy or JAX.
 Array = Any

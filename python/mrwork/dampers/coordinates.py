@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrwork.arguments import AnyArray, checked
+from mrwork.base.arguments import AnyArray, checked
+from mrwork.base.keys import suggestion
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.keys import suggestion
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any

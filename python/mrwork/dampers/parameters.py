@@ -12,10 +12,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork import _rust
+from mrwork.base.keys import suggestion
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
 from mrwork.errors import UnknownChoiceError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.units import CommandUnit
-from mrwork.values import Floats
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any

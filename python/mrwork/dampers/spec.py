@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import suggestion
+from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
 from mrwork.dampers.parameters import (
     CurrentLaws,
     LawName,
@@ -23,11 +28,6 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.numbers import format_rounded, of_unit
-from mrwork.summary import Summarised, Summary
-from mrwork.units import CommandUnit
-from mrwork.values import Floats
 
 # In place of the name of one model: every model.
 ALL = "all"

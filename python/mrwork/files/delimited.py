@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import (
     DECIMAL_COMMA,
@@ -30,7 +31,6 @@ from mrwork.files.layout import (
 from mrwork.files.named_columns import ColumnTable
 from mrwork.files.rows import Cells, RowForm, Rows, number_in, read_rows, without_empty_lines
 from mrwork.store.input_file import RECORD, bytes_of, start_of
-from mrwork.values import Floats
 
 # 2024-05-01 12:00:00.010, with T, / or a zone; 01.05.2024 12:00:00; 12:00:00,010.
 _STAMP: Final = re.compile(

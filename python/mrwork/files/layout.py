@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
+from mrwork.base.units import quantity_of
 from mrwork.errors import RecordError
-from mrwork.units import quantity_of
 
 MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
 # Only one way to read each digit: a row of thousands of digits is refused in linear time.

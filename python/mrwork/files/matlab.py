@@ -17,11 +17,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
-from mrwork.values import Floats
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:

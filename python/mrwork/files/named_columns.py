@@ -20,12 +20,12 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.summary import list_names
+from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
-from mrwork.summary import list_names
-from mrwork.units import FACTORS, CommandUnit, command_unit_of, quantity_of
-from mrwork.values import Floats
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 

@@ -14,9 +14,9 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
-from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,5 @@
 """From tests to an identified damper: global search, least squares with exact derivatives, standard errors."""
 
-from mrwork.namespace import attach
+from mrwork.base.namespace import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

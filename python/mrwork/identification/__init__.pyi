@@ -10,13 +10,13 @@ from .settings import Multistart as Multistart
 if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
     from .fit import FittedParameter as FittedParameter
-    from .level_search import LevelFit as LevelFit
-    from .level_search import joint_starts as joint_starts
-    from .level_search import levels_of as levels_of
-    from .levenberg_marquardt import find_minima as find_minima
-    from .levenberg_marquardt import find_minimum as find_minimum
-    from .levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
-    from .multistart import MultistartResult as MultistartResult
-    from .multistart import search_starts as search_starts
+    from .minimise.level_search import LevelFit as LevelFit
+    from .minimise.level_search import joint_starts as joint_starts
+    from .minimise.level_search import levels_of as levels_of
+    from .minimise.levenberg_marquardt import find_minima as find_minima
+    from .minimise.levenberg_marquardt import find_minimum as find_minimum
+    from .minimise.levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
+    from .minimise.multistart import MultistartResult as MultistartResult
+    from .minimise.multistart import search_starts as search_starts
     from .progress import Progress as Progress
     from .result import free_run as free_run

@@ -13,8 +13,20 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
+from mrwork.base.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.simulation import (
+    Loading,
+    Outcome,
+    refuse_other_unit,
+    simulate_forces,
+    simulate_sensitivities,
+)
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.equivalent import search_box
@@ -28,22 +40,10 @@ from mrwork.identification.residual import (
     loss_of,
 )
 from mrwork.identification.settings import FitSettings
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
-from mrwork.numbers import format_rounded
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.records.window import spans_with
-from mrwork.simulation import (
-    Loading,
-    Outcome,
-    refuse_other_unit,
-    simulate_forces,
-    simulate_sensitivities,
-)
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.values import Floats, array_dataclass
 
 Coordinates = Literal["theta", "unit"]
 Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]

@@ -16,21 +16,21 @@ from math import erf, sqrt
 
 import numpy as np
 
+from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
-from mrwork.identification.global_search import StartingPoints
-from mrwork.identification.levenberg_marquardt import find_minima
-from mrwork.identification.multistart import linear_warning
+from mrwork.identification.minimise.global_search import StartingPoints
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.minimise.multistart import linear_warning
+from mrwork.identification.minimise.polish import Polished, missing_lag
 from mrwork.identification.objective import Objective
-from mrwork.identification.polish import Polished, missing_lag
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
-from mrwork.values import Floats, freeze_samples
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:

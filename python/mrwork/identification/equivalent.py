@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
     Conversion,
     Scales,
@@ -30,7 +31,6 @@ from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper, law_limits
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.values import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

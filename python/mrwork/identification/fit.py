@@ -6,24 +6,25 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from mrwork.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
+from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
+from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
-from mrwork.identification.settings import FitSettings, Reading
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
-from mrwork.numbers import format_rounded, in_plain, of_unit, value_and_error
-from mrwork.plotted import plots_of
+from mrwork.identification.settings import FitSettings
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
+from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.tested_range import outside_of
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.plots.fit_forms import FitPlots

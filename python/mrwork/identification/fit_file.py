@@ -24,7 +24,7 @@ from mrwork.store.run_folder import (
 from mrwork.store.unfinished import INTERRUPTED
 
 if TYPE_CHECKING:
-    from mrwork.identification.settings import OnRead
+    from mrwork.records.reading import OnRead
 
 T = TypeVar("T")
 

@@ -7,20 +7,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from warnings import warn
 
-from mrwork.arguments import Seed, Threads, checked
+from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.global_search import (
+from mrwork.identification.minimise.global_search import (
     OnSearch,
     StartingPoints,
     points_from_multistart,
     points_from_optimiser,
 )
-from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.polish import polish_with_wanted_lag
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
+from mrwork.identification.minimise.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.residual import NuisanceName
@@ -30,7 +31,6 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.store.journal import Journal
-from mrwork.values import Floats
 
 
 @checked
@@ -360,11 +360,11 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
         if isinstance(search, Multistart):
             return points_from_multistart(problem, search, on_search=on_search)
         return points_from_optimiser(problem, search, on_search=on_search)
-    from mrwork.identification.level_search import has_levels, points_from_levels
+    from mrwork.identification.minimise.level_search import has_levels, points_from_levels
 
     if has_levels(problem.form.spec, problem.objective.tests):
         return points_from_levels(problem, search, on_search=on_search)
-    from mrwork.identification.scaled_search import points_from_scaled_forces, search_of_starts
+    from mrwork.identification.minimise.scaled_search import points_from_scaled_forces, search_of_starts
 
     optimiser = search_of_starts() if isinstance(search, Multistart) else search
     return points_from_scaled_forces(problem, optimiser, on_search=on_search)

@@ -9,8 +9,11 @@ from typing import Annotated, ClassVar, TypeVar
 import numpy as np
 
 from mrwork import _rust
-from mrwork.arguments import AnyNumbers, Shape, Threads, checked
+from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.progress import Tally, on_every_test
@@ -18,11 +21,8 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised
-from mrwork.values import Floats
 
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64

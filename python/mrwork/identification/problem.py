@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.arguments import checked
-from mrwork.command_signal import Command, command_in_words, command_level
+from mrwork.base.arguments import checked
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
+from mrwork.dampers.command import Command, command_in_words, command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
@@ -34,8 +36,6 @@ from mrwork.identification.settings import (
 from mrwork.records import DamperTest, observed
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.summary import list_names
-from mrwork.values import Floats
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 # Settings that are separate fields of a fit.

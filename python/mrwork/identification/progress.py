@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
+from mrwork.base.hints import Within
+from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.errors import Interrupted
-from mrwork.hints import Within
-from mrwork.numbers import duration_in_words, format_rate
 from mrwork.store.codec import build_value
 from mrwork.store.journal import Journal
 

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.base.hints import SMALLEST
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
-from mrwork.hints import SMALLEST
 from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.damper_test import delay_signal, loading_of
 from mrwork.records.velocity import refuse_velocity
-from mrwork.simulation import Outcome, simulate_forces, simulate_sensitivities
-from mrwork.summary import list_names
-from mrwork.values import Floats, array_dataclass
 
 NuisanceName = Literal["offset", "level", "delay"]
 

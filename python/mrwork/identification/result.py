@@ -17,8 +17,12 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.dampers.simulation import stiffness_shares
 from mrwork.dampers.spec import DamperSpec, law_limits
+from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import (
@@ -36,10 +40,6 @@ from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.damper_test import loading_of, range_of_tests
-from mrwork.simulation import stiffness_shares
-from mrwork.summary import list_names
-from mrwork.tested_range import OperatingRange
-from mrwork.values import Floats, array_dataclass
 
 
 def free_run(

@@ -1,32 +1,22 @@
-"""Settings of an identification: its search by name, what is fitted and how tests weigh, and how tests were read."""
+"""Settings of an identification: its search by name, what is fitted and how tests weigh."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from mrwork.arguments import Count, Level, Seed, checked
-from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
-from mrwork.hints import Record, fields_of, hints_of
+from mrwork.base.arguments import Count, Level, Seed, checked
+from mrwork.base.hints import Record, fields_of, hints_of
+from mrwork.base.keys import suggestion
+from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.residual import NuisanceName
-from mrwork.keys import suggestion
-from mrwork.records import DamperTest, read_damper_test, repair
-from mrwork.records.repairs import DETECT, RepairKind, as_words
-from mrwork.records.window import count_samples_from, cut
+from mrwork.records.repairs import DETECT, as_words
 from mrwork.search.loop import Optimiser
-from mrwork.store.codec import LowerBound, UpperBound, build_value, record_of
-from mrwork.store.input_file import exists
-from mrwork.synthetic import synthetic_test
+from mrwork.store.codec import LowerBound, UpperBound, build_value
 
 _MULTISTART = "multistart"
-# What helps where a refusal suggests options for one of several files.
-_OF_ONE_FILE = (
-    "--column holds for all files given, so write what is of this one into its row of a table of tests, as "
-    "mrwork check FILES --table begins it, or give it alone"
-)
 
 
 @checked
@@ -177,10 +167,6 @@ Engine = Literal["lanes", "twin"]
 # Values of parameters by name.
 Start = Mapping[str, float]
 
-# Called with the number of tests that have been read, and of all.
-OnRead = Callable[[int, int], None]
-
-_SYNTHETIC = "synthetic:"
 # Power of the root mean square, that of least squares.
 ROOT_MEAN_SQUARE = 2.0
 # Exponent with which every test has the same weight: errors that grow in proportion to the force.
@@ -188,74 +174,6 @@ EQUAL_SHARES = 1.0
 
 # With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
 LARGEST_POWER = 16.0
-
-
-def is_synthetic(file: str) -> bool:
-    """Whether a test is one of the embedded ones, and no file."""
-    return file.startswith(_SYNTHETIC)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
-    """Files of one run and how each was processed: window, repairs, start of the samples that count.
-
-    `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
-    `columns_of` are those of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
-    `settle` in seconds. Relative `files` are relative to `folder`, or to the current folder.
-    """
-
-    files: tuple[str, ...]
-    folder: str = ""
-    columns: Mapping[str, str] = field(default_factory=dict)
-    start: float | None = None
-    end: float | None = None
-    every: Count = 1
-    repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
-    settle: float | None = None
-    columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values, for `fit.json`."""
-        return asdict(self)
-
-    @classmethod
-    def of_record(cls, record: object, *, origin: str) -> Reading:
-        """Undo `as_record`; `origin` names the record in messages."""
-        if record is None:
-            raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
-        return reading
-
-    def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
-        """Read the files as tests; `on_read` is called before each."""
-        tests = []
-        for done, file in enumerate(self.files):
-            if on_read is not None:
-                on_read(done, len(self.files))
-            tests.append(self.test_of(file))
-        return tuple(tests)
-
-    def test_of(self, file: str) -> DamperTest:
-        """Read one of the files as a test."""
-        if is_synthetic(file):
-            test = synthetic_test(file.removeprefix(_SYNTHETIC))
-        else:
-            columns = {**self.columns, **self.columns_of.get(file, {})}
-            try:
-                test = read_damper_test(self._path(file), columns=columns)
-            except MrworkError as error:
-                if len(self.files) == 1 or not error.of_columns:
-                    raise
-                raise type(error)(f"{error}; {_OF_ONE_FILE}") from error
-        if (self.start, self.end, self.every) != (None, None, 1):
-            test = cut(test, start=self.start, end=self.end, every=self.every)
-        amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}
-        test, _ = repair(test, self.repairs, amounts=amounts)
-        return test if self.settle is None else count_samples_from(test, self.settle)
-
-    def _path(self, file: str) -> str:
-        """Path of a file from the current folder, or else from the folder where it was read."""
-        return file if exists(file) or not self.folder else str(Path(self.folder) / file)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,12 +15,12 @@ from warnings import catch_warnings
 
 import numpy as np
 
+from mrwork.base.keys import suggestion
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.summary import list_names
-from mrwork.values import Floats
 
 # Characters of an expression; longer ones could be nested too deeply to be read.
 _LONGEST = 200

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numpy.polynomial import Legendre
 
-from mrwork.arguments import AnyNumbers, May, checked
+from mrwork.base.arguments import AnyNumbers, May, checked
+from mrwork.base.hints import SMALLEST
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import RecordError, SettingError
-from mrwork.hints import SMALLEST
-from mrwork.plotted import plots_of
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass, keep_arrays
 
 if TYPE_CHECKING:
     from mrwork.plots.building_forms import MotionPlots

@@ -13,11 +13,11 @@ from typing import NoReturn
 
 import numpy as np
 
+from mrwork.base.units import FACTORS, factor_to_si
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.units import FACTORS, factor_to_si
-from mrwork.values import Floats, array_dataclass
 
 _HEADER_SHOWN = 60
 # Characters of a line of a header: what searches it takes longer than in proportion.

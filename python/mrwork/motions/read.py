@@ -15,13 +15,15 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.hints import SMALLEST
+from mrwork.base.units import factor_of, factor_to_si, known_units
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes, regular_table
 from mrwork.files.layout import DECIMAL_COMMA
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
-from mrwork.hints import SMALLEST
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,
@@ -41,8 +43,6 @@ from mrwork.motions.networks import (
     refuse_needless,
 )
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
-from mrwork.units import factor_of, factor_to_si, known_units
-from mrwork.values import Floats
 
 # Steps that differ by less, relative to their median, count as equal.
 _JITTER = 1e-3

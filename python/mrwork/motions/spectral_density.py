@@ -14,12 +14,12 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Positive, Whole, checked
+from mrwork.base.arguments import Positive, Whole, checked
+from mrwork.base.hints import SMALLEST, Within
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
-from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass
 
 Complexes = NDArray[np.complex128]
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import Positive, checked
+from mrwork.base.arguments import Positive, checked
+from mrwork.base.hints import SMALLEST, Within
+from mrwork.base.numbers import format_rounded
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
-from mrwork.numbers import format_rounded
-from mrwork.plotted import plots_of
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.plots.building_forms import SpectrumPlots

@@ -38,12 +38,12 @@ from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
-from mrwork.arguments import Seed, checked
+from mrwork.base.arguments import Seed, checked
+from mrwork.base.hints import SMALLEST, Within
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
-from mrwork.hints import SMALLEST, Within
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
-from mrwork.values import Floats
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0

@@ -5,6 +5,6 @@ axes in the units of their labels. Without `ax` a function opens a figure of Mat
 pages, which is yours to save, show and close. With `ax` nothing is opened. Settings of Matplotlib are never changed.
 """
 
-from mrwork.namespace import attach
+from mrwork.base.namespace import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,22 +9,22 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mrwork.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.base.numbers import format_fixed
+from mrwork.base.values import Floats
+from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
 from mrwork.identification.candidates import objective, simulate
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
-from mrwork.numbers import format_fixed
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
 from mrwork.report import style
 from mrwork.report.canvas import png_bytes
 from mrwork.report.figures import Motion, add_loop, motion_of
 from mrwork.report.fit.parameters import with_unit
-from mrwork.simulation import Loading, simulate_force
-from mrwork.values import Floats
 
 # The motion without a test: that of Spencer et al. 1997, in three cycles.
 _AMPLITUDE, _FREQUENCY, _CYCLES, _PER_CYCLE = 0.015, 2.5, 3, 400

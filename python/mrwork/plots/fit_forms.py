@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mrwork.base.plotted import Plots, short
 from mrwork.plots import of_fits, of_time
-from mrwork.plotted import Plots, short
 
 
 class TestPlots(Plots):

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal, overload
 import numpy as np
 from matplotlib.axes import Axes
 
-from mrwork.arguments import Level, checked
+from mrwork.base.arguments import Level, checked
+from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
 from mrwork.dampers.spec import law_values
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
@@ -32,7 +32,7 @@ from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.fit.posterior import add_corner, label_corner
 from mrwork.report.fit.profiles import add_profile
-from mrwork.stored import StoredRun
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -40,7 +40,7 @@ from mrwork.uncertainty.identifiability.profile import Profile, Profiles, likeli
 from mrwork.uncertainty.posterior.draws import Draws
 
 if TYPE_CHECKING:
-    from mrwork.labelled import DataFrame
+    from mrwork.base.labelled import DataFrame
 
 _COMMANDS = 101
 # Level of the threshold that a single profile shows.

@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots.sheet import add_key, axes_for, chosen, shown_unit_of
@@ -39,10 +40,9 @@ from mrwork.report.study.tuning_page import add_front
 from mrwork.study.folder import StoredStudy
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.tuning.results import Front, TuningResults
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.labelled import DataFrame
+    from mrwork.base.labelled import DataFrame
 
 SpectrumQuantity = Literal[
     "pseudo_acceleration", "pseudo_velocity", "acceleration", "velocity", "displacement"

@@ -10,13 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
-from mrwork.arguments import Whole, checked
+from mrwork.base.arguments import Whole, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
+from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots.sheet import (
     add_key,
@@ -32,12 +33,11 @@ from mrwork.report import style
 from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, motion_of
 from mrwork.report.fit.page import comparisons_of
 from mrwork.report.fit.residuals import add_residual_points
-from mrwork.stored import StoredRun
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.labelled import DataFrame
+    from mrwork.base.labelled import DataFrame
 
 Pair = tuple[DamperTest, Floats | None]
 """A test and the force of a model on it, if there is a model."""

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from mrwork.base.keys import suggestion
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.keys import suggestion
 from mrwork.report import canvas, style
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.style import DisplayUnit
-from mrwork.values import Floats
 
 GivenAxes = Axes | Iterable[Axes] | None
 """Axes of a figure of several panels: as many as it has, or `None` for new ones."""

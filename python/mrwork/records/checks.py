@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import Smoother, SmoothMotion
-from mrwork.values import Floats
 
 _SMALLEST_RANGE: Final = 1e-9
 _LARGEST: Final = 1e15

@@ -7,7 +7,19 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from mrwork.command_signal import LARGEST_COMMAND, impossible_command
+from mrwork.base.keys import closest, suggestion
+from mrwork.base.summary import list_names
+from mrwork.base.units import (
+    FACTORS,
+    OTHER_COMMAND_UNITS,
+    CommandUnit,
+    command_unit_of,
+    factor_of,
+    factor_to_si,
+    known_units,
+    quantity_of,
+)
+from mrwork.dampers.command import LARGEST_COMMAND, impossible_command
 from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
@@ -25,18 +37,6 @@ from mrwork.files.named_columns import (
     unit_at_end,
     unit_in_name,
     without_unit,
-)
-from mrwork.keys import closest, suggestion
-from mrwork.summary import list_names
-from mrwork.units import (
-    FACTORS,
-    OTHER_COMMAND_UNITS,
-    CommandUnit,
-    command_unit_of,
-    factor_of,
-    factor_to_si,
-    known_units,
-    quantity_of,
 )
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")

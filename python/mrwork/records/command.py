@@ -10,7 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.command_signal import (
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
+from mrwork.dampers.command import (
     Command,
     beyond_any_driver,
     command_noise,
@@ -24,8 +26,6 @@ from mrwork.command_signal import (
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.units import CommandUnit
-from mrwork.values import Floats
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3

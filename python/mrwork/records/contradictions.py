@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import SmoothMotion, regular_cycles
-from mrwork.values import Floats
 
 _MAD_TO_DEVIATION: Final = 1.4826
 # Beyond this share of the range to either side of its middle a channel is on that side.

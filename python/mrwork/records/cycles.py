@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats
 from mrwork.records.checks import half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
-from mrwork.values import Floats
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0

@@ -14,23 +14,23 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
-from mrwork.command_signal import Command, command_in_words, part_of_command, same_command
+from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
+from mrwork.base.hints import Within
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.numbers import estimate_in_words
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
+from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
+from mrwork.dampers.command import Command, command_in_words, part_of_command, same_command
+from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.tested_range import Exceedance as Exceedance
+from mrwork.dampers.tested_range import OperatingRange as OperatingRange
+from mrwork.dampers.tested_range import Outside as Outside
+from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
-from mrwork.hints import Within
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
-from mrwork.numbers import estimate_in_words
-from mrwork.plotted import plots_of
 from mrwork.records.motion import cycle_lengths
-from mrwork.simulation import Loading
-from mrwork.summary import Summarised, Summary
-from mrwork.tested_range import Exceedance as Exceedance
-from mrwork.tested_range import OperatingRange as OperatingRange
-from mrwork.tested_range import Outside as Outside
-from mrwork.tested_range import covering, least_stroke
-from mrwork.units import COMMAND_SCALES, CommandUnit
-from mrwork.values import Floats, array_dataclass, freeze_samples, keep_arrays
 
 if TYPE_CHECKING:
     from mrwork.plots.fit_forms import TestPlots

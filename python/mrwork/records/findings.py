@@ -15,12 +15,12 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 from mrwork.records.repairs import REPAIR_KINDS
-from mrwork.summary import list_names
-from mrwork.values import Floats
 
 
 def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:

@@ -14,13 +14,13 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from mrwork.arguments import NotNegative, Positive
-from mrwork.command_signal import Command, command_range
+from mrwork.base.arguments import NotNegative, Positive
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, array_dataclass
 
 # Samples of a cycle, and most samples of a motion that is not periodic.
 _PER_CYCLE: Final = 32

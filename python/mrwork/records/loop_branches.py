@@ -8,13 +8,13 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
-from mrwork.hints import Within
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 Mask = NDArray[np.bool_]
 Abscissa = Literal["velocity", "displacement"]

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.values import Floats, array_dataclass
+from mrwork.base.values import Floats, array_dataclass
 
 
 # Tests of one rig have few windows and steps, and each has several derivatives.

@@ -18,8 +18,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import AnyArrayLike, NotNegative, checked
-from mrwork.command_signal import Command, ringing_samples, without_ringing
+from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.base.summary import list_names
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats, freeze_samples
+from mrwork.dampers.command import Command, ringing_samples, without_ringing
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
@@ -68,9 +71,6 @@ from mrwork.records.window import (
     uncompared_spans,
     uniform_step,
 )
-from mrwork.summary import list_names
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, freeze_samples
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,

@@ -13,16 +13,16 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import closest
+from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
-from mrwork.keys import closest
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.cycles import force_delay, moving_mass
 from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.velocity import OFF_BY_FACTOR
 from mrwork.records.window import cut
-from mrwork.values import freeze_samples
 
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)

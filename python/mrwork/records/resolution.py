@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import SmoothMotion
-from mrwork.values import Floats
 
 _SHORTEST_RUN: Final = 3
 _FEWEST_RUNS: Final = 2

@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import closest, suggestion
+from mrwork.base.summary import Summarised, list_names
+from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
-from mrwork.keys import closest, suggestion
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
 from mrwork.store.run_folder import real_place
-from mrwork.summary import Summarised, list_names
-from mrwork.table import csv_text
 
 Use = Literal["fit", "calibration", "test"]
 """What a test is used for: identification, calibration of bands, or the final comparison."""

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.units import CommandUnit
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import SmoothMotion
-from mrwork.units import CommandUnit
 
 # The longest dampers of bridges have about 2 m.
 _LONGEST_STROKE: Final = 5.0

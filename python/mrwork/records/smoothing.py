@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
 from mrwork.records.motion import SmoothMotion, spectrum
 from mrwork.records.window import Signals
-from mrwork.values import Floats
 
 # Samples of the longest spike, and largest share of a record in spikes; what takes longer may be part of the test.
 _LONGEST_SPIKE: Final = 5

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.units import FACTORS
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
 from mrwork.records.motion import Smoother, SmoothMotion
-from mrwork.units import FACTORS
-from mrwork.values import Floats, array_dataclass
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5

@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, checked
-from mrwork.command_signal import levels_of_command, resampled_command
+from mrwork.base.arguments import Count, checked
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import levels_of_command, resampled_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.motion import spectrum
-from mrwork.values import Floats, array_dataclass
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.

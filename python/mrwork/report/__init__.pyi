@@ -1,7 +1,7 @@
-from .damper_figures import branches_figure as branches_figure
-from .damper_figures import cross_section_figure as cross_section_figure
-from .damper_figures import parameter_effects_figure as parameter_effects_figure
-from .response_sheet import response_sheet_figure as response_sheet_figure
+from ..plots.damper_figures import branches_figure as branches_figure
+from ..plots.damper_figures import cross_section_figure as cross_section_figure
+from ..plots.damper_figures import parameter_effects_figure as parameter_effects_figure
+from ..plots.response_sheet import response_sheet_figure as response_sheet_figure
 
 if True:  # the lower tier
     from . import style as style

@@ -20,10 +20,10 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike
 
-from mrwork.escaping import escaped_lines
-from mrwork.numbers import shortest
+from mrwork.base.numbers import shortest
+from mrwork.base.values import Floats
+from mrwork.errors import escaped_lines
 from mrwork.report import style
-from mrwork.values import Floats
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.identification.fit import FitQuality
 from mrwork.records.damper_test import DamperTest
@@ -22,7 +23,6 @@ from mrwork.records.motion import upward_crossings
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
 from mrwork.report.style import DisplayUnit
-from mrwork.values import Floats, array_dataclass
 
 
 @array_dataclass()

@@ -12,10 +12,10 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from mrwork.escaping import escaped_lines
+from mrwork.base.table import breakable, format_code
+from mrwork.errors import escaped_lines
 from mrwork.report import style
 from mrwork.store.output_file import replacing
-from mrwork.table import breakable, format_code
 
 _FUNCTIONS = frozenset(
     ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")

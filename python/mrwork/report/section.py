@@ -9,13 +9,13 @@ from typing import Literal
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from mrwork import numbers as numbers
-from mrwork.arguments import checked
+from mrwork.base import numbers as numbers
+from mrwork.base.arguments import checked
+from mrwork.base.summary import Summarised
+from mrwork.base.table import Table as Table
 from mrwork.report.canvas import inline_svg
 from mrwork.report.figures import Comparison
-from mrwork.stored import StoredRun
-from mrwork.summary import Summarised
-from mrwork.table import Table as Table
+from mrwork.runs.load import StoredRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,5 @@
 """Derivative-free searches on the unit cube, their registry by name, and the rules that end them."""
 
-from mrwork.namespace import attach
+from mrwork.base.namespace import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,13 +11,13 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.hints import Within
 from mrwork.search.rules import REASONS, EliteRule, StopRules, check_ranges, distinct_best
 from mrwork.search.unit_cube import Streams
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 
 @array_dataclass(repr=False)

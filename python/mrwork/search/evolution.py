@@ -49,7 +49,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.search.course import (
     Ceiling,
@@ -65,8 +67,6 @@ from mrwork.search.course import (
 )
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 
 @checked

@@ -10,15 +10,15 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyArrayLike, NotNegative, Seed, checked
+from mrwork.base.arguments import AnyArrayLike, NotNegative, Seed, checked
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import Interrupted, SettingError
-from mrwork.numbers import format_rounded
 from mrwork.search.course import Dimension, Proposal, Replicate, SearchState, StateT, select
 from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.store.codec import array_of, digest_of, plain
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats, array_dataclass
 
 
 class RunTrace(NamedTuple):

@@ -23,7 +23,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.search.course import (
     Course,
     Dimension,
@@ -35,8 +37,6 @@ from mrwork.search.course import (
 )
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 
 @array_dataclass(repr=False)

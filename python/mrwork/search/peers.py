@@ -21,15 +21,15 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed
+from mrwork.base.arguments import Seed
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate, propose, with_generation
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100

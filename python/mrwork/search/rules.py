@@ -32,9 +32,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Shape, checked
+from mrwork.base.arguments import AnyNumbers, Shape, checked
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
-from mrwork.values import Floats
 
 # Why a search ended, in words; a search of another library has reasons of its own.
 _ENDED = {

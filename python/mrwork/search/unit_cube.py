@@ -14,11 +14,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Shape, checked
+from mrwork.base.arguments import Seed, Shape, checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.hints import Within
-from mrwork.summary import Summarised
-from mrwork.values import Floats, array_dataclass
 
 # Most numbers of one call, 8 bytes each.
 _MOST = 10**9

@@ -23,10 +23,10 @@ from typing import IO, Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import array_dataclass
 from mrwork.errors import LibraryError
 from mrwork.store.child_program import NO_MEMORY, limit_of
 from mrwork.store.input_file import compute_allowance
-from mrwork.values import array_dataclass
 
 Format = Literal["hdf5", "parquet", "xlsx"]
 

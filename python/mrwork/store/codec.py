@@ -27,10 +27,9 @@ from typing import Annotated, Any, TypeVar, cast
 
 import numpy as np
 
-from mrwork import hints as nodes
-from mrwork.errors import MrworkError, RecordError
-from mrwork.escaping import escape_text
-from mrwork.hints import LARGEST, May, Node, Notes, Within, fields_of, node_of
+from mrwork.base import hints as nodes
+from mrwork.base.hints import LARGEST, May, Node, Notes, Within, fields_of, node_of
+from mrwork.errors import MrworkError, RecordError, escape_text
 from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
 

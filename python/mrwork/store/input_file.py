@@ -25,9 +25,8 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import RecordError, reason_of
-from mrwork.escaping import escape_text
-from mrwork.values import Floats
+from mrwork.base.values import Floats
+from mrwork.errors import RecordError, escape_text, reason_of
 
 LEAST: Final = 96 << 20
 """Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.

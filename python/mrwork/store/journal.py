@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
 from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import differences, plain, rebuilt
 from mrwork.store.input_file import bytes_of, is_there

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from mrwork.base.summary import list_names
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import json_document
 from mrwork.store.input_file import (
@@ -54,7 +55,6 @@ from mrwork.store.run_folder import (
     read_manifest_if_whole,
     real_place,
 )
-from mrwork.summary import list_names
 
 _FILES: Final = "files"
 # Bytes up to which a file is read, whatever its time says.

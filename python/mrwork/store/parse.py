@@ -8,7 +8,7 @@ import tomllib
 from collections import Counter
 from typing import Any, Final, NoReturn
 
-from mrwork.places import KeyPath
+from mrwork.base.places import KeyPath
 
 _DEEPEST: Final = 100
 # Of a whole number: the state of a random generator has 39.

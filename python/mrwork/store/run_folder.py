@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mrwork.errors import OutputError, RecordError
-from mrwork.escaping import escape_text
+from mrwork.base.summary import list_names
+from mrwork.errors import OutputError, RecordError, escape_text
 from mrwork.store.codec import finite, parse_document
 from mrwork.store.input_file import exists, is_file, is_folder, is_there, make_stored_kind, text_of
 from mrwork.store.parse import json_value
-from mrwork.summary import list_names
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"

@@ -1,8 +1,8 @@
+from ..runs.study import read_study as read_study
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
 from .folder import StoredStudy as StoredStudy
 from .folder import read_results as read_results
-from .reading import read_study as read_study
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
 from .study import Study as Study

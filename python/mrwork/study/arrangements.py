@@ -17,6 +17,17 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.base.keys import (
+    given_values,
+    heading_lines,
+    key_lines,
+    keys_of,
+    read_table,
+    suggestion,
+    toml_value,
+)
+from mrwork.base.places import Place
+from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import read_matrix
 from mrwork.buildings.matrices import Device
@@ -25,13 +36,11 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
-from mrwork.control.design_problem import DesignProblem, LawSettings, ReferencePeaks
-from mrwork.control.law_design import SETTINGS, design_law
-from mrwork.control.laws import ControlLaw, control_law, control_laws
-from mrwork.control.weights import WeightWishes
+from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
+from mrwork.control.laws.law_problem import DesignProblem, LawSettings, ReferencePeaks
+from mrwork.control.laws.law_settings import SETTINGS, design_law
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
-from mrwork.keys import given_values, heading_lines, key_lines, keys_of, read_table, suggestion, toml_value
-from mrwork.places import Place
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.named_laws import Trials
@@ -57,7 +66,6 @@ from mrwork.study.study import (
     TakenSettings,
     make_arrangement,
 )
-from mrwork.units import number_in
 
 # Numbers of a matrix among the settings: those of a weight of a building with 1000 coordinates.
 _MOST_NUMBERS = 4_000_000

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.summary import Summarised, Summary
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.study import Kind, uses_in_words
-from mrwork.summary import Summarised, Summary
 
 MOST_IN_DETAIL = 8
 """Most motions of which pages and terminals show every table; of more they show the spread."""

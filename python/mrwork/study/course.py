@@ -14,10 +14,10 @@ from typing import Literal
 
 import numpy as np
 
+from mrwork.base.numbers import duration_in_words
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
-from mrwork.numbers import duration_in_words
 
 Kind = Literal["levels", "runs", "half", "realisations"]
 Key = tuple[int, Kind]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrwork.base.numbers import counted
+from mrwork.base.summary import list_names
 from mrwork.buildings import Building
-from mrwork.control.design.limits import sine_force
-from mrwork.numbers import counted
-from mrwork.summary import list_names
+from mrwork.control.weights.limits import sine_force
 
 if TYPE_CHECKING:
     from mrwork.study.results import StudyResults

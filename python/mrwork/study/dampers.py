@@ -11,19 +11,19 @@ from typing import get_args
 
 import numpy as np
 
+from mrwork.base.keys import suggestion
+from mrwork.base.places import Place
+from mrwork.base.units import CommandUnit, DriverUnit, number_in
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
 from mrwork.buildings.matrices import Device
-from mrwork.command_signal import command_level
+from mrwork.dampers.command import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.dampers.tested_range import FittedDamper, OperatingRange
 from mrwork.errors import RecordError, SettingError
-from mrwork.keys import suggestion
-from mrwork.places import Place
 from mrwork.study.schema import DamperTable
-from mrwork.tested_range import FittedDamper, OperatingRange
-from mrwork.units import CommandUnit, DriverUnit, number_in
-from mrwork.values import Floats, array_dataclass
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""

@@ -11,11 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from mrwork import arguments
-from mrwork.arguments import Count, NotNegative, Positive, Whole
+from mrwork.base import arguments
+from mrwork.base.arguments import Count, NotNegative, Positive, Whole
+from mrwork.base.summary import list_names
+from mrwork.base.table import csv_text
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
-from mrwork.control.laws import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.dampers.tested_range import Exceedance, OperatingRange
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.input_file import exists, is_there, make_stored_kind
@@ -64,9 +67,6 @@ from mrwork.study.run_result import (
 )
 from mrwork.study.schema import present_label, present_sentence
 from mrwork.study.study import Kind, Row, Study, StudyFile
-from mrwork.summary import list_names
-from mrwork.table import csv_text
-from mrwork.tested_range import Exceedance, OperatingRange
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

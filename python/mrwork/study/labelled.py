@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import array_dataclass
 from mrwork.closed_loop.evaluation import criteria, values
 from mrwork.closed_loop.responses import Labelled, axis_of, description_of, in_command_unit, unit_of
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
 from mrwork.study.run_result import RunResult, kept_quantities
 from mrwork.study.study import Realisations
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.values import array_dataclass
 
 NOMINAL = "nominal"
 """The realisation without anything uncertain."""

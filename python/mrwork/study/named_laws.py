@@ -14,22 +14,23 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.base.keys import is_required, keys_of, toml_value
+from mrwork.base.numbers import counted
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.closed_loop.evaluation import SCORE, ratio
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import in_command_unit
-from mrwork.control.counterpart import is_curve
-from mrwork.control.design_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
-from mrwork.control.law_design import SETTINGS, design_candidates, settings_of
-from mrwork.control.laws import ControlLaw, control_law
+from mrwork.control.laws.control_law import ControlLaw, control_law
+from mrwork.control.laws.counterpart import is_curve
+from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
+from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
-from mrwork.keys import is_required, keys_of, toml_value
 from mrwork.motions import GroundMotion
-from mrwork.numbers import counted
 from mrwork.study.labelled import LabelledRuns
+from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
-from mrwork.summary import list_names
-from mrwork.values import Floats
 
 _WEIGHT = "control_weight"
 # Values of a setting that is scanned, over the range in which a search would look for it.
@@ -264,9 +265,6 @@ class Trials:
         return self._known[0]
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> LabelledRuns:
-        # The simulation of studies is slow to load.
-        from mrwork.study.run import simulate_criteria
-
         devices = tuple(problem.devices)
         return simulate_criteria(
             make_arrangement(

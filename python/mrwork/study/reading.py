@@ -15,14 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.arguments import Seed, checked
+from mrwork.base.keys import read_table, suggestion
+from mrwork.base.places import KeyPath, Place
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
-from mrwork.control.design_problem import ReferencePeaks
-from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.control.laws.control_law import ControlLaw, control_laws
+from mrwork.control.laws.law_problem import ReferencePeaks
+from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import SettingError
-from mrwork.keys import read_table, suggestion
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import (
     baseline_corrected,
@@ -38,7 +41,6 @@ from mrwork.motions.ground_motion import (
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import suite, synthetic_motion
-from mrwork.places import KeyPath, Place
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.study.arrangements import (
@@ -76,9 +78,6 @@ from mrwork.study.study import (
     make_arrangement,
     realisations_of,
 )
-from mrwork.tested_range import FittedDamper, fitted_damper
-from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import Floats
 
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
 
@@ -289,34 +288,14 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     return document, toml_lines(text)
 
 
-@checked
 def read_study(
     path: str | Path,
-    identified: Identified = fitted_damper,
+    identified: Identified,
     *,
-    seed: Seed = 0,
+    seed: int = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
 ) -> Study:
-    """Read a study.
-
-    Parameters
-    ----------
-    path
-        The TOML file; names of other files in it are relative to its folder.
-    identified
-        Reads model and parameters from the folder of an identified damper.
-    seed
-        Seed of noise and synthetic motions.
-    on_python
-        Called with a sentence that names the file of each law in Python, before any of these files runs.
-
-    Raises
-    ------
-    RecordError
-        If the file does not exist or is not text.
-    SettingError
-        If anything in it is wrong; the message has file and line.
-    """
+    """Read a study; `identified` reads a damper from a run folder, see `mr.read_study`."""
     path = Path(path)
     file = _read(path)
     document, lines = parse(file.text, str(path))

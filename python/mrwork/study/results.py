@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
-from mrwork import arguments
-from mrwork.arguments import NotNegative
+from mrwork.base import arguments
+from mrwork.base.arguments import NotNegative
+from mrwork.base.labelled import tree_of
+from mrwork.base.numbers import counted, format_rounded
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.labelled import tree_of
-from mrwork.numbers import counted, format_rounded
-from mrwork.plotted import plots_of
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.damper_size import DevicePlace, size_warnings
 from mrwork.study.labelled import HALF_STEP, LabelledRuns
 from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
-    from mrwork.labelled import DataFrame, DataTree
+    from mrwork.base.labelled import DataFrame, DataTree
     from mrwork.plots.building_forms import ResponsesPlots
 
 Key = tuple[int, int]

@@ -4,40 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from time import perf_counter
 from types import MappingProxyType
 
 import numpy as np
 
-from mrwork.arguments import Threads, checked
-from mrwork.buildings import Building
-from mrwork.buildings.matrices import Device
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.numbers import counted
+from mrwork.base.summary import list_names
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.values import Floats
 from mrwork.closed_loop.clairvoyant_search import (
     Clairvoyant,
-    ClairvoyantProgress,
-    ClairvoyantStart,
-    clairvoyant,
 )
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import (
-    LoopVariation,
-    PrescribedCommands,
     loop_observer,
     measured_floors,
     simulate_loop,
-    simulate_prescribed,
 )
-from mrwork.control.design_problem import ReferencePeaks
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import damper
-from mrwork.errors import Interrupted, JournalError, SettingError, SimulationError
+from mrwork.control.laws.law_problem import ReferencePeaks
+from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.numbers import counted
-from mrwork.store.codec import OrNan, digest_of
+from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.course import Course, Key, Part, StudyProgress, excerpt_of, factor_of
@@ -48,18 +40,17 @@ from mrwork.study.labelled import (
     LabelledRuns,
     Place,
     candidate_axes,
-    criteria_of_runs,
     criteria_of_study,
     numbered,
     quantities_of_runs,
     recall_or_compute_runs,
 )
+from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
 from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
     history_of,
-    own_numbers,
     read_recorded,
     results_of,
 )
@@ -68,15 +59,10 @@ from mrwork.study.study import (
     Arrangement,
     Realisations,
     Study,
-    StudyLaw,
     digest_of_run,
     fingerprint_of,
 )
-from mrwork.summary import list_names
-from mrwork.units import STANDARD_GRAVITY
-from mrwork.values import Floats
 
-OnBlock = Callable[[int, int], None]
 """Called with the number of runs done and their total."""
 
 # Realisations of a trial: they fill the lanes of some threads.
@@ -628,193 +614,6 @@ def reference_peaks_of(
 def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
     criterion_values = values(result, weight=weight)
     return criterion_values if result.finished else {name: np.array(np.nan) for name in criterion_values}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayedCommands:
-    """The non-causal optimum of a study that asks for it, under each of its motions."""
-
-    study: Study
-    threads: int
-
-    def search_optimum(
-        self,
-        motion: int,
-        arrangements: Sequence[Arrangement],
-        results: StudyResults,
-        journal: Journal | None,
-        report: Callable[[str], None],
-    ) -> Clairvoyant:
-        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
-        asked, base = self.study.clairvoyant, self.study.at_zero
-        assert asked is not None
-        ground = self.study.grounds[motion]
-
-        def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
-            report(f"{asked.row.label}, {ground.name}: {name}")
-            if journal is None:
-                return search()
-            inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
-            return journal.once("clairvoyant", inputs, ClairvoyantStart, search)
-
-        def on_progress(progress: ClairvoyantProgress) -> None:
-            report(
-                f"{asked.row.label}, {ground.name}: {progress.start}, iteration {progress.iteration} of "
-                f"{progress.iterations}, score about {progress.smooth_score:.3f}"
-            )
-
-        return clairvoyant(
-            base.building,
-            base.devices,
-            ground,
-            self.study.hardware,
-            settings=asked.settings,
-            starts=self._law_starts(motion, arrangements, results),
-            floors=base.floors,
-            storeys=base.storeys,
-            on_progress=on_progress,
-            recall=recall,
-            threads=self.threads,
-        )
-
-    def run(
-        self, motion: int, optimum: Clairvoyant, *, histories: bool = False, step_factor: int = 1
-    ) -> tuple[RunResult, RunHistory | None]:
-        """The run of the loop with the commands that were found, and its history."""
-        base = self.study.at_zero
-        responses = simulate_prescribed(
-            base.building,
-            base.devices,
-            optimum.commands,
-            self.study.grounds[motion],
-            self.study.hardware,
-            histories=histories,
-            step_factor=step_factor,
-            threads=self.threads,
-        )
-        kept = None if responses.histories is None else history_of(responses.histories[0], base)
-        return results_of(responses, base)[0], kept
-
-    def _law_starts(
-        self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
-    ) -> dict[str, PrescribedCommands]:
-        """Commands of the control law with the lowest score under a motion, if there is one."""
-        asked = self.study.clairvoyant
-        assert asked is not None
-        laws = [
-            (results.score_under(row, (motion,)), row)
-            for row, each in enumerate(arrangements)
-            if each.row.kind == "controller" and row in results.finished_rows(motion)
-        ]
-        if not laws:
-            return {}
-        best = arrangements[min(laws)[1]]
-        assert best.law is not None
-        run = simulate_loop(
-            best.building,
-            best.devices,
-            best.law,
-            [self.study.grounds[motion]],
-            self.study.hardware,
-            histories=True,
-            threads=self.threads,
-        )
-        assert run.histories is not None
-        return {
-            best.row.label: PrescribedCommands.of_history(
-                run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
-            )
-        }
-
-
-def simulate_criteria(
-    arrangement: Arrangement,
-    law: StudyLaw,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware,
-    realisations: Realisations,
-    *,
-    bare: Building,
-    largest_commands: Floats | None = None,
-    shaping: Floats | None = None,
-    threads: int = 0,
-    on_block: OnBlock | None = None,
-) -> LabelledRuns:
-    """Simulate candidates of a law under motions, with realisations, in one call of the core.
-
-    The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`.
-    """
-    weight = bare.total_mass * STANDARD_GRAVITY
-    noisy = any(noise for noise, _ in hardware.sensors)
-    fitted, law = with_devices(arrangement, law)
-    # Without dampers of its own an arrangement has a device without parameters to vary.
-    theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
-    factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
-    buildings = {
-        (stiffness, damping): vary_building(arrangement, bare, stiffness=stiffness, damping=damping)
-        for stiffness, damping in dict.fromkeys(factors)
-    }
-    began = perf_counter()
-    responses = simulate_loop(
-        arrangement.building,
-        tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
-        law,
-        motions,
-        hardware,
-        largest_commands=largest_commands,
-        shaping=shaping,
-        variation=LoopVariation(
-            buildings=tuple(buildings[each] for each in factors),
-            delay=realisations.delay,
-            seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
-        ),
-        threads=threads,
-        on_progress=on_block,
-    )
-    seconds = perf_counter() - began
-    own = responses.with_numbers(**own_numbers(responses, arrangement, law))
-    found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
-    for name, array in values(own, weight=weight).items():
-        found.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
-    found.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
-    return replace(found, seconds=seconds)
-
-
-def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:
-    """Devices and law of an arrangement; without devices it gets an actuator of zero force."""
-    if arrangement.devices:
-        return arrangement.devices, law
-    building, spec = arrangement.building, damper("dahl")
-    device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
-    still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
-    return (device,), still
-
-
-def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float) -> Building:
-    """The building of an arrangement with factors of stiffness and damping of the bare building.
-
-    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
-    """
-    if stiffness == 1.0 and damping == 1.0:
-        return arrangement.building
-    building = arrangement.building
-    drifts = bare.drifts
-    if building.n_coordinates == bare.n_coordinates:
-        back: Floats = np.eye(bare.n_coordinates)
-    elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
-        # Displacements of the bare building relative to its base, from its drifts within the arrangement.
-        back = np.asarray(np.linalg.solve(drifts, building.storeys[list(arrangement.storeys)]))
-    else:
-        raise SettingError(
-            f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
-            "it, because its storeys do not determine its coordinates; leave stiffness and damping out of [uncertainty]"
-        )
-    return replace(
-        building,
-        stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
-        damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
-    )
 
 
 def _criteria_of_realisations(

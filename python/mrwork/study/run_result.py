@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
@@ -20,16 +21,15 @@ from mrwork.closed_loop.responses import (
     history_signals,
     run_quantities,
 )
+from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.spec import worst_laws
+from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
 from mrwork.errors import RecordError
-from mrwork.simulation import Outcome
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_file import check_own, check_own_folder, replacing
 from mrwork.store.run_folder import HISTORIES, part_of, real_place
 from mrwork.study.study import Arrangement, Study, StudyLaw, commands_force
-from mrwork.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
-from mrwork.values import Floats, array_dataclass
 
 _ENDS = {
     Outcome.FINISHED: "finished",

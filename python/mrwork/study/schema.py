@@ -11,18 +11,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import LARGEST_SEED, heading_lines, key, key_lines, refuse_repeated, tables
+from mrwork.base.places import Place
+from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY
 from mrwork.dampers.parameters import LawName
-from mrwork.keys import LARGEST_SEED, heading_lines, key, key_lines, refuse_repeated, tables
 from mrwork.motions.ground_motion import HIGHEST_ORDER
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
-from mrwork.places import Place
 from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.units import DriverUnit
 
 Risk = Literal["mean", "max", "cvar"]
 References = Literal["best_passive", "none"]

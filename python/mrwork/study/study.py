@@ -13,22 +13,22 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.design.designed import DesignedWeights
-from mrwork.control.design_problem import DesignProblem
-from mrwork.control.laws import ControlLaw, LoopModel
+from mrwork.control.laws.control_law import ControlLaw, LoopModel
+from mrwork.control.laws.law_problem import DesignProblem
+from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use, recorded_label
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.values import Floats, array_dataclass
 
 
 @array_dataclass(repr=False)

@@ -1,5 +1,5 @@
 """Laws of a study tuned on its training motions and judged on its test motions."""
 
-from mrwork.namespace import attach
+from mrwork.base.namespace import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.control.design.designer import design_weights
-from mrwork.control.design_basis import PEAK_FACTOR, ground_of
-from mrwork.control.design_problem import LawSettings, Magnitudes
-from mrwork.control.law_design import SETTINGS
-from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
+from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
+from mrwork.control.laws.law_problem import LawSettings, Magnitudes
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator
+from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
-from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench, Benches, describe
 from mrwork.tuning.results import LawResult
 from mrwork.tuning.space import (
@@ -30,7 +31,6 @@ from mrwork.tuning.space import (
     is_semi_active,
     space_of,
 )
-from mrwork.values import Floats
 
 _STEPS = 12
 _WEIGHT = "control_weight"

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mrwork.base.numbers import duration_in_words
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.control.law_design import SETTINGS, design_law, settings_of
-from mrwork.control.laws import control_law
+from mrwork.control.laws.control_law import control_law
+from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
-from mrwork.numbers import duration_in_words
 from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
 from mrwork.search.peers import FrontResult, run_front
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS
@@ -47,7 +48,6 @@ from mrwork.tuning.space import (
     SettingSpace,
     TuningObjective,
 )
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.twins.loop_derivatives import TunedLoop

@@ -10,22 +10,24 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
-from mrwork.control.design_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
-from mrwork.control.law_design import SETTINGS, design_candidates, design_law, settings_of
-from mrwork.control.laws import ControlLaw, control_law
+from mrwork.control.laws.control_law import ControlLaw, control_law
+from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
+from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.labelled import LabelledRuns, candidate_axes, criteria_of_runs, recall_or_compute_runs
+from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.results import RealisationBand
-from mrwork.study.run import runs_of, simulate_criteria
+from mrwork.study.run import runs_of
 from mrwork.study.run_result import DeviceDemand, demands_of
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
-from mrwork.summary import Summarised
 from mrwork.tuning.results import (
     Better,
     DesignNotes,
@@ -36,7 +38,6 @@ from mrwork.tuning.results import (
     TuningJudgement,
 )
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
-from mrwork.values import Floats, array_dataclass
 
 
 @dataclass(slots=True, kw_only=True)

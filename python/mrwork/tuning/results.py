@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.arguments import NotNegative, Whole, checked
+from mrwork.base.arguments import NotNegative, Whole, checked
+from mrwork.base.keys import suggestion, toml_value
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
-from mrwork.control.law_design import SETTINGS
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.keys import suggestion, toml_value
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
-from mrwork.numbers import counted, format_rounded, percent, with_decimals
-from mrwork.plotted import plots_of
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.parse import toml_table
@@ -36,8 +38,6 @@ from mrwork.store.run_folder import (
 from mrwork.study.results import RealisationBand
 from mrwork.study.schema import present_label
 from mrwork.study.study import StudyFile
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.table import csv_text
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
     DEAD_ZONE,

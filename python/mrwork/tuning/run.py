@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import Literal
 
-from mrwork.arguments import Seed, Threads, checked
-from mrwork.control.design_problem import Magnitudes
-from mrwork.control.laws import control_law
+from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.keys import suggestion
+from mrwork.control.laws.control_law import control_law
+from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.errors import Interrupted, SettingError
-from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import ALL_OPTIMISERS
 from mrwork.store.journal import Journal

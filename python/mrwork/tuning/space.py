@@ -9,21 +9,21 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.arguments import Share, Whole
+from mrwork.base.arguments import Share, Whole
+from mrwork.base.keys import is_required, keys_of, suggestion
+from mrwork.base.numbers import of_unit
+from mrwork.base.summary import Summarised
+from mrwork.base.units import number_in
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit
-from mrwork.control.design_problem import LawSettings, Magnitudes, Span
-from mrwork.control.law_design import SETTINGS
-from mrwork.control.laws import control_law
-from mrwork.keys import is_required, keys_of, suggestion
-from mrwork.numbers import of_unit
+from mrwork.control.laws.control_law import control_law
+from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.store.codec import Related
 from mrwork.study.arrangements import check_criterion, check_law, refuse_within
 from mrwork.study.labelled import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
-from mrwork.summary import Summarised
-from mrwork.units import number_in
-from mrwork.values import Floats
 
 _TAIL = 0.2
 PENALTY = 10.0

@@ -25,6 +25,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop_stepping import (
     Devices,
@@ -41,7 +42,6 @@ from mrwork.twins.loop_stepping import (
     step,
 )
 from mrwork.twins.models import begin
-from mrwork.values import Floats, array_dataclass
 
 _SIDE_BY_SIDE = 8
 Gains = Mapping[str, Array]

@@ -17,11 +17,11 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import Count, Positive
+from mrwork.base.arguments import Count, Positive
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.twins.models import parameters_at, twin_of
-from mrwork.values import Floats, array_dataclass
 
 
 class LoopPlant(NamedTuple):

@@ -21,10 +21,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.base.progress import COMPILE_TIME
 from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
-from mrwork.progress_display import COMPILE_TIME
 
 jax.monitoring.register_event_duration_secs_listener(COMPILE_TIME.count)
 # The Rust core computes in double precision, and the twins must agree with it.

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.arguments import Positive, checked
-from mrwork.command_signal import LARGEST_COMMAND, Command, command_level, levels_of_command
+from mrwork.base.arguments import Positive, checked
+from mrwork.base.units import CommandUnit
+from mrwork.dampers.command import LARGEST_COMMAND, Command, command_level, levels_of_command
+from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
-from mrwork.simulation import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
-from mrwork.units import CommandUnit
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0

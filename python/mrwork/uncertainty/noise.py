@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.keys import suggestion
+from mrwork.base.values import Floats
 from mrwork.errors import UnknownNameError
-from mrwork.keys import suggestion
-from mrwork.values import Floats
 
 _LOG_2_PI = float(np.log(2.0 * np.pi))
 

@@ -11,26 +11,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Threads, checked
+from mrwork.base.arguments import NotNegative, Threads, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.numbers import NOTHING, format_rounded, of_unit, percent, significant
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import TableColumn
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.simulation import Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.result import effective_samples, residuals_by_test
-from mrwork.keys import suggestion
-from mrwork.numbers import NOTHING, format_rounded, of_unit, percent, significant
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.simulation import Outcome, simulate_forces
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary
-from mrwork.table import TableColumn
 from mrwork.uncertainty.candidate_tests import Candidate, check_possible, motion_of
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, array_dataclass
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5

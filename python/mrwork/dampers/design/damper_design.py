@@ -15,16 +15,16 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import NotNegative, Share, checked
+from mrwork.base.arguments import NotNegative, Share, checked
+from mrwork.base.hints import Within
+from mrwork.base.numbers import of_unit
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Length, Slot, broadcast, roots_between
 from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.hints import Within
-from mrwork.numbers import of_unit
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats
 
 Area = Annotated[float, Within(least=1e-12, most=1e4)]
 Resistance = Annotated[float, Within(least=1e-9, most=1e9)]

@@ -13,12 +13,12 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
 from mrwork.dampers.design.materials import FlowIndex, Viscosity
 from mrwork.errors import SettingError
-from mrwork.hints import Within
-from mrwork.summary import Summarised
-from mrwork.values import Floats
 
 FlowModel = Literal["annulus", "plates", "sum"]
 # From a micrometre to a hundred metres.

@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.hints import Within
-from mrwork.summary import Summarised
-from mrwork.values import Floats
 
 Viscosity = Annotated[float, Within(least=1e-6, most=1e6)]
 FlowIndex = Annotated[float, Within(least=0.1, most=3.0)]

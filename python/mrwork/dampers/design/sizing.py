@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.arguments import Count, NotNegative, Positive, Seed, checked
+from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
+from mrwork.base.hints import Within
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats
 from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
 from mrwork.dampers.design.flow import FlowModel, Length
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
-from mrwork.hints import Within
-from mrwork.plotted import plots_of
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.peers import run_front, select_nondominated
 from mrwork.search.registry import ALL_OPTIMISERS
-from mrwork.summary import Summarised, Summary
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.plots.building_forms import FrontPlots

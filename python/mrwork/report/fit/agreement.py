@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrwork import numbers
+from mrwork.base import numbers
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding

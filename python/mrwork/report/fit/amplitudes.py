@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.records.damper_test import DamperTest
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
-from mrwork.table import Table, TableColumn, page_table
-from mrwork.tested_range import half_cycle_ends
-from mrwork.values import Floats, array_dataclass
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.
 _ENDS = (1.7, 3.4, 7.0)

@@ -14,12 +14,13 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.numbers import percent
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import ObservedTest
-from mrwork.numbers import percent
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
@@ -28,7 +29,7 @@ from mrwork.report.figures import Comparison, Motion, common_force_unit, even_sa
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
-from mrwork.stored import StoredRun
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import (
     QUANTITIES,
     Band,
@@ -47,7 +48,6 @@ from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import Floats, array_dataclass
 
 # Tests of the fit, and tests left out, that are drawn; draws of the parameters.
 _OWN, _LEFT_OUT = 1, 6

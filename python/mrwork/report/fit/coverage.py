@@ -8,16 +8,16 @@ from operator import itemgetter
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrwork import numbers
-from mrwork.escaping import escape_text
-from mrwork.numbers import percent
+from mrwork.base import numbers
+from mrwork.base.numbers import percent
+from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.errors import escape_text
 from mrwork.records import DamperTest
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, room_for
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
-from mrwork.stored import StoredRun
-from mrwork.table import Table, TableColumn, page_table
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 

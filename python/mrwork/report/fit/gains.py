@@ -9,15 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.table import page_table
+from mrwork.base.units import CommandUnit
 from mrwork.report import style
 from mrwork.report.canvas import grid_of_axes, name_ordinate
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
-from mrwork.stored import StoredRun
-from mrwork.table import page_table
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.planning import Gain, Plan, gain_columns
-from mrwork.units import CommandUnit
 
 # Rows of the table.
 _SHOWN = 8

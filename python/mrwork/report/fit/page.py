@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from mrwork import numbers
+from mrwork.base import numbers
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
@@ -41,9 +41,9 @@ from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import equation_html, fill_template
 from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, ignore_progress
+from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
-from mrwork.stored import StoredRun, with_additions
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS: tuple[SectionKind, ...] = (

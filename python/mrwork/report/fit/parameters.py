@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, get_args
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Group, Section, SectionKind
-from mrwork.stored import StoredRun
-from mrwork.table import Table, TableColumn, page_table
+from mrwork.runs.load import StoredRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

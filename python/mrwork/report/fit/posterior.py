@@ -11,16 +11,16 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.values import Floats
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
-from mrwork.stored import StoredRun
-from mrwork.table import Table, TableColumn, page_table
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
-from mrwork.values import Floats
 
 _ENDED: dict[DrawsStatus, str] = {
     "converged": "converged after",

@@ -9,17 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from mrwork import numbers
-from mrwork.numbers import shortest
+from mrwork.base import numbers
+from mrwork.base.numbers import shortest
+from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.values import Floats
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
 from mrwork.report.fit.parameters import shown_unit, with_unit
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
-from mrwork.stored import StoredRun
-from mrwork.table import Table, TableColumn, page_table
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
-from mrwork.values import Floats
 
 _COLUMNS, _HEIGHT = 4, 2.2
 # Top of every panel, relative to the threshold.

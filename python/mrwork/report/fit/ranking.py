@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork import numbers
+from mrwork.base import numbers
 from mrwork.report import style
 from mrwork.report.canvas import blank, name_ordinate, room_for
 from mrwork.report.figures import Comparison
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
-from mrwork.stored import StoredRun
+from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 

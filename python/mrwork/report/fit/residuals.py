@@ -17,10 +17,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from mrwork import numbers
-from mrwork.command_signal import steps_of_command
+from mrwork.base import numbers
+from mrwork.base.numbers import most_of, percent, probability, shortest, tests_of
+from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.values import Floats
+from mrwork.dampers.command import steps_of_command
 from mrwork.identification.result import effective_samples
-from mrwork.numbers import most_of, percent, probability, shortest, tests_of
 from mrwork.records import DamperTest
 from mrwork.records.motion import reversals, whole_cycles
 from mrwork.report import style
@@ -28,9 +30,7 @@ from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
 from mrwork.report.figures import Comparison, Motion, common_force_unit, motion_of, scattered_samples
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
-from mrwork.table import Table, TableColumn, page_table
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles, mean_cycle
-from mrwork.values import Floats
 
 # Lags of the Ljung-Box test, and the significance level of both tests.
 LAGS = 10

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from mrwork import numbers
+from mrwork.base import numbers
+from mrwork.base.values import Floats
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.settings import Multistart
 from mrwork.report import style
@@ -21,7 +22,6 @@ from mrwork.report.canvas import (
     logarithmic,
 )
 from mrwork.report.section import Panel, panel
-from mrwork.values import Floats
 
 # Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.
 _WIDE = 3.0

@@ -12,8 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from mrwork.base.numbers import format_fixed, significant
+from mrwork.base.table import Table
+from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import axis_of
-from mrwork.numbers import format_fixed, significant
 from mrwork.report import style
 from mrwork.report.canvas import (
     column_axes,
@@ -27,7 +29,6 @@ from mrwork.report.canvas import (
 )
 from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
-from mrwork.report.study.tables import ShownRows, group_table, spread_table
 from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
     StudyComparison,
@@ -39,8 +40,7 @@ from mrwork.study.comparison import (
 from mrwork.study.results import StudyCriteria, StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
-from mrwork.table import Table
-from mrwork.values import Floats
+from mrwork.study.tables import ShownRows, group_table, spread_table
 
 _LEFT_OF_NAMES = 0.95
 _KEY_LINE = 0.178

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrwork.base.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion, ratio
-from mrwork.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.dampers.tested_range import OperatingRange, covering
 from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import (
@@ -19,18 +21,6 @@ from mrwork.report.study.figures import (
     motion_section,
     profile_figure,
     spread_section,
-)
-from mrwork.report.study.tables import (
-    ShownRows,
-    bands_of_study,
-    change_table,
-    leading_table,
-    overview_table,
-    ratio_table,
-    shown_rows,
-    signed_percent,
-    step_table,
-    value_table,
 )
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
@@ -46,8 +36,18 @@ from mrwork.study.results import (
     largest_step_changes,
 )
 from mrwork.study.schema import ReportTable
-from mrwork.table import Table
-from mrwork.tested_range import OperatingRange, covering
+from mrwork.study.tables import (
+    ShownRows,
+    bands_of_study,
+    change_table,
+    leading_table,
+    overview_table,
+    ratio_table,
+    shown_rows,
+    signed_percent,
+    step_table,
+    value_table,
+)
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 

@@ -11,18 +11,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
-from mrwork.escaping import escape_text
-from mrwork.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.errors import escape_text
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import fill_template
 from mrwork.report.section import Group, Section, panel
 from mrwork.report.study.figures import HUES, short
 from mrwork.report.study.page import band_section
-from mrwork.report.study.tables import band_table
-from mrwork.table import Table
+from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
     LawResult,

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, get_args
 
 import numpy as np
 
-from mrwork.arguments import (
+from mrwork.base.arguments import (
     AnyNumbers,
     Level,
     May,
@@ -24,15 +24,15 @@ from mrwork.arguments import (
     Threads,
     checked,
 )
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
-from mrwork.summary import Summarised
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
-from mrwork.values import Floats, array_dataclass
 
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096

@@ -12,8 +12,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Positive, Whole
-from mrwork.command_signal import Command
+from mrwork.base.arguments import Positive, Whole
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import freeze_samples
+from mrwork.dampers.command import Command
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
@@ -23,11 +26,8 @@ from mrwork.store.codec import digest_of, json_document, parse_document, read_do
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.units import CommandUnit
-from mrwork.values import freeze_samples
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5

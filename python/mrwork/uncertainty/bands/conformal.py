@@ -17,13 +17,14 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Level, NotNegative, checked
+from mrwork.base.arguments import Level, NotNegative, checked
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
-from mrwork.numbers import format_rounded
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.store.codec import OrNan, Related
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,
@@ -35,7 +36,6 @@ from mrwork.uncertainty.bands.band import (
     weighted_quantile,
 )
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.values import Floats, array_dataclass
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
 _BINS = 24

@@ -9,21 +9,21 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.tested_range import Outside
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.plotted import plots_of
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
-from mrwork.summary import Summarised, Summary
-from mrwork.tested_range import Outside
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from mrwork.plots.fit_forms import PredictionPlots

@@ -12,7 +12,11 @@ from functools import partial
 from typing import TypeVar
 from warnings import warn
 
-from mrwork.arguments import Threads, checked
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.labelled import NamedArrays, WithAxes
+from mrwork.base.numbers import duration_in_words
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
@@ -27,7 +31,7 @@ from mrwork.errors import (
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
-from mrwork.identification.level_search import (
+from mrwork.identification.minimise.level_search import (
     count_levels,
     refuse_few_levels,
     spec_by_values,
@@ -37,12 +41,9 @@ from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost, effective_samples
 from mrwork.identification.settings import FitSettings
-from mrwork.labelled import NamedArrays, WithAxes
-from mrwork.numbers import duration_in_words
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import (
     ONE_TEST,
     Fold,
@@ -54,7 +55,6 @@ from mrwork.uncertainty.bands.prediction import (
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
-from mrwork.units import CommandUnit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,14 +12,21 @@ from typing import TypeVar
 
 import numpy as np
 
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
 from mrwork.identification.fit import Fit
-from mrwork.identification.level_search import PER_CYCLE, command_is_constant, levels_of, spec_by_values
-from mrwork.identification.levenberg_marquardt import within_stiffness
+from mrwork.identification.minimise.level_search import (
+    PER_CYCLE,
+    command_is_constant,
+    levels_of,
+    spec_by_values,
+)
+from mrwork.identification.minimise.levenberg_marquardt import within_stiffness
 from mrwork.identification.objective import shares_of
 from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
@@ -32,8 +39,6 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
-from mrwork.units import CommandUnit
-from mrwork.values import Floats, array_dataclass
 
 # Convergence: relative decrease of the squared misfit in an iteration; largest number of iterations.
 _TOLERANCE = 1e-5

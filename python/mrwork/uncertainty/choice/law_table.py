@@ -8,16 +8,16 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from mrwork.arguments import NotNegative, Whole
+from mrwork.base.arguments import NotNegative, Whole
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table, TableColumn, page_table, text_table
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.store.codec import OrInfinite, Related
-from mrwork.summary import Summarised, Summary
-from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
-from mrwork.units import CommandUnit
-from mrwork.values import Floats
 
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9

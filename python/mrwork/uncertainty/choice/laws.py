@@ -14,7 +14,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from mrwork.arguments import Threads, checked
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.labelled import NamedArrays, WithAxes
+from mrwork.base.numbers import duration_in_words
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
@@ -24,17 +28,13 @@ from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
-from mrwork.labelled import NamedArrays, WithAxes
-from mrwork.numbers import duration_in_words
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
 from mrwork.uncertainty.choice.choose import JournalOf, compared_models, refuse_unknown, run_with_journal
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, law_table
-from mrwork.units import CommandUnit
 
 T = TypeVar("T")
 

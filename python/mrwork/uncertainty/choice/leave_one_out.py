@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
@@ -25,7 +26,6 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks
-from mrwork.values import Floats, array_dataclass
 
 # Pareto k above which the estimate for a block is unreliable, because its importance weights have heavy tails (Vehtari,
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).

@@ -11,21 +11,21 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.arguments import NotNegative, Positive, Whole
+from mrwork.base.arguments import NotNegative, Positive, Whole
+from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
+from mrwork.base.numbers import format_fixed, format_rounded
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table, TableColumn, page_table, text_table
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
-from mrwork.labelled import NamedArrays, WithAxes, columns_of, labels_of
-from mrwork.numbers import format_fixed, format_rounded
 from mrwork.records import DamperTest
 from mrwork.store.codec import Related
-from mrwork.summary import Summarised, Summary, list_names
-from mrwork.table import Table, TableColumn, page_table, text_table
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.values import Floats
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
 Residuals = Sequence[Floats]

@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.uncertainty.identifiability.verdicts import Scale
-from mrwork.values import Floats, array_dataclass
 
 # Largest number of residual entries in one batch.
 _LARGEST_BATCH = 2**24

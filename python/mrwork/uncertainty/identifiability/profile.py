@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
+from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
+from mrwork.base.keys import suggestion
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
+from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
@@ -23,14 +29,9 @@ from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
-from mrwork.keys import suggestion
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
-from mrwork.numbers import format_rounded, of_unit
-from mrwork.plotted import plots_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import OrInfinite, Related
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,
     End,
@@ -51,7 +52,6 @@ from mrwork.uncertainty.identifiability.verdicts import (
     Scale,
     judge_interval,
 )
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from mrwork.plots.fit_forms import ProfilesPlots

@@ -14,17 +14,17 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Threads, checked
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.numbers import of_unit
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict, VerdictName
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, remarks_of
-from mrwork.numbers import of_unit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.values import Floats, array_dataclass
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25

@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Name
 
 import numpy as np
 
-from mrwork.arguments import Count, NotNegative, Positive, Shape, checked
+from mrwork.base.arguments import Count, NotNegative, Positive, Shape, checked
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
+from mrwork.base.numbers import format_rounded, with_decimals
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.labelled import NamedArray, NamedArrays, WithAxes, number_labels
-from mrwork.numbers import format_rounded, with_decimals
-from mrwork.plotted import plots_of
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
 from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
 from mrwork.store.run_folder import DRAWS
-from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
-from mrwork.values import Floats, array_dataclass
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mrwork.arguments import Count, Seed, Threads, checked
+from mrwork.base.arguments import Count, Seed, Threads, checked
+from mrwork.base.labelled import NamedArray, NamedArrays, number_labels
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import autocorrelation_time
-from mrwork.labelled import NamedArray, NamedArrays, number_labels
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.choice.leave_one_out import block_densities, blocks_of
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.target import Prior, Space, Target
-from mrwork.values import Floats
 
 if TYPE_CHECKING:
     from xarray import DataTree

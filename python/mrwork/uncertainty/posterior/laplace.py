@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import Floats, array_dataclass
 
 # Finite-difference step in a noise coordinate, as a share of the distance to the nearer bound.
 _NOISE_STEP = 1e-3

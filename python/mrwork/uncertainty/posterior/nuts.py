@@ -11,15 +11,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from mrwork.arguments import Count, Seed, checked
+from mrwork.base.arguments import Count, Seed, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import loading_of
-from mrwork.summary import Summarised
 from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.values import Floats, array_dataclass
 
 LogDensity = Callable[[jax.Array], jax.Array]
 

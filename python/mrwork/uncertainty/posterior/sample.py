@@ -18,20 +18,21 @@ from emcee import EnsembleSampler, State
 from emcee.moves import Move
 from numpy.typing import NDArray
 
-from mrwork.arguments import Threads, checked
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.hints import Within
+from mrwork.base.numbers import duration_in_words, format_rate
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.hints import Within
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem, provenance_with
 from mrwork.identification.result import Slopes
-from mrwork.numbers import duration_in_words, format_rate
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.summary import Summarised
 from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import (
@@ -48,7 +49,6 @@ from mrwork.uncertainty.posterior.draws import (
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
-from mrwork.values import Floats, array_dataclass
 
 # As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]

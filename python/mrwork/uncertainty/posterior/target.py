@@ -19,16 +19,16 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
+from mrwork.base.arguments import checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.hints import Within
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import effective_samples
-from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
-from mrwork.values import Floats
 
 # NumPy or JAX, as in `coordinates`.
 AnyArray = Any

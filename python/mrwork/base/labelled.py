@@ -1,0 +1,190 @@
+"""Results as arrays with names, axes, units and words: what `to_xarray` and `to_pandas` of every result return.
+
+A class inherits `WithAxes` and declares its arrays in `_named_arrays`. xarray and pandas are imported here, when one of
+the two is called, and nowhere else but for the files of a posterior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.base.values import array_dataclass
+
+if TYPE_CHECKING:
+    from pandas import DataFrame as DataFrame
+    from xarray import Dataset as Dataset
+    from xarray import DataTree as DataTree
+
+
+@array_dataclass()
+class NamedArray:
+    """Values over named axes, in a unit; `long_name` says in words what they are. Labels along an axis name no axes."""
+
+    values: NDArray[Any]
+    axes: tuple[str, ...]
+    unit: str = ""
+    long_name: str = ""
+
+    @classmethod
+    def of(
+        cls, values: ArrayLike | Sequence[float | str | None], *axes: str, unit: str = "", long_name: str = ""
+    ) -> NamedArray:
+        """Values as they come; numbers that are `None` become NaN."""
+        listed: Any = values
+        if isinstance(listed, list | tuple) and any(each is None for each in listed):
+            listed = [np.nan if each is None else each for each in listed]
+        return cls(values=np.asarray(listed), axes=axes, unit=unit, long_name=long_name)
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Unit and words by the names that xarray and CF use; without those that are empty."""
+        named = {"units": self.unit, "long_name": self.long_name}
+        return {name: text for name, text in named.items() if text}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NamedArrays:
+    """Arrays by name, with the labels along each axis.
+
+    `rows` are the axes of the rows of a table, which has the arrays over these; a further axis of an array becomes
+    columns. `along` are further labels, such as the unit of each parameter, which belong to the rows, too.
+    """
+
+    title: str
+    rows: tuple[str, ...]
+    labels: Mapping[str, NamedArray]
+    arrays: Mapping[str, NamedArray]
+    along: Mapping[str, NamedArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, array in {**self.along, **self.arrays}.items():
+            expected = tuple(self.labels[axis].values.size for axis in array.axes)
+            if array.values.shape != expected:
+                raise ValueError(f"{name} has the shape {array.values.shape} where {expected} was expected")
+
+    def to_xarray(self) -> Dataset:
+        """A variable for each array, with its unit and words as attributes."""
+        from xarray import Dataset
+
+        labels = {axis: ((axis,), each.values, each.attributes) for axis, each in self.labels.items()}
+        arrays, along = (
+            {name: (each.axes, each.values, each.attributes) for name, each in group.items()}
+            for group in (self.arrays, self.along)
+        )
+        return Dataset(arrays, coords=labels | along, attrs={"title": self.title})
+
+    def to_pandas(self) -> DataFrame:
+        """A table with a row for each place along `rows`; units and words are in its `attrs`, by column."""
+        from pandas import DataFrame, Index, MultiIndex
+
+        shape = tuple(self.labels[axis].values.size for axis in self.rows)
+        shown = {
+            name: each
+            for name, each in {**self.along, **self.arrays}.items()
+            if set(self.rows) <= set(each.axes) or (name in self.along and set(each.axes) <= set(self.rows))
+        }
+        depth = max((len(each.axes) - len(self.rows) for each in shown.values()), default=0)
+        columns: dict[Any, NDArray[Any]] = {}
+        for name, each in shown.items():
+            further = [axis for axis in each.axes if axis not in self.rows]
+            own = [axis for axis in self.rows if axis in each.axes]
+            values = np.transpose(each.values, [each.axes.index(axis) for axis in (*own, *further)])
+            # A label of some of the rows' axes is that of all rows there.
+            wide = [slice(None) if axis in own else None for axis in self.rows]
+            values = np.broadcast_to(values[(*wide, ...)], (*shape, *values.shape[len(own) :]))
+            flat = values.reshape(int(np.prod(shape)), -1)
+            places = product(*(self.labels[axis].values.tolist() for axis in further))
+            for number, place in enumerate(places):
+                filled = (name, *place, *[""] * (depth - len(further)))
+                columns[filled if depth else name] = flat[:, number]
+        rows = [self.labels[axis].values for axis in self.rows]
+        index: Any = (
+            Index(rows[0], name=self.rows[0])
+            if len(rows) == 1
+            else MultiIndex.from_product(rows, names=self.rows)
+        )
+        table = DataFrame(columns, index=index)
+        if depth:
+            table.columns = MultiIndex.from_tuples(list(columns), names=["", *[""] * depth])
+        table.attrs = {
+            "title": self.title,
+            "units": {name: each.unit for name, each in shown.items() if each.unit},
+            "long_name": {name: each.long_name for name, each in shown.items() if each.long_name},
+        }
+        return table
+
+
+def over_axis(
+    title: str,
+    axis: str,
+    labels: NamedArray,
+    columns: Mapping[str, tuple[ArrayLike, str, str]],
+) -> NamedArrays:
+    """Columns over one axis with these labels, each with its unit and words."""
+    return NamedArrays(
+        title=title,
+        rows=(axis,),
+        labels={axis: labels},
+        arrays={
+            name: NamedArray.of(values, axis, unit=unit, long_name=words)
+            for name, (values, unit, words) in columns.items()
+        },
+    )
+
+
+class WithAxes:
+    """A result that xarray and pandas can have, with the names, axes and units that its class declares."""
+
+    __slots__ = ()
+
+    def _named_arrays(self) -> NamedArrays:
+        raise NotImplementedError
+
+    def to_xarray(self) -> Dataset:
+        """The numbers over named axes as a `Dataset`, with unit and words of each as attributes."""
+        return self._named_arrays().to_xarray()
+
+    def to_pandas(self) -> DataFrame:
+        """The numbers as a `DataFrame`: a row for each place along the main axes, further axes as columns.
+
+        Units and words are in `attrs["units"]` and `attrs["long_name"]` by column.
+        """
+        return self._named_arrays().to_pandas()
+
+
+def columns_of(
+    records: Sequence[object], axis: str, declared: Mapping[str, tuple[str, str]]
+) -> dict[str, NamedArray]:
+    """Fields of records of one class, each over the axis, with the unit and the words that are declared for it."""
+    return {
+        name: NamedArray.of([getattr(each, name) for each in records], axis, unit=unit, long_name=words)
+        for name, (unit, words) in declared.items()
+    }
+
+
+def time_labels(time: NDArray[np.float64]) -> NamedArray:
+    """Labels along the time [s]."""
+    return labels_of(time, unit="s", long_name="time")
+
+
+def number_labels(count: int) -> NamedArray:
+    """Labels of what has no names, such as candidates: their numbers, from 0."""
+    return NamedArray.of(np.arange(count))
+
+
+def labels_of(names: Sequence[str] | NDArray[Any], *, unit: str = "", long_name: str = "") -> NamedArray:
+    """Labels along an axis: names, or numbers in a unit."""
+    return NamedArray.of(np.asarray(names), unit=unit, long_name=long_name)
+
+
+def tree_of(title: str, groups: Mapping[str, NamedArrays]) -> DataTree:
+    """Several groups of arrays, each with axes of its own."""
+    from xarray import DataTree
+
+    return DataTree.from_dict({name: each.to_xarray() for name, each in groups.items()}, name=title)

@@ -1,0 +1,39 @@
+"""Names of a namespace, loaded when they are first used, as its stub lists them.
+
+The imports at the top of `__init__.pyi` are the public tier: what users need, with checked arguments. Those under its
+`if` are the lower tier, for the studies: they can be had by name, are not listed by `dir`, and check nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from importlib.util import resolve_name
+from pathlib import Path
+
+
+def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of the package whose `__init__.py` is the file."""
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text())
+    listed = sorted(_modules(stub.body, package))
+    modules = _modules(ast.walk(stub), package)
+
+    def load(name: str) -> object:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if modules[name] == package:
+            return import_module(f"{package}.{name}")
+        return getattr(import_module(modules[name]), name)
+
+    return load, lambda: listed, listed
+
+
+def _modules(nodes: Iterable[ast.AST], package: str) -> dict[str, str]:
+    """Path of the module of every imported name; that of a submodule is the package."""
+    return {
+        alias.name: resolve_name("." * node.level + (node.module or ""), package)
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }

@@ -1,0 +1,304 @@
+"""How progress is shown: by widgets in a notebook, a bar on a terminal, elsewhere a line from time to time.
+
+What is told is the report's own `in_words`; a bar shows its `share` where that is known.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from types import TracebackType
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+from mrwork.base.arguments import NotNegative, checked
+from mrwork.base.numbers import duration_in_words
+from mrwork.errors import escape_text
+
+Report = TypeVar("Report", contravariant=True)
+Write = Callable[[str], None]
+
+_BAR = 20
+# Seconds between two looks at a report whose time goes on.
+_TICK = 0.2
+# Compilations that are shorter are not told [s].
+_TOLD = 1.0
+_COMPILED = "/jax/core/compile/backend_compile_duration"
+
+
+class CompileTime:
+    """Sum of the times that JAX reports as compilation [s]; `twins` lets JAX report them, where it is loaded."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def count(self, event: str, duration_secs: float, **_: str | int) -> None:
+        """Count an event of JAX, where it is a compilation."""
+        if event == _COMPILED:
+            self.seconds += duration_secs
+
+
+COMPILE_TIME = CompileTime()
+"""Of this process."""
+
+
+@runtime_checkable
+class Shared(Protocol):
+    """A report that knows which share of the work is done."""
+
+    @property
+    def share(self) -> float | None:
+        """From 0 to 1, `None` where it is not known."""
+
+
+@runtime_checkable
+class Told(Protocol):
+    """A report that says itself in words."""
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line."""
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A report that stays true while no other comes."""
+
+    def later(self, seconds: float) -> Any:
+        """The same after so many seconds."""
+
+
+class Display(ABC):
+    """A place where progress is shown, at most once in `every` seconds; from another thread where it `ticks`."""
+
+    every: float
+    ticks: bool = True
+
+    @abstractmethod
+    def show(self, text: str, share: float | None) -> None:
+        """Show a text, and a bar where the share is known."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Clear what is shown."""
+
+    @abstractmethod
+    def tell(self, sentence: str) -> None:
+        """Leave a sentence behind."""
+
+
+class TerminalBar(Display):
+    """One line of a terminal, written again and again."""
+
+    every = 0.2
+
+    def __init__(self, write: Write, note: Write) -> None:
+        self._write, self._note = write, note
+        self._width = 0
+
+    def show(self, text: str, share: float | None) -> None:
+        """Write the line anew."""
+        line = text if share is None else f"{_bar(share)} {text}"
+        self._write("\r" + line.ljust(self._width))
+        self._width = len(line)
+
+    def close(self) -> None:
+        """Clear the line."""
+        if self._width:
+            self._write("\r" + " " * self._width + "\r")
+            self._width = 0
+
+    def tell(self, sentence: str) -> None:
+        """Write the sentence on a line of its own."""
+        self._note(sentence)
+
+
+class PlainLines(Display):
+    """Lines of a file, as of the log of a batch job."""
+
+    every = 30.0
+
+    def __init__(self, note: Write) -> None:
+        self._note = note
+
+    def show(self, text: str, share: float | None) -> None:
+        """Write a line, with the share in per cent."""
+        self._note(text if share is None else f"{_percent(share)}, {text}")
+
+    def close(self) -> None:
+        """Leave the lines."""
+
+    def tell(self, sentence: str) -> None:
+        """Write a line."""
+        self._note(sentence)
+
+
+class NotebookBar(Display):
+    """A bar of `ipywidgets` with the text beside it, which `display` shows below the cell."""
+
+    every = 0.2
+    ticks = False
+
+    def __init__(self, widgets: Any, display: Callable[[Any], object]) -> None:
+        self._bar = widgets.FloatProgress(value=0.0, min=0.0, max=1.0)
+        self._text = widgets.Label(value="")
+        self._box = widgets.HBox([self._bar, self._text])
+        self._display = display
+        self._shown = False
+
+    def show(self, text: str, share: float | None) -> None:
+        """Set the bar and the text."""
+        self._text.value = text
+        self._bar.layout.visibility = "hidden" if share is None else "visible"
+        self._bar.value = 0.0 if share is None else _within(share)
+        if not self._shown:
+            self._display(self._box)
+            self._shown = True
+
+    def close(self) -> None:
+        """Take the bar away; the text stays."""
+        self._bar.layout.display = "none"
+
+    def tell(self, sentence: str) -> None:
+        """Put the sentence in the place of the text."""
+        self._text.value = sentence
+        if not self._shown:
+            self._display(self._text)
+            self._shown = True
+
+
+def display_here(*, write: Write, note: Write) -> Display:
+    """Widgets in a notebook that has them, a bar where stderr is a terminal, elsewhere lines."""
+    if _in_notebook() and find_spec("ipywidgets") is not None:
+        return NotebookBar(import_module("ipywidgets"), import_module("IPython.display").display)
+    return TerminalBar(write, note) if sys.stderr.isatty() else PlainLines(note)
+
+
+class ProgressLine(Generic[Report]):
+    """Shows the latest report of a computation, `described` in words, where this process shows progress.
+
+    It appears after `patience` [s], lines of a file after their first interval. A report with a time goes on in the
+    line until the next one comes. In the end it says for how long JAX compiled meanwhile.
+    """
+
+    def __init__(
+        self,
+        described: Callable[[Report], str],
+        *,
+        write: Write,
+        note: Write,
+        quiet: bool = False,
+        patience: float = 0.0,
+        display: Display | None = None,
+    ) -> None:
+        self._described = described
+        self._active = not quiet
+        self._display = display or display_here(write=write, note=note)
+        first = self._display.every if isinstance(self._display, PlainLines) else patience
+        self._next = time.monotonic() + first
+        self._compiled = COMPILE_TIME.seconds
+        self._showing = threading.Lock()
+        self._closed = threading.Event()
+        self._ticking: threading.Thread | None = None
+        self._latest: tuple[Report, float] | None = None
+
+    def __call__(self, progress: Report) -> None:
+        """Show a progress report."""
+        if not self._active:
+            return
+        with self._showing:
+            self._latest = progress, time.monotonic()
+            self._show(progress)
+        if self._ticking is None and self._display.ticks and isinstance(progress, Timed):
+            self._ticking = threading.Thread(target=self._tick, name="mrwork-progress", daemon=True)
+            self._ticking.start()
+
+    def _show(self, progress: Report) -> None:
+        # A description may follow the reports that are not shown.
+        text = escape_text(self._described(progress))
+        if time.monotonic() >= self._next:
+            self._next = time.monotonic() + self._display.every
+            self._display.show(text, progress.share if isinstance(progress, Shared) else None)
+
+    def _tick(self) -> None:
+        while not self._closed.wait(_TICK):
+            with self._showing:
+                latest, at = self._latest or (None, 0.0)
+                if isinstance(latest, Timed) and not self._closed.is_set():
+                    self._show(latest.later(time.monotonic() - at))
+
+    def close(self) -> None:
+        """Clear the line, and say how long JAX compiled."""
+        self._closed.set()
+        if self._ticking is not None:
+            self._ticking.join()
+        self._display.close()
+        compiled = COMPILE_TIME.seconds - self._compiled
+        self._compiled = COMPILE_TIME.seconds
+        if self._active and compiled >= _TOLD:
+            self._display.tell(f"JAX compiled for {duration_in_words(compiled)}")
+
+    def __enter__(self) -> ProgressLine[Report]:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@checked
+def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[Told]:
+    """Progress of a computation below a cell of a notebook, on a terminal, or in lines of a log; for `on_progress`.
+
+    In a notebook it is a widget where `ipywidgets` is installed, on a terminal a bar, elsewhere a line every 30 s. In
+    the end it says for how long JAX compiled.
+
+    Parameters
+    ----------
+    patience
+        Seconds until it appears.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> with mr.show_progress() as shown:
+    ...     fit = mr.identify("bingham", mr.synthetic_test("spencer1997"), on_progress=shown)
+    """
+    return ProgressLine(
+        lambda report: report.in_words,
+        write=_write_stderr,
+        note=lambda sentence: _write_stderr(f"{sentence}\n"),
+        patience=patience,
+    )
+
+
+def _write_stderr(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook, which has loaded IPython."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return getattr(shell, "kernel", None) is not None
+
+
+def _within(share: float) -> float:
+    return min(max(share, 0.0), 1.0)
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * _within(share):.0f} %"
+
+
+def _bar(share: float) -> str:
+    filled = int(_BAR * _within(share))
+    return f"[{'#' * filled}{'-' * (_BAR - filled)}]"

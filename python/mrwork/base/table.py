@@ -1,0 +1,210 @@
+"""Tables of text for every medium: the lines of a terminal, a page, Markdown and CSV.
+
+The module is below all results, because these yield tables, which verbs, pages and studies show.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+from mrwork.base.arguments import checked
+from mrwork.base.numbers import NOTHING
+from mrwork.base.summary import Summarised, Summary, align_rows
+
+# Words that are longer may be broken over lines of a page.
+_LONG = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableColumn:
+    """A column: its heading, the unit of its cells, the cell of an item, and whether cells are words, not numbers."""
+
+    heading: str
+    cell: Callable[[Any], str]
+    unit: str = ""
+    words: bool = False
+
+    @property
+    def in_text(self) -> str:
+        """The heading in a terminal."""
+        return f"{self.heading} [{self.unit}]" if self.unit else self.heading
+
+    @property
+    def on_page(self) -> str:
+        """The heading on a page."""
+        return f"{self.heading[:1].upper()}{self.heading[1:]}{f' ({self.unit})' if self.unit else ''}"
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Table(Summarised):
+    """Text in rows; the first column names the row, those in `words` are text, all others numbers.
+
+    A table has a `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings
+    above the columns, each with the number of columns that it spans; `headings` are headings above rows, by the number
+    of the row; `foot` is a last row. `strong` are the cells (row, column) in bold, `alarming` those in the colour of
+    warnings.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    title: str = ""
+    label: str = ""
+    foot: tuple[str, ...] = ()
+    words: tuple[int, ...] = ()
+    note: str = ""
+    over: tuple[tuple[str, int], ...] = ()
+    strong: frozenset[tuple[int, int]] = frozenset()
+    alarming: frozenset[tuple[int, int]] = frozenset()
+    headings: Mapping[int, str] = field(default_factory=dict)
+
+    def lines(self, indent: str = "", *, width: int | None = None) -> list[str]:
+        """Columns, rows with their headings, and foot as aligned lines, each after `indent`.
+
+        The last columns are left out, and named in a last line, where the lines would be longer than `width`.
+        """
+        inset = "  " if self.headings else ""
+        cells = [
+            self.columns,
+            *((f"{inset}{row[0]}", *row[1:]) for row in self.rows),
+            *([self.foot] if self.foot else []),
+        ]
+        count = len(self.columns)
+        lines = align_rows(cells)
+        while width is not None and count > 2 and max(map(len, lines)) > width:
+            count -= 1
+            lines = align_rows([row[:count] for row in cells])
+        for row, heading in sorted(self.headings.items(), reverse=True):
+            lines.insert(1 + row, heading)
+        over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
+        left_out = ", ".join(self.columns[count:])
+        said = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
+        return [f"{indent}{line}" for line in (*over, *lines, *said)]
+
+    def markdown(self) -> str:
+        """The table for a README."""
+        ruler = ("---", *["---:"] * (len(self.columns) - 1))
+        body = (
+            [f"**{cell}**" if (row, place) in self.strong else cell for place, cell in enumerate(cells)]
+            for row, cells in enumerate(self.rows)
+        )
+        lines = (f"| {' | '.join(cells)} |" for cells in (self.columns, ruler, *body))
+        return "\n".join([f"**{self.title}**", "", *lines, "", *([self.note, ""] if self.note else [])])
+
+    def html(self, symbol: Callable[[str], str] | None = None) -> str:
+        """The table for a page, in a region that scrolls; `symbol` sets headings and names of rows that are symbols."""
+        set_heading, set_name = symbol or escape, symbol or breakable
+        lines = [
+            *([f"<h3>{escape(self.title)}</h3>"] if self.title else []),
+            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(self.label or self.title)}">',
+            "<table>",
+            "<thead>",
+        ]
+        if self.over:
+            spans = (f'<th scope="colgroup" colspan="{n}">{escape(text)}</th>' for text, n in self.over)
+            lines.append(f'<tr class="over">{"".join(spans)}</tr>')
+        heads = (
+            f'<th scope="col"{self._class(place) if place else ""}>{set_heading(text)}</th>'
+            for place, text in enumerate(self.columns)
+        )
+        lines += [f"<tr>{''.join(heads)}</tr></thead>", "<tbody>"]
+        for row, cells in enumerate(self.rows):
+            if row in self.headings:
+                heading = f'<th scope="rowgroup" colspan="{len(cells)}">{escape(self.headings[row])}</th>'
+                lines.append(f'<tr class="rank">{heading}</tr>')
+            lines.append(self._row(set_name(cells[0]), cells, row))
+        lines.append("</tbody>")
+        if self.foot:
+            lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
+        lines += [
+            "</table>",
+            "</div>",
+            *([f'<p class="note">{format_code(self.note)}</p>'] if self.note else []),
+        ]
+        return "\n".join(lines)
+
+    # A template shows a table by its name.
+    __html__ = html
+
+    def _over(self, widths: Sequence[int]) -> list[str]:
+        """The headings above columns of these widths, each above the first column that it spans."""
+        line, place = "", 0
+        for text, span in self.over:
+            if text and place < len(widths):
+                start = sum(width + 2 for width in widths[:place])
+                line = f"{line:<{start}}{text if place else ''}  "
+            place += span
+        return [line.rstrip()] if line.strip() else []
+
+    def _row(self, name: str, cells: tuple[str, ...], row: int | None = None) -> str:
+        rest = (
+            f"<td{self._class(place, row, text)}>{escape(text)}</td>"
+            for place, text in enumerate(cells[1:], start=1)
+        )
+        return f'<tr><th scope="row" class="name">{name}</th>{"".join(rest)}</tr>'
+
+    def _class(self, place: int, row: int | None = None, text: str = "") -> str:
+        """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
+        if place in self.words:
+            return ' class="reason"' if len(text) > _LONG and row is not None else ""
+        strong = " strong" if (row, place) in self.strong else ""
+        return f' class="number{strong}{" remark" if (row, place) in self.alarming else ""}"'
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=self.title, columns=self.columns, rows=self.rows, notes=(self.note,) if self.note else ()
+        )
+
+
+def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
+    """A table for a terminal, with a row for each item."""
+    return Table(
+        columns=tuple(each.in_text for each in columns),
+        rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
+    )
+
+
+def page_table(
+    label: str,
+    columns: Sequence[TableColumn],
+    items: Iterable[Any],
+    *,
+    foot: tuple[str, ...] = (),
+    note: str = "",
+) -> Table:
+    """A table for a page, with a row for each item, without the columns that are empty in every row."""
+    rows = [[each.cell(item) for each in columns] for item in items]
+    filled = [place for place in range(len(columns)) if any(row[place] not in ("", NOTHING) for row in rows)]
+    return Table(
+        label=label,
+        columns=tuple(columns[place].on_page for place in filled),
+        rows=tuple(tuple(row[place] for place in filled) for row in rows),
+        words=tuple(number for number, place in enumerate(filled) if columns[place].words),
+        foot=tuple(foot[place] for place in filled) if foot else (),
+        note=note,
+    )
+
+
+def csv_text(rows: Iterable[Sequence[str]]) -> str:
+    """Rows as the text of a CSV file; the first has the headings."""
+    target = io.StringIO()
+    csv.writer(target, lineterminator="\n").writerows(rows)
+    return target.getvalue()
+
+
+def breakable(name: str) -> str:
+    """HTML of a name that may be broken after an underscore, but not between a number and its unit."""
+    return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
+
+
+def format_code(sentence: str) -> str:
+    """HTML of a sentence with `commands` between backticks; a per cent sign and `i = 0` are not broken apart."""
+    bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
+    bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", bound)

@@ -1,0 +1,1 @@
+"""Settings of control laws, a family a file, and the plants and weights that they design with."""

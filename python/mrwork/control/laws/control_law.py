@@ -1,0 +1,401 @@
+"""Control laws as the Rust core declares them, and a law with its gains, its model of the loop and further signals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrwork import _rust
+from mrwork.base.arguments import May, NotNegative, Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.keys import suggestion
+from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building, Device
+from mrwork.control.linear.margins import LoopMargins
+from mrwork.control.weights.weight_certificate import DesignedWeights
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError, UnknownNameError
+
+Shape = Literal["device", "state", "numbers", "signal", "loop"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainSpec:
+    """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
+
+    Of the shape "signal" are `numbers` for each device and further signal of the law; without signals there are none.
+
+    A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
+    command, or that unit per another.
+    """
+
+    name: str
+    unit: str
+    is_command: bool
+    scales_with_command: bool
+    shape: Shape
+    numbers: int
+    description: str
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes of the gain of one candidate."""
+        return len(self.shape_for(1, 2))
+
+    def shape_for(self, n_devices: int, n_states: int, n_signals: int = 0) -> tuple[int, ...]:
+        """Shape of the gain of one candidate."""
+        if self.shape == "signal":
+            return (n_devices, n_signals * self.numbers)
+        if self.shape == "loop":
+            return (1,)
+        if self.shape == "device":
+            return (n_devices,)
+        return (n_devices, n_states if self.shape == "state" else self.numbers)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlLawSpec:
+    """A law: its formula, source, gains and tables.
+
+    `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
+    the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
+    building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
+    accelerometers on the floors to which devices are attached. One that `takes_signals` may be given further ones.
+    """
+
+    name: str
+    title: str
+    equation: str
+    description: str
+    source: str
+    gains: tuple[GainSpec, ...]
+    tables: tuple[str, ...]
+    needs_curve: bool
+    needs_model: bool
+    commands_force: bool
+    reads_acceleration: bool
+    takes_signals: bool
+
+    @property
+    def sends_share(self) -> bool:
+        """Whether the command scales with the largest command."""
+        absolute = any(gain.scales_with_command for gain in self.gains)
+        return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
+
+
+SignalSource = Literal[
+    "deformation", "rate", "force", "acceleration", "floor_acceleration", "ground_acceleration"
+]
+"""What is measured: of a device, of a floor, or of the ground."""
+
+SignalName = Literal[
+    "acceleration",
+    "ground_acceleration",
+    "rms_deformation",
+    "rms_rate",
+    "rms_force",
+    "rms_acceleration",
+    "rms_ground_acceleration",
+]
+"""Further signals in a study; those of floors are chosen by the numbers of the floors."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherSignal:
+    """A reading that a law of measured signals takes besides those of its device, or its running root mean square.
+
+    The mean of the squares fades: `s = a s + (1 - a) y^2` at each control sample, `a = exp(-Ts / time_constant)`, from
+    zero on; the signal is its root. A reading that is not finite leaves it as it is, and sends no command.
+
+    Parameters
+    ----------
+    source
+        Elongation [m], rate [m/s] or force [N] of the device; its absolute acceleration [m/s^2], that of its upper end
+        less that of its lower end; that of a floor, or of the ground [m/s^2].
+    floor
+        Number of the floor, from 0, of a floor's acceleration.
+    time_constant
+        That of the running root mean square [s]; `None` for the reading itself.
+    """
+
+    source: SignalSource
+    floor: Annotated[int, Within(least=0)] = 0
+    time_constant: Positive | None = None
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether it is the absolute acceleration of floors."""
+        return self.source in {"acceleration", "floor_acceleration"}
+
+
+SOURCES: Mapping[SignalName, tuple[SignalSource, bool]] = {
+    "acceleration": ("acceleration", False),
+    "ground_acceleration": ("ground_acceleration", False),
+    "rms_deformation": ("deformation", True),
+    "rms_rate": ("rate", True),
+    "rms_force": ("force", True),
+    "rms_acceleration": ("acceleration", True),
+    "rms_ground_acceleration": ("ground_acceleration", True),
+}
+"""Source of each signal of a study, and whether it is a running root mean square."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopModel(Summarised):
+    """A building with its devices as a law believes them to be; of draws of a damper it has the first.
+
+    Passive elements count with the spring and the dashpot that they have in the matrices.
+
+    Raises
+    ------
+    SettingError
+        If there is no device, or their models or current laws differ.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.design_law('predictive_rollout', problem)"
+
+    building: Building
+    devices: Sequence[Device]
+
+    def __post_init__(self) -> None:
+        if not self.devices:
+            raise SettingError("the model of a loop has no device; give one")
+        first = self.devices[0].spec
+        for device in self.devices[1:]:
+            if (device.spec.name, device.spec.current) != (first.name, first.current):
+                raise SettingError(
+                    f"{device.name} of the model is a {device.spec.name} and {self.devices[0].name} a {first.name}, or "
+                    "their current laws differ; give devices of one model with the same laws"
+                )
+
+
+@checked
+@array_dataclass(repr=False)
+class ControlLaw(Summarised):
+    """A law with its gains, for one or several candidates.
+
+    Parameters
+    ----------
+    name
+        Name of the law; see `control_laws`.
+    gains
+        By name, shape (n_devices,) or (n_devices, 2n), with an optional leading axis for candidates.
+    tables
+        By name, shape (n,).
+    curve
+        Model of the damper in the law: static hysteretic with current laws, and its parameters.
+    notes
+        Sentences on the law that a user should read.
+    weights
+        The designed weights of its gain, if it has any.
+    margins
+        Stability margins of its linear loop, if it has one.
+    dead_zone
+        Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
+        dissipates next to nothing, and the sign of its velocity, on which laws switch, is that of the noise.
+    command_slope
+        Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
+    model
+        Building and dampers by which the law predicts the motion; they may differ from those of the loop.
+    signals
+        Further signals of a law of measured signals, in the order of their weights and powers.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such law.
+    SettingError
+        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` or
+        `model` and needs one, it has `signals` and takes none, or the gains differ in their number of candidates.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
+
+    name: str
+    # The gain of a design without a solution is infinite.
+    gains: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE]] = field(default_factory=dict)
+    tables: Mapping[str, ArrayLike] = field(default_factory=dict)
+    curve: tuple[DamperSpec, ArrayLike] | None = None
+    dead_zone: NotNegative = 0.0
+    command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
+    model: LoopModel | None = None
+    signals: tuple[FurtherSignal, ...] = ()
+    notes: tuple[str, ...] = ()
+    weights: DesignedWeights | None = None
+    margins: LoopMargins | None = None
+
+    def __post_init__(self) -> None:
+        spec = self.spec
+        needed = [gain.name for gain in spec.gains if gain.shape != "signal" or self.signals]
+        _check_names(spec, "gain", self.gains, needed)
+        _check_names(spec, "table", self.tables, spec.tables)
+        if self.signals and not spec.takes_signals:
+            raise SettingError(f"{spec.name} takes no further signals; leave `signals` out")
+        counts = [count for gain in self._given_gains if (count := self._candidates(gain)) > 1]
+        if len(set(counts)) > 1:
+            raise SettingError(
+                f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
+                "each gain, or one"
+            )
+        if self.curve is not None and not spec.needs_curve:
+            raise SettingError(f"{spec.name} does not use the force of the damper; leave `curve` out")
+        if spec.needs_curve and self.curve is None:
+            raise SettingError(
+                f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
+                "with current laws, of the damper itself or of its static counterpart"
+            )
+        if self.model is not None and not spec.needs_model:
+            raise SettingError(f"{spec.name} does not predict the motion; leave `model` out")
+        if spec.needs_model and self.model is None:
+            raise SettingError(
+                f"{spec.name} predicts the motion by its own model of the loop; give it a `model`, a building with its "
+                "devices"
+            )
+
+    @property
+    def spec(self) -> ControlLawSpec:
+        """The declaration of the law."""
+        return control_law(self.name)
+
+    @property
+    def _given_gains(self) -> list[GainSpec]:
+        """The gains that the law has; those of further signals only with signals."""
+        return [gain for gain in self.spec.gains if gain.name in self.gains]
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether it reads the absolute accelerations of floors."""
+        return self.spec.reads_acceleration or any(signal.reads_acceleration for signal in self.signals)
+
+    @property
+    def forecasts_ground(self) -> bool:
+        """Whether it forecasts the ground acceleration, of an order above zero."""
+        return self.spec.needs_model and float(np.ravel(self.tables["forecast"])[0]) > 0.0
+
+    @property
+    def shaping(self) -> tuple[float, float] | None:
+        """Dead zone and slope of the command; `None` where it is sent as it is."""
+        plain = self.dead_zone == 0.0 and math.isinf(self.command_slope)
+        return None if plain else (float(self.dead_zone), float(self.command_slope))
+
+    @property
+    def shaping_notes(self) -> tuple[str, ...]:
+        """Sentences on dead zone and slope of the command; none where it is sent as it is."""
+        zone = of_unit(self.dead_zone, "m/s")
+        slope = format_rounded(self.command_slope)
+        return (
+            *((f"The command is zero below a damper velocity of {zone}.",) if self.dead_zone > 0.0 else ()),
+            *(
+                (f"The command changes by at most {slope} A or V per second.",)
+                if math.isfinite(self.command_slope)
+                else ()
+            ),
+        )
+
+    @checked
+    def gain_rows(self, n_devices: int, n_states: int) -> Floats:
+        """The gains as rows, shape (n_candidates, n_gains).
+
+        Raises
+        ------
+        SettingError
+            If a gain is of the wrong shape.
+        """
+        spec = self.spec
+        blocks = []
+        for gain in self._given_gains:
+            shape = gain.shape_for(n_devices, n_states, len(self.signals))
+            given = np.asarray(self.gains[gain.name], dtype=np.float64)
+            if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
+                raise SettingError(
+                    f"`{gain.name}` of {spec.name} has shape {given.shape}; give {shape}, "
+                    f"or a row of that shape for each candidate"
+                )
+            blocks.append(given.reshape(-1, int(np.prod(shape))))
+        n_candidates = max((len(block) for block in blocks), default=1)
+        wide = [np.broadcast_to(block, (n_candidates, block.shape[1])) for block in blocks]
+        return np.ascontiguousarray(np.hstack(wide)) if wide else np.zeros((1, 0))
+
+    def table_rows(self) -> list[Floats]:
+        """The tables in order."""
+        return [
+            np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
+            for name in self.spec.tables
+        ]
+
+    def _candidates(self, gain: GainSpec) -> int:
+        """Number of candidates of a gain; 1 if it is the same for all."""
+        given = self.gains[gain.name]
+        return np.shape(given)[0] if np.ndim(given) > gain.dimensions else 1
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Control law {self.spec.title}",
+            facts=(("equation", self.spec.equation), ("source", self.spec.source)),
+            columns=("number", "shape", "largest"),
+            rows=[
+                (
+                    name,
+                    str(np.shape(value)),
+                    format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
+                )
+                for name, value in (*self.gains.items(), *self.tables.items())
+            ],
+            notes=(
+                *(() if self.weights is None else self.weights.in_words),
+                *self.notes,
+                *self.shaping_notes,
+            ),
+        )
+
+
+@cache
+def control_laws() -> tuple[ControlLawSpec, ...]:
+    """Every control law, in the order of the registry."""
+    return tuple(
+        ControlLawSpec(
+            **{**entry, "tables": tuple(entry["tables"])}
+            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])},
+        )
+        for entry in _rust.control_laws()
+    )
+
+
+@checked
+def control_law(name: str) -> ControlLawSpec:
+    """The law of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    for spec in control_laws():
+        if spec.name == name:
+            return spec
+    raise UnknownNameError(
+        f"no control law is called {name!r}{suggestion(name, [spec.name for spec in control_laws()])}"
+    )
+
+
+def _check_names(
+    spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
+) -> None:
+    for name in given:
+        if name not in expected:
+            raise SettingError(
+                f"{spec.name} has no {kind} {name!r}{suggestion(name, expected, otherwise='it has')}"
+            )
+    for name in expected:
+        if name not in given:
+            raise SettingError(f"{spec.name} lacks the {kind} {name!r}; give {', '.join(expected)}")

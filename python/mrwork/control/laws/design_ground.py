@@ -1,0 +1,215 @@
+"""What a design takes from its problem: the ground of the motions, the forces of the dampers; what a gain asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.base.numbers import of_unit
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Device
+from mrwork.control.laws.law_problem import DesignProblem
+from mrwork.control.linear.riccati import attempt_each
+from mrwork.control.weights.limits import LimitedOutputs, sine_force
+from mrwork.control.weights.system import DesignSystem, LyapunovEquations, system_of
+from mrwork.errors import SettingError
+from mrwork.motions.spectral_density import (
+    SpectralDensity,
+    SpectrumKind,
+    StationaryGround,
+    stationary_ground,
+)
+
+PEAK_FACTOR = 3.0
+"""Peak of a stationary response over its rms, about that of the largest of some hundred cycles."""
+# Modes of a tall building that its rms motion and force are those of.
+_MODES = 20
+
+
+def ground_of(
+    problem: DesignProblem,
+    kind: SpectrumKind = "kanai_tajimi",
+    frequency: float | None = None,
+    damping: float | None = None,
+) -> StationaryGround:
+    """The stationary ground of the motions of a problem, which keeps it."""
+    known, key = problem.whole._grounds, (kind, frequency, damping)
+    if key not in known:
+        known[key] = stationary_ground(problem.motions, kind, frequency=frequency, damping=damping)
+    return known[key]
+
+
+def source_in_words(problem: DesignProblem) -> str:
+    """Which motions the ground of a design is fitted to."""
+    number = len(problem.motions)
+    several = "" if number == 1 else "s"
+    counted = "" if number == 1 else f"{number} "
+    if not problem.judged:
+        return f"fitted to the strong part{several} of the {counted}training motion{several}"
+    return (
+        f"fitted to the strong part{several} of the {counted}motion{several} on which the laws are judged, too, since "
+        "none is for training"
+    )
+
+
+def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:
+    """The building, of a tall one its lowest modes, with its devices under a ground, without limited outputs."""
+    none = LimitedOutputs(names=(), units=(), settings=(), limits=np.empty(0))
+    modes = min(problem.plant.n_coordinates, _MODES)
+    return system_of(problem.plant, none, spectrum, budgets=np.ones(problem.plant.n_devices), n_modes=modes)
+
+
+def rms_forces(system: DesignSystem, gain: Floats) -> Floats:
+    """Rms desired force of each device [N] under the ground, the loop closed with `f = -gain s` at once."""
+    K = gain @ system.state
+    X = LyapunovEquations(system.A - system.B @ K).covariance(system.ground)
+    # Of tiny forces rounding may leave a negative square.
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", K, X, K), 0.0)))
+
+
+@array_dataclass()
+class DamperForces:
+    """Forces of each device with all its dampers [N]: the largest at the largest command, and the rms at none.
+
+    `over` says over which motion.
+    """
+
+    largest: Floats
+    idle: Floats
+    over: str
+
+    @property
+    def budgets(self) -> Floats:
+        """Rms force of each device [N] whose peaks are the largest force."""
+        return self.largest / PEAK_FACTOR
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stroke:
+    """Amplitude [m] and peak velocity [m/s] of a sinusoid, and what they are."""
+
+    amplitude: float
+    velocity: float
+    says: str
+
+
+def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperForces:
+    """Forces of the dampers over their tested range, the motion that is expected of them, or that under a ground.
+
+    The motion is a sinusoid of the largest amplitude and velocity; where neither ranges nor expected motions are known,
+    of three times the rms elongation and rate without control.
+    """
+    devices = tuple(problem.whole.devices)
+    if any(device.tested is None for device in devices) and (
+        problem.amplitude is None or problem.velocity is None
+    ):
+        system = shaken_system(problem, spectrum)
+        X = LyapunovEquations(system.A).covariance(system.ground)
+        n = problem.plant.n_coordinates
+        elongations = problem.plant.attachment @ system.state[:n]
+        rms = [np.sqrt(np.einsum("ij,jk,ik->i", rows, X, rows)) for rows in (elongations, system.rates)]
+    else:
+        rms = [np.ones(len(devices)), np.ones(len(devices))]
+    strokes = [
+        _stroke(problem, device, float(rms[0][number]), float(rms[1][number]))
+        for number, device in enumerate(devices)
+    ]
+    forces = [
+        [
+            sine_force(device, each.amplitude, each.velocity, command)
+            for command in (device.largest_command, 0.0)
+        ]
+        for device, each in zip(devices, strokes, strict=True)
+    ]
+    return DamperForces(
+        largest=np.array([np.abs(on).max() for on, _ in forces]),
+        idle=np.array([np.sqrt(np.mean(np.square(off))) for _, off in forces]),
+        over=list_names(tuple(dict.fromkeys(each.says for each in strokes))),
+    )
+
+
+def _stroke(problem: DesignProblem, device: Device, elongation: float, rate: float) -> _Stroke:
+    if device.tested is not None and min(device.tested.stroke, device.tested.velocity) > 0.0:
+        tested = device.tested
+        return _Stroke(amplitude=tested.stroke, velocity=tested.velocity, says="over its tested range")
+    if problem.amplitude is not None and problem.velocity is not None:
+        return _Stroke(
+            amplitude=problem.amplitude[1], velocity=problem.velocity[1], says="over the expected motion"
+        )
+    return _Stroke(
+        amplitude=max(PEAK_FACTOR * elongation, 1e-9),
+        velocity=max(PEAK_FACTOR * rate, 1e-9),
+        says=f"at {PEAK_FACTOR:g} times the rms stroke without control",
+    )
+
+
+def forces_in_words(devices: Sequence[Device], forces: DamperForces) -> str:
+    """The largest force of each device, with its command and motion."""
+    parts = []
+    for device, largest in zip(devices, forces.largest, strict=True):
+        current = device.spec.current
+        command = "" if current is None else f" at {device.largest_command:.3g} {current.unit}"
+        parts.append(f"{of_unit(float(largest), 'N')}, the largest force of {device.name}{command}")
+    return f"{list_names(tuple(parts))} {forces.over}"
+
+
+# Rms desired force over that of the dampers at i = 0, and over their largest force, below which a law is idle.
+_IDLE, _IDLE_OF_LARGEST = 0.05, 0.003
+
+
+@array_dataclass()
+class AskedForce:
+    """Rms force that a gain asks for [N], with ideal forces under the ground of a problem, beside that of the dampers.
+
+    `idle` are the rms forces of the dampers at i = 0 and `budgets` those whose peaks are their largest force; all of
+    shape (n_devices,).
+    """
+
+    devices: tuple[str, ...]
+    wanted: Floats
+    idle: Floats
+    budgets: Floats
+
+    @property
+    def asks_for_none(self) -> bool:
+        """Whether the dampers resist with much more than the law asks for, also without a command."""
+        return bool(np.all(self.wanted < np.maximum(_IDLE * self.idle, _IDLE_OF_LARGEST * self.budgets)))
+
+    @property
+    def share(self) -> float:
+        """Desired force over that from which a law acts: the force of the dampers at i = 0, or a tenth of the most."""
+        return float(np.min(self.wanted / np.maximum(self.idle, 0.1 * self.budgets)))
+
+    @property
+    def in_words(self) -> str:
+        """The rms desired force of each device, and what its dampers give."""
+        return list_names(
+            tuple(
+                f"{wanted:.3g} N rms of {name}, which resists with {idle:.3g} N rms at i = 0 and can give "
+                f"{budget:.3g} N"
+                for name, wanted, idle, budget in zip(
+                    self.devices, self.wanted, self.idle, self.budgets, strict=True
+                )
+            )
+        )
+
+
+def asked_forces(problem: DesignProblem, gains: Sequence[Floats]) -> list[AskedForce | None]:
+    """The force that each gain asks for; `None` where the ground is not known or the loop is not stable."""
+    try:
+        spectrum = ground_of(problem).spectrum
+        forces, system = damper_forces(problem, spectrum), shaken_system(problem, spectrum)
+    except SettingError:
+        return [None] * len(gains)
+    wanted = attempt_each(lambda gain: rms_forces(system, gain), gains)
+    return [
+        None
+        if isinstance(each, SettingError)
+        else AskedForce(
+            devices=problem.plant.device_names, wanted=each, idle=forces.idle, budgets=forces.budgets
+        )
+        for each in wanted
+    ]

@@ -1,0 +1,321 @@
+"""Inputs and results of every law design: the problem, the settings of the law, and its gains.
+
+A `Span` stands beside each setting that a search may change. It is relative to magnitudes of the response, so that
+it fits any building and damper.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from math import exp, log
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.keys import DeclaredTable, plain_values, refuse_repeated
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings import Building
+from mrwork.buildings.matrices import Device, elongation_rows
+from mrwork.control.laws.control_law import FurtherSignal
+from mrwork.control.laws.counterpart import is_curve, static_counterpart
+from mrwork.control.linear.margins import LoopMargins
+from mrwork.control.linear.plant import Plant, plant_of
+from mrwork.control.linear.riccati import attempt_each
+from mrwork.control.weights.limits import LoopTiming
+from mrwork.control.weights.weight_certificate import DesignedWeights
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
+from mrwork.motions import GroundMotion
+from mrwork.motions.spectral_density import StationaryGround
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferencePeaks:
+    """The best constant command on some motions [A or V]; mean peaks of drift [m] and acceleration [m/s^2] under it."""
+
+    command: float
+    drift: float
+    acceleration: float
+
+
+# It takes a second, and a study asks for it once for each law and candidate.
+_counterpart = lru_cache(maxsize=32)(static_counterpart)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignProblem(Summarised):
+    """The building with its devices for which a law is designed.
+
+    `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
+    largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
+    design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
+    `reference_peaks` finds the largest motions under a constant command, to which a law may refer.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s", "delay": "s"}
+
+    building: Building
+    devices: Sequence[Device]
+    sample_time: Positive
+    amplitude: tuple[Positive, Positive] | None = None
+    velocity: tuple[Positive, Positive] | None = None
+    delay: NotNegative = 0.0
+    motions: Sequence[GroundMotion] = ()
+    judged: bool = False
+    reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
+    # The plant, once a law has asked for it: it keeps the weights that are designed for it.
+    _plant: list[Plant] = field(default_factory=list, init=False, repr=False, compare=False)
+    # The grounds of the motions that designs have asked for, by kind and given numbers.
+    _grounds: dict[object, StationaryGround] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    # The problem that this one was limited from.
+    _whole: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
+
+    @property
+    def curve(self) -> tuple[DamperSpec, Floats]:
+        """The static model of the first damper: its force as a function of the command.
+
+        Raises
+        ------
+        SettingError
+            If the damper needs a static counterpart, and the expected motions are not given.
+        """
+        if not self.devices:
+            raise SettingError(
+                "this law needs the force of a damper, and the problem has no device; give one"
+            )
+        device = self.devices[0]
+        theta = device.draws[0]
+        if is_curve(device.spec):
+            return device.spec, theta
+        if self.amplitude is None or self.velocity is None:
+            raise SettingError(
+                f"this law needs the force as a function of the command, for which {device.spec.name} is replaced by a "
+                "static model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
+            )
+        counterpart = _counterpart(
+            device.spec,
+            tuple(theta.tolist()),
+            largest_command=device.largest_command,
+            amplitude=self.amplitude,
+            velocity=self.velocity,
+        )
+        return counterpart.spec, np.array(counterpart.theta)
+
+    @property
+    def plant(self) -> Plant:
+        """The linear system of the building with its devices."""
+        known = self.whole._plant
+        if not known:
+            rows = elongation_rows(self.building, self.devices)
+            known.append(plant_of(self.building, rows, [device.name for device in self.devices]))
+        return known[0]
+
+    @property
+    def whole(self) -> DesignProblem:
+        """The problem with the largest commands of the dampers themselves, which a law may not send."""
+        return self._whole[0] if self._whole else self
+
+    @checked
+    def limited_to(self, command: float) -> DesignProblem:
+        """The problem with devices that get at most this command [A or V]; its plant is the same."""
+        devices = tuple(
+            replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
+        )
+        problem = replace(self, devices=devices)
+        problem._whole.append(self.whole)
+        return problem
+
+    @property
+    def driver_rates(self) -> tuple[float | None, ...]:
+        """Rate of the lag of the driver of each device [1/s]; `None` without one."""
+        # It is the last parameter of a model that has one.
+        return tuple(
+            float(device.draws[0, -1])
+            if device.spec.current is not None and device.spec.current.lagged
+            else None
+            for device in self.devices
+        )
+
+    @property
+    def timing(self) -> LoopTiming:
+        """Sample time and delay of the loop, and the lag of the driver of the devices; without one, no lag.
+
+        Raises
+        ------
+        SettingError
+            If the drivers of the devices differ, or the delay is not a whole number of samples or has too many.
+        """
+        rates = dict.fromkeys(self.driver_rates)
+        if len(rates) > 1:
+            shown = ", ".join("none" if rate is None else f"{rate:g} 1/s" for rate in rates)
+            raise SettingError(
+                f"the drivers of the devices have lags of different rates ({shown}), and a design in discrete time "
+                "takes one; give all devices the same lag"
+            )
+        (rate,) = rates or (None,)
+        return LoopTiming(sample_time=self.sample_time, delay=self.delay, driver_rate=rate)
+
+    @checked
+    def each(self, number: float) -> Floats:
+        """An array with the same number for every device."""
+        return np.full(len(self.devices), number)
+
+
+@array_dataclass(repr=False)
+class Design(Summarised):
+    """Gains of a law by name, one number or one row over the state for each device; its tables and further signals."""
+
+    gains: Mapping[str, Floats] = field(default_factory=dict)
+    tables: Mapping[str, Floats] = field(default_factory=dict)
+    signals: tuple[FurtherSignal, ...] = ()
+
+
+Magnitude = Literal[
+    "drift",
+    "displacement",
+    "velocity",
+    "acceleration",
+    "energy",
+    "force",
+    "stroke",
+    "rate",
+    "ground",
+    "command",
+    "constant_drift",
+    "constant_acceleration",
+    "cost",
+]
+NO_CERTIFICATE = "none"
+"""Certificate of a law of which nothing is proved."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Magnitudes(Summarised):
+    """Typical peaks of a building with dampers, to which search ranges refer.
+
+    Drift, floor displacement [m], floor velocity [m/s] and acceleration [m/s^2], twice the energy [J], stroke [m] and
+    rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
+    command [A or V]. `constant_drift` [m] and `constant_acceleration` [m/s^2] are mean peaks under the best constant
+    command, where a law refers to them. `cost` is what the weights that are not free add up to.
+    """
+
+    drift: float
+    displacement: float
+    velocity: float
+    acceleration: float
+    energy: float
+    force: float
+    stroke: float
+    rate: float
+    ground: float
+    command: float
+    constant_drift: float = 0.0
+    constant_acceleration: float = 0.0
+    cost: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """Range in which a search looks for a setting, and its value where it is neither searched nor given.
+
+    `lower`, `upper` and `start` are multiples of the product of the magnitudes `of`, each with its power; a `start` of
+    `None` is the default of the setting. The search is uniform in the number or in its logarithm, by `scale`. It
+    changes the setting only if `free`, or where it is asked to, and never where `held` says why; of an array each
+    number, beginning with `entries`.
+    """
+
+    lower: float
+    upper: float
+    of: tuple[tuple[Magnitude, float], ...] = ()
+    start: float | None = None
+    scale: Literal["log", "linear"] = "log"
+    free: bool = True
+    held: str = ""
+    entries: tuple[float, ...] = ()
+
+    def unit(self, magnitudes: Magnitudes) -> float:
+        """The product of magnitudes that the numbers of the span are multiples of."""
+        for name, _ in self.of:
+            if not getattr(magnitudes, name) > 0.0:
+                raise SettingError(
+                    f"the {name} of the response is {getattr(magnitudes, name):g}, and the range of a setting is a "
+                    "multiple of it; give the range in numbers"
+                )
+        return exp(sum(power * log(getattr(magnitudes, name)) for name, power in self.of))
+
+
+class LawSettings(metaclass=DeclaredTable):
+    """Settings of a control law, declared by `key`, with the design of the law.
+
+    `constant` says whether the law sends a constant command, which makes the damper a passive one, `chooses_levels`
+    whether it chooses among commands up to a largest of its own, so that a search leaves that of the dampers,
+    `is_regulator` whether its weights are those of a regulator, of which published and convex ones are known.
+    `weighed_by_default` are the weights that a search holds where none is given; only their ratios to the free ones
+    matter.
+    """
+
+    __slots__ = ()
+    constant: ClassVar[bool] = False
+    chooses_levels: ClassVar[bool] = False
+    is_regulator: ClassVar[bool] = False
+    weighed_by_default: ClassVar[Mapping[str, float]] = {}
+
+    def __post_init__(self) -> None:
+        plain_values(self)
+        refuse_repeated(self)
+
+    @abstractmethod
+    def design(self, problem: DesignProblem) -> Design:
+        """The gains of the law for a building with its devices."""
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The gains of many settings, or the reason why one has none."""
+        return attempt_each(lambda settings: settings.design(problem), many)
+
+    @classmethod
+    def weight_names(cls) -> frozenset[str]:
+        """Names of the settings that are weights of outputs or states."""
+        return frozenset()
+
+    @classmethod
+    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
+        """The span of a setting beside those that are held; `None` where the law does not use it with them."""
+        return span
+
+    @classmethod
+    def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
+        """Cost of the held weights at these magnitudes; 1 for a law without weights."""
+        return 1.0
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the law has the gain of a design in discrete time."""
+        return False
+
+    def weights(self, problem: DesignProblem) -> DesignedWeights | None:
+        """The designed weights; `None` for a law with others or without."""
+        return None
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """Stability margins of the linear loop with drivers of these rates; `None` for a law that has none."""
+        return None
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """Sentences on the design that a user should read; none for most laws."""
+        return ()
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """Stability certificate of the law on this building, in words; `NO_CERTIFICATE` without one."""
+        return NO_CERTIFICATE

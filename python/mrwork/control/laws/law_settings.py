@@ -1,0 +1,304 @@
+"""The settings class of every law, and the design of a law from its name and settings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from mrwork.base.arguments import checked
+from mrwork.base.keys import key
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats
+from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, LoopModel, control_law
+from mrwork.control.laws.fuzzy import FuzzySettings
+from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.laws.lyapunov import LyapunovSettings, ProportionalSettings
+from mrwork.control.laws.regulator_settings import (
+    ClippedSettings,
+    NetworkSettings,
+    RegulatorSettings,
+    SignalNetworkSettings,
+    SignalPolynomialSettings,
+)
+from mrwork.control.laws.rollout import RolloutSettings
+from mrwork.control.laws.sliding import (
+    AdaptiveSlidingSettings,
+    SlidingSettings,
+    SuperTwistingSettings,
+)
+from mrwork.control.laws.weights import WeightWishes
+from mrwork.errors import InvalidSettingError, SettingError
+
+
+@checked
+class NoSettings(LawSettings):
+    """A law without settings."""
+
+    def design(self, problem: DesignProblem) -> Design:
+        """No gains."""
+        return Design()
+
+
+@checked
+class PassiveSettings(LawSettings):
+    """A constant command."""
+
+    constant: ClassVar[bool] = True
+    command: float = key(
+        "the command that is held constant, up to the largest",
+        unit="A or V",
+        least=0.0,
+        span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The command of each device."""
+        largest = min((device.largest_command for device in problem.devices), default=math.inf)
+        if self.command > largest:
+            raise InvalidSettingError(
+                "command", f"command is {self.command:g}, and the driver gives {largest:g} at most"
+            )
+        return Design(gains={"command": problem.each(self.command)})
+
+
+@checked
+class FrictionSettings(LawSettings):
+    """Friction in proportion to the last peak elongation."""
+
+    slope: float = key(
+        "desired friction of a device with all its dampers, per displacement of a damper",
+        unit="N/m",
+        above=0.0,
+        span=Span(lower=0.03, upper=100.0, of=(("force", 1.0), ("stroke", -1.0))),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The slope of each device."""
+        return Design(gains={"slope": problem.each(self.slope)})
+
+
+@checked
+class MixedSkyhookSettings(LawSettings):
+    """Skyhook below a crossover frequency, acceleration-driven damping above it."""
+
+    crossover: float | None = key(
+        "frequency below which the law is skyhook; by default the square root of two times the first natural one, "
+        "where a building of one storey transmits as much with little damping as with much",
+        unit="Hz",
+        default=None,
+        above=0.0,
+        span=Span(lower=0.05, upper=1.0, of=(("acceleration", 1.0), ("velocity", -1.0))),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The crossover of each device [rad/s]."""
+        crossover = self.crossover or math.sqrt(2.0) * float(problem.building.frequencies[0])
+        return Design(gains={"crossover": problem.each(2.0 * math.pi * crossover)})
+
+
+SETTINGS: Mapping[str, type[LawSettings]] = {
+    "passive": PassiveSettings,
+    "clipped_optimal": RegulatorSettings,
+    "modified_clipped_optimal": ClippedSettings,
+    "proportional_clipped_optimal": ClippedSettings,
+    "lyapunov": LyapunovSettings,
+    "decentralised_bang_bang": NoSettings,
+    "maximum_energy_dissipation": NoSettings,
+    "modulated_homogeneous_friction": FrictionSettings,
+    "sliding_mode": SlidingSettings,
+    "adaptive_sliding_mode": AdaptiveSlidingSettings,
+    "super_twisting": SuperTwistingSettings,
+    "fuzzy": FuzzySettings,
+    "lyapunov_direct": LyapunovSettings,
+    "lyapunov_parabola": LyapunovSettings,
+    "lyapunov_direct_bang_bang": LyapunovSettings,
+    "proportional_direct": ProportionalSettings,
+    "inverse_direct": RegulatorSettings,
+    "inverse_parabola": RegulatorSettings,
+    "inverse_network": NetworkSettings,
+    "signal_network": SignalNetworkSettings,
+    "signal_polynomial": SignalPolynomialSettings,
+    "active": RegulatorSettings,
+    "acceleration_driven": NoSettings,
+    "mixed_skyhook": MixedSkyhookSettings,
+    "predictive_rollout": RolloutSettings,
+}
+"""Settings by name of the law."""
+
+
+SettingValue = (
+    float
+    | str
+    | Sequence[float]
+    | Sequence[str]
+    | Sequence[Sequence[float]]
+    | Floats
+    | WeightWishes
+    | Mapping[str, Any]
+    | None
+)
+"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,
+names of signals."""
+
+_NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
+
+
+@checked
+def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
+    """The settings of a law from values by name, in SI.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such law.
+    SettingError
+        If a setting is unknown or missing, or a number is out of range.
+    """
+    control_law(name)
+    wishes = given.get("designed")
+    if isinstance(wishes, Mapping):
+        given = {**given, "designed": WeightWishes(**wishes)}
+    return SETTINGS[name](**given)
+
+
+@checked
+def design_law(
+    name: str, problem: DesignProblem, settings: LawSettings | Mapping[str, SettingValue] = _NO_SETTINGS
+) -> ControlLaw:
+    """Design a control law on a building with its devices.
+
+    Parameters
+    ----------
+    name
+        Name of the law, see `control_laws`.
+    problem
+        The building, its devices and the sample time of the loop.
+    settings
+        Settings of the law, of the class in `SETTINGS`, or their values by name, in SI; `mrwork respond --laws` lists
+        them.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such law.
+    SettingError
+        If the settings are those of another law, one of them is unknown, missing or out of range, or the law cannot
+        be designed for this building.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    >>> damper = mr.Device(
+    ...     name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
+    ... )
+    >>> problem = mr.control.DesignProblem(building=frame, devices=[damper], sample_time=1e-3)
+    >>> law = mr.control.design_law(
+    ...     "clipped_optimal", problem, mr.control.RegulatorSettings(control_weight=1e-7)
+    ... )
+    >>> law.gains["gain"].shape
+    (1, 10)
+    """
+    spec = control_law(name)
+    if isinstance(settings, Mapping):
+        settings = settings_of(name, settings)
+    _check_settings(spec, settings)
+    design = settings.design(problem)
+    curve = problem.curve if spec.needs_curve else None
+    rates = () if spec.commands_force else problem.driver_rates
+    margins = settings.margins(problem, design, rates)
+    return ControlLaw(
+        name=name,
+        gains=design.gains,
+        tables=design.tables,
+        signals=design.signals,
+        curve=curve,
+        model=_model_of(spec, problem),
+        notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
+        weights=settings.weights(problem),
+        margins=margins,
+    )
+
+
+def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
+    """The building with its devices of the problem, for a law that predicts the motion."""
+    if not spec.needs_model:
+        return None
+    return LoopModel(building=problem.building, devices=tuple(problem.devices))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignedCandidates(Summarised):
+    """One law with a candidate for each of many settings that could be designed.
+
+    `designed` are the indices of these settings, in the order of the candidates; `refusals` has the reason of each
+    other index. `law` is `None` where none could be designed.
+    """
+
+    law: ControlLaw | None
+    designed: tuple[int, ...]
+    refusals: Mapping[int, str]
+
+
+def design_candidates(
+    name: str, problem: DesignProblem, settings: Sequence[LawSettings]
+) -> DesignedCandidates:
+    """Design one law with many settings, for a batch of simulations.
+
+    Settings whose tables differ from those of the first design are refused, because candidates of a batch share them.
+    """
+    spec = control_law(name)
+    curve = problem.curve if spec.needs_curve else None
+    designs: list[Design] = []
+    designed: list[int] = []
+    refusals: dict[int, str] = {}
+    for each in settings:
+        _check_settings(spec, each)
+    for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
+        if isinstance(found, SettingError):
+            refusals[index] = str(found)
+        elif designs and not _same_tables(found, designs[0]):
+            refusals[index] = (
+                f"{name} with these settings has other tables or signals than the first candidate"
+            )
+        else:
+            designs.append(found)
+            designed.append(index)
+    if not designs:
+        return DesignedCandidates(law=None, designed=(), refusals=refusals)
+    gains = {gain: np.stack([np.asarray(each.gains[gain]) for each in designs]) for gain in designs[0].gains}
+    law = ControlLaw(
+        name=name,
+        gains=gains,
+        tables=designs[0].tables,
+        signals=designs[0].signals,
+        curve=curve,
+        model=_model_of(spec, problem),
+    )
+    return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
+
+
+def _check_settings(spec: ControlLawSpec, settings: LawSettings) -> None:
+    """Refuse settings of another law, and a sampled design for ideal actuators, which have no driver."""
+    kind = SETTINGS[spec.name]
+    if type(settings) is not kind:
+        raise SettingError(f"the settings are {type(settings).__name__}; {spec.name} takes {kind.__name__}")
+    if spec.commands_force and settings.sampled:
+        raise InvalidSettingError(
+            "designed",
+            f"{spec.name} commands ideal actuators, and a sampled design is for the driver of the dampers; leave "
+            "sampled out",
+        )
+
+
+def _same_tables(one: Design, other: Design) -> bool:
+    return (
+        one.signals == other.signals
+        and one.tables.keys() == other.tables.keys()
+        and all(np.array_equal(one.tables[name], other.tables[name]) for name in one.tables)
+    )

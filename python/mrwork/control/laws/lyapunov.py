@@ -1,0 +1,220 @@
+"""Lyapunov functions of a building, the vectors by which laws decrease them, and the settings of these laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.keys import key
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.control.laws.law_problem import (
+    Design,
+    DesignProblem,
+    LawSettings,
+    Span,
+)
+from mrwork.control.laws.weights import CostWeights
+from mrwork.control.linear.lqr import Weighed, Weights, regulators_of_costs
+from mrwork.control.linear.plant import Plant
+from mrwork.control.linear.riccati import attempt_each, lyapunov_solutions, solve_together
+from mrwork.errors import SettingError
+
+
+@array_dataclass(repr=False)
+class LyapunovFunction(Summarised):
+    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
+
+    `vectors` are B'P, shape (n_devices, 2n): a device force decreases V faster if its sign is opposite to that of
+    sigma.
+    """
+
+    P: Floats
+    weight: Floats
+    vectors: Floats
+
+    def value(self, state: ArrayLike) -> Floats:
+        """V of each state, shape (n_time,) for states of shape (n_time, 2n); in J for the weight `plant.energy`."""
+        given = np.asarray(state, dtype=np.float64)
+        if given.ndim != 2 or given.shape[1] != len(self.P):
+            raise SettingError(
+                f"`state` has shape {given.shape}; give (n_time, {len(self.P)}), such as `History.state`"
+            )
+        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", given, self.P, given))
+
+
+@checked
+def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> LyapunovFunction:
+    """Solve `A'P + P A = -Q_P` (Jansen & Dyke, J. Eng. Mech. 126(8), 2000, 795-803).
+
+    Parameters
+    ----------
+    weight
+        Q_P, shape (2n, 2n), or its diagonal; `plant.energy` [1/s] by default, which is independent of the units of the
+        coordinates. The paper leaves the choice open.
+
+    Raises
+    ------
+    SettingError
+        If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
+    """
+    (functions,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    if isinstance(functions, SettingError):
+        raise functions
+    return functions
+
+
+def _lyapunov_functions(
+    plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
+) -> tuple[LyapunovFunction | SettingError, ...]:
+    """The Lyapunov function of each weight Q_P, or why there is none, by one call of the compiled solver."""
+    T = plant.scaling
+    undamped = _undamped_mode(plant, T)
+
+    def solve(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
+        if undamped is not None:
+            return [undamped for _ in sound]
+        solutions = lyapunov_solutions(plant.A, np.array(sound), scaling=T, threads=threads)
+
+        def function(row: int) -> LyapunovFunction:
+            solutions.check(row)
+            P = solutions.P[row]
+            return LyapunovFunction(P=P, weight=sound[row], vectors=plant.B.T @ P)
+
+        return attempt_each(function, range(len(sound)))
+
+    return tuple(solve_together(solve, attempt_each(lambda weight: _check_weight(weight, T), weights)))
+
+
+def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
+    A_z = np.linalg.inv(T) @ plant.A @ T
+    decay = -float(np.max(np.linalg.eigvals(A_z).real))
+    noise = 1e-9 * float(np.linalg.norm(A_z, 2))
+    if decay > noise:
+        return None
+    # Of an undamped mode it is rounding, which differs between machines.
+    return SettingError(
+        f"{plant.building.name} has a mode that decays at {decay if decay < -noise else 0.0:.2g} 1/s without control; "
+        f"a Lyapunov function needs damping in every mode"
+    )
+
+
+def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
+    """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
+    size = len(T)
+    Q_P = np.asarray(weight, dtype=np.float64)
+    if Q_P.shape in ((), (size,)):
+        Q_P = np.diag(np.broadcast_to(Q_P, size))
+    if Q_P.shape != (size, size):
+        raise SettingError(
+            f"`weight` has shape {Q_P.shape}, the state has {size} numbers; give ({size}, {size})"
+        )
+    Q_z = T.T @ Q_P @ T
+    size_z = float(np.linalg.norm(Q_z))
+    asymmetry = np.abs(Q_z - Q_z.T).max()
+    if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
+        raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
+    return Q_P
+
+
+@checked
+class LyapunovSettings(CostWeights, LawSettings):
+    """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
+
+    Weights of accelerations count those of the building without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for
+    any Q_P of the state alone.
+    """
+
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gains that follow from the weight of the state."""
+        (designs,) = type(self).designs(problem, [self])
+        if isinstance(designs, SettingError):
+            raise designs
+        return designs
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, all their equations by one call of the compiled solver."""
+        return [
+            vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
+            for settings, vectors in zip(many, cls.weight_vectors(problem, many), strict=True)
+        ]
+
+    @classmethod
+    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
+        return _lyapunov_vectors(problem, many)
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """The design that follows from this weight of the state."""
+        return Design(gains={"weight": vectors})
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The Lyapunov function of the building."""
+        return (
+            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the law sends a command "
+            "where that lowers the rate of V; a damper that resists motion keeps the energy of the building bounded"
+        )
+
+
+@checked
+class ProportionalSettings(LyapunovSettings):
+    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
+
+    slope: float = key(
+        "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
+        above=0.0,
+        span=Span(
+            lower=1e-3,
+            upper=1e4,
+            of=(("command", 2.0), ("force", -1.0), ("rate", -1.0), ("energy", 1.0), ("cost", -1.0)),
+        ),
+    )
+    control_weight: Weights | None = key(
+        "R of that regulator; of the forces of devices with all their dampers",
+        unit="1/N2",
+        default=None,
+        above=0.0,
+        matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
+    )
+
+    @classmethod
+    def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
+        regulated = iter(
+            _regulator_vectors(problem, [each for each in many if each.control_weight is not None])
+        )
+        free = iter(_lyapunov_vectors(problem, [each for each in many if each.control_weight is None]))
+        return [next(free if each.control_weight is None else regulated) for each in many]
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """Weight of the state, and the slope of each device."""
+        return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
+
+
+def _lyapunov_vectors(
+    problem: DesignProblem, many: Sequence[LyapunovSettings]
+) -> list[Floats | SettingError]:
+    functions = solve_together(
+        lambda weights: _lyapunov_functions(problem.plant, weights),
+        attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in functions]
+
+
+def _regulator_vectors(
+    problem: DesignProblem, many: Sequence[ProportionalSettings]
+) -> list[Floats | SettingError]:
+    def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
+        assert each.control_weight is not None
+        return each.weigh_outputs(problem), each.control_weight
+
+    regulators = regulators_of_costs(problem.plant, attempt_each(cost, many))
+    return [each if isinstance(each, SettingError) else each.vectors for each in regulators]

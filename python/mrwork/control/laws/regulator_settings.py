@@ -1,0 +1,550 @@
+"""Settings of the laws that are designed from a linear quadratic regulator; some are functions of measured signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from mrwork.base.arguments import checked
+from mrwork.base.keys import describe_key, key, keys_of
+from mrwork.base.values import Floats
+from mrwork.control.laws.control_law import SOURCES, FurtherSignal, SignalName, SignalSource, control_law
+from mrwork.control.laws.design_ground import AskedForce, asked_forces
+from mrwork.control.laws.inverse_network import InverseNetwork, train_inverse_network
+from mrwork.control.laws.law_problem import (
+    NO_CERTIFICATE,
+    Design,
+    DesignProblem,
+    LawSettings,
+    Magnitude,
+    Span,
+)
+from mrwork.control.laws.weights import CostWeights
+from mrwork.control.linear.lqr import (
+    MatrixRows,
+    Regulator,
+    Weights,
+    regulator_of_weights,
+    regulators_of_costs,
+)
+from mrwork.control.linear.margins import LoopMargins, loop_margins
+from mrwork.control.linear.riccati import attempt_each
+from mrwork.errors import InvalidSettingError, SettingError
+
+
+@checked
+class RegulatorSettings(CostWeights, LawSettings):
+    """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
+
+    is_regulator: ClassVar[bool] = True
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
+    control_weight: Weights | None = key(
+        "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed; "
+        "required without a gain",
+        unit="1/N2",
+        default=None,
+        above=0.0,
+        matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
+    )
+    gain: MatrixRows | None = key(
+        "finished gain K of the desired force f_c = -K s instead of any weights: a row for each device, a column for "
+        "each displacement [N/m] of the coordinates and then for each velocity [N s/m]; rows of numbers, or the name "
+        "of a .csv, .tsv, .txt, .npy or .mat file with them",
+        default=None,
+        matrix=True,
+    )
+
+    def __post_init__(self) -> None:
+        LawSettings.__post_init__(self)
+        if self.gain is None and self.control_weight is None:
+            entry = next(each for each in keys_of(type(self)) if each.name == "control_weight")
+            raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gain as given, of the regulator, or of a sampled design."""
+        if self.gain is not None:
+            return self.of_gain(problem, self.given_gain(problem))
+        gain = self.sampled_gain(problem) if self.sampled else self.regulator(problem).gain
+        return self.of_gain(problem, gain)
+
+    def given_gain(self, problem: DesignProblem) -> Floats:
+        """The finished gain, shape (n_devices, 2n).
+
+        Raises
+        ------
+        InvalidSettingError
+            If it has another shape, or weights are given, too.
+        """
+        assert self.gain is not None
+        for name in (*sorted(self.weight_names()), "control_weight"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("gain", f"the law has a finished gain, and {name}; keep one")
+        m, n = problem.plant.n_devices, problem.plant.n_coordinates
+        if {len(row) for row in self.gain} != {2 * n} or len(self.gain) != m:
+            columns = " and ".join(map(str, sorted({len(row) for row in self.gain})))
+            raise InvalidSettingError(
+                "gain",
+                f"gain is {len(self.gain)} x {columns}, and the law takes {m} x {2 * n}: a row for each device, and "
+                f"{n} columns of displacements [N/m], then {n} of velocities [N s/m] of the coordinates",
+            )
+        return np.array(self.gain)
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The design that follows from the gain of the desired forces."""
+        return Design(gains={"gain": gain})
+
+    def sampled_gain(self, problem: DesignProblem) -> Floats:
+        """The gain of least cost in the sampled loop, with `control_weight` times R as designed."""
+        assert self.designed is not None
+        self.check_designed_alone()
+        if not isinstance(self.control_weight, float | int):
+            raise InvalidSettingError(
+                "control_weight",
+                "control_weight of a sampled design is one number, the size of R over R as designed; give one",
+            )
+        return self.designed.of_problem(problem, self.budget_scale).gain_with(self.control_weight)
+
+    def regulator(self, problem: DesignProblem) -> Regulator:
+        """The regulator with these weights."""
+        return regulator_of_weights(
+            problem.plant, self.weigh_outputs(problem), self.control_weight_of(problem)
+        )
+
+    def control_weight_of(self, problem: DesignProblem) -> Weights:
+        """R of the devices; one number with designed weights keeps the ratios of the design."""
+        if self.control_weight is None:
+            raise InvalidSettingError("gain", "the law has a finished gain, and no weights; ask for its gain")
+        designed = self.weights(problem)
+        if designed is None or not isinstance(self.control_weight, float | int):
+            return self.control_weight
+        R = designed.control_weight
+        return tuple((self.control_weight * R / R.mean()).tolist())
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, all their regulators by one call of the compiled solver."""
+        alone = iter(
+            attempt_each(lambda each: each.design(problem), [each for each in many if each._is_alone])
+        )
+        regulators = iter(
+            regulators_of_costs(
+                problem.plant,
+                attempt_each(
+                    lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
+                    [each for each in many if not each._is_alone],
+                ),
+            )
+        )
+        outcomes: list[Design | SettingError] = []
+        for settings in many:
+            known = next(alone if settings._is_alone else regulators)
+            outcomes.append(settings.of_gain(problem, known.gain) if isinstance(known, Regulator) else known)
+        return outcomes
+
+    @property
+    def _is_alone(self) -> bool:
+        """Whether the gain is that of no Riccati equation of a batch."""
+        return self.gain is not None or self.sampled
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """Those of the gain; `None` for a loop that is too large for them."""
+        try:
+            return loop_margins(
+                problem.plant,
+                design.gains["gain"],
+                sample_time=problem.sample_time,
+                delay=problem.delay,
+                driver_rates=rates,
+            )
+        except SettingError:
+            return None
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """A sentence on a finished gain, and one on a gain that asks for no force."""
+        given = (
+            () if self.gain is None else (f"The gain, {len(self.gain)} x {len(self.gain[0])}, is as given.",)
+        )
+        (asked,) = asked_forces(problem, [design.gains["gain"]])
+        if asked is None or not asked.asks_for_none:
+            return given
+        return (*given, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
+
+    def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
+        """What is too large or too small in a law that asks for no force, and by which factor."""
+        if self.gain is not None:
+            return f"the gain is about {_power(1.0 / max(asked.share, 1e-300))} too small"
+        designed = self.weights(problem)
+        as_designed = isinstance(self.control_weight, float | int) and self.control_weight <= 1.0
+        if designed is not None and (designed.semi_active or as_designed):
+            return f"the budget is about {_power(1.0 / max(asked.share, 1e-300))} too small"
+        return f"R is about {_power(self._excess_of_control_weight(problem))} too large"
+
+    def _excess_of_control_weight(self, problem: DesignProblem) -> float:
+        """Factor by which R is to be divided for the law to act, from decade to decade.
+
+        With R going to zero the desired force of some weights stays below that of the dampers; half of its largest
+        value counts then.
+        """
+        factors = 10.0 ** np.arange(1.0, _DECADES)
+        designs = type(self).designs(
+            problem,
+            [replace(self, control_weight=_divide(self.control_weight, float(each))) for each in factors],
+        )
+        sound = [
+            (float(factor), each.gains["gain"])
+            for factor, each in zip(factors, designs, strict=True)
+            if isinstance(each, Design)
+        ]
+        asked = asked_forces(problem, [gain for _, gain in sound])
+        shares = {
+            factor: each.share for (factor, _), each in zip(sound, asked, strict=True) if each is not None
+        }
+        enough = min(1.0, 0.5 * max(shares.values(), default=1.0))
+        return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """Stability of the linear loop of the regulator, of a sampled design, or of a finished gain."""
+        if self.gain is not None:
+            margins = self.margins(problem, self.design(problem), problem.driver_rates)
+            stable = "is stable" if margins is not None and margins.stable else "is not shown to be stable"
+            return (
+                f"the linear loop of the given gain {stable} with the hardware of the study; the damper, which only "
+                "resists motion and saturates, is not covered"
+            )
+        if self.sampled:
+            return self._sampled_certificate(problem)
+        regulator = self.regulator(problem)
+        slowest = float(-regulator.poles.real.max())
+        return (
+            f"with ideal forces the loop is stable, its slowest pole decays at {slowest:.3g} 1/s, and no other gain "
+            f"has a lower cost of these weights (residual of the Riccati equation {regulator.residual:.1e}); the "
+            "damper, which only resists motion and saturates, is not covered"
+        )
+
+    def _sampled_certificate(self, problem: DesignProblem) -> str:
+        assert self.designed is not None
+        system = self.designed.of_problem(problem, self.budget_scale).system
+        closed = np.eye(system.n_states) + system.step * (
+            system.A - system.B @ self.sampled_gain(problem) @ system.state
+        )
+        if not np.abs(np.linalg.eigvals(closed)).max() < 1.0:
+            return NO_CERTIFICATE
+        return (
+            "with ideal forces behind the driver the sampled loop with its delay is stable, and no gain near this one "
+            "has a lower cost of the designed weights; the damper, which only resists motion and saturates, is not "
+            "covered"
+        )
+
+
+_DECADES = 31
+
+
+def _power(factor: float) -> str:
+    """A factor to the nearest power of ten."""
+    return f"1e{max(1, round(float(np.log10(factor))))}"
+
+
+def _divide(weight: Weights | None, factor: float) -> Weights | None:
+    """A control weight over a factor, in its form."""
+    numbers = np.asarray(weight, dtype=np.float64) / factor
+    if numbers.ndim == 2:
+        return tuple(map(tuple, numbers.tolist()))
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
+@checked
+class ClippedSettings(RegulatorSettings):
+    """A regulator with a command in proportion to the desired force."""
+
+    full_force: float = key(
+        "desired force of a device with all its dampers at which the largest command is sent",
+        unit="N",
+        above=0.0,
+        span=Span(lower=0.03, upper=10.0, start=1.0, of=(("force", 1.0),)),
+    )
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the full force of each device."""
+        return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
+
+
+def _about(magnitude: Magnitude) -> Span:
+    """Range of a setting that is usually held at a magnitude of the response."""
+    return Span(lower=0.3, upper=3.0, start=1.0, of=((magnitude, 1.0),), free=False)
+
+
+# The network of a device does not depend on the regulator, of which a search tries many.
+_trained_network = lru_cache(maxsize=32)(train_inverse_network)
+
+
+@checked
+class NetworkSettings(RegulatorSettings):
+    """A regulator with a neural network from the desired force to the command.
+
+    The network is that of the first device, with all its dampers; all devices have it.
+    """
+
+    amplitude: float = key("expected peak damper displacement", unit="m", above=0.0, span=_about("stroke"))
+    velocity: float = key("expected peak damper velocity", unit="m/s", above=0.0, span=_about("rate"))
+    hidden: int = key("units of the hidden layer", default=12, least=1)
+    seed: int = key("seed of the training", default=0, least=0)
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the trained network."""
+        device = problem.devices[0]
+        network = _trained_network(
+            device.spec,
+            tuple(device.draws[0].tolist()),
+            largest_command=device.largest_command,
+            amplitude=self.amplitude,
+            velocity=self.velocity,
+            sample_time=problem.sample_time,
+            n_hidden=self.hidden,
+            count=device.count,
+            differential=device.differential,
+            rng=self.seed,
+        )
+        return Design(gains={"gain": gain}, tables=_network_tables(network))
+
+
+def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
+    """The network with its scales included, and the range of its inputs.
+
+    Each row of the layer belongs to a hidden unit: bias, weights of its inputs, weight in the output.
+    """
+    layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
+    output = np.array([network.b2 * network.output_scale])
+    return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
+
+
+_SIGNALS, _MOST_POWERS = 4, 9
+_ACCELERATIONS: frozenset[SignalSource] = frozenset(
+    {"acceleration", "floor_acceleration", "ground_acceleration"}
+)
+_NEAR_CLIPPED = (
+    (-0.66, 0.0, 0.0, 1.0, 1.0, 2.0),
+    (-0.66, 0.0, 0.0, -1.0, 1.0, -2.0),
+    (-0.66, 0.0, 0.0, 1.0, 0.0, -4.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+_NEAR_CLIPPED_BIAS = -4.6
+"""A network that is about the clipped-optimal law: (f_c - f) f of the two forces as a sum of even functions."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalSettings(RegulatorSettings):
+    """A regulator, the scales of the signals of a device: elongation, its rate, and the two forces; further signals.
+
+    `further_numbers` is the number of weights of a further signal.
+    """
+
+    further_numbers: ClassVar[int] = 0
+
+    deformation: float = key("scale of the damper displacement", unit="m", above=0.0, span=_about("stroke"))
+    rate: float = key("scale of the damper velocity", unit="m/s", above=0.0, span=_about("rate"))
+    force: float = key(
+        "scale of the force and of the desired force of a device with all its dampers",
+        unit="N",
+        above=0.0,
+        span=_about("force"),
+    )
+
+    signals: tuple[SignalName, ...] = key(
+        "further signals: acceleration of the device (absolute, of its upper end less that of its lower end), "
+        "ground_acceleration, and running root mean squares: rms_deformation, rms_rate, rms_force, rms_acceleration, "
+        "rms_ground_acceleration",
+        default=(),
+    )
+    floors: tuple[int, ...] = key(
+        "floors whose absolute acceleration is a further signal, after those, from 1, lowest first",
+        default=(),
+        least=1,
+    )
+    rms_floors: tuple[int, ...] = key(
+        "floors whose running root mean square of the absolute acceleration is a further signal, last",
+        default=(),
+        least=1,
+    )
+    acceleration: float | None = key(
+        "scale of all accelerations among the further signals, which need it",
+        unit="m/s2",
+        default=None,
+        above=0.0,
+        span=_about("acceleration"),
+    )
+    time_constant: float | None = key(
+        "time constant of the running root mean squares, which need it: after it a square counts 1/e; a law keeps one, "
+        "and mrwork tune does not search it",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+
+    @classmethod
+    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
+        """None of the scale of accelerations without one among the signals; a weight of 0 for each further signal."""
+        names = held.get("signals", ())
+        floors = (*held.get("floors", ()), *held.get("rms_floors", ()))
+        if (
+            name == "acceleration"
+            and not floors
+            and not any(SOURCES[each][0] in _ACCELERATIONS for each in names)
+        ):
+            return None
+        if name == "further":
+            count = cls.further_numbers * (len(names) + len(floors))
+            return replace(span, entries=(0.0,) * count) if count else None
+        return span
+
+    def further_signals(self, problem: DesignProblem) -> tuple[FurtherSignal, ...]:
+        """The further signals, in the order of their weights and powers.
+
+        Raises
+        ------
+        InvalidSettingError
+            If a floor does not exist or stands twice, or a scale or time constant that they need is missing.
+        """
+        n_floors = len(problem.building.floors)
+        for name in ("floors", "rms_floors"):
+            given = getattr(self, name)
+            if len(set(given)) < len(given) or any(not 1 <= floor <= n_floors for floor in given):
+                raise InvalidSettingError(
+                    name,
+                    f"{name} are {list(given)}; give floors of {problem.building.name} from 1 to {n_floors}, each once",
+                )
+        constant = self.time_constant
+        named = [SOURCES[name] for name in self.signals]
+        found = (
+            *(FurtherSignal(source=source, time_constant=constant if rms else None) for source, rms in named),
+            *(FurtherSignal(source="floor_acceleration", floor=floor - 1) for floor in self.floors),
+            *(
+                FurtherSignal(source="floor_acceleration", floor=floor - 1, time_constant=constant)
+                for floor in self.rms_floors
+            ),
+        )
+        if constant is None and (self.rms_floors or any(rms for _, rms in named)):
+            raise InvalidSettingError(
+                "time_constant",
+                "the law has running root mean squares among its signals and no time over which they fade; give "
+                "time_constant [s]",
+            )
+        if self.acceleration is None and any(each.source in _ACCELERATIONS for each in found):
+            raise InvalidSettingError(
+                "acceleration",
+                "the law has accelerations among its signals and no scale of them; give acceleration [m/s2]",
+            )
+        return found
+
+    def further_scales(self, signals: Sequence[FurtherSignal]) -> Floats:
+        """Scale of each further signal, shape (n_signals,)."""
+        scales = {"deformation": self.deformation, "rate": self.rate, "force": self.force}
+        return np.array([scales.get(each.source, self.acceleration) for each in signals], dtype=np.float64)
+
+    def margins(
+        self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
+    ) -> LoopMargins | None:
+        """None: the law is no linear one, also without saturation."""
+        return None
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The range of the command."""
+        return (
+            "the command is between 0 and the largest one for any numbers of the law and any signals, so the damper "
+            "remains the passive device that it is at each command; nothing is proved of the response"
+        )
+
+    @property
+    def scales(self) -> Floats:
+        """Scale of each signal, shape (4,)."""
+        return np.array([self.deformation, self.rate, self.force, self.force])
+
+
+@checked
+class SignalNetworkSettings(SignalSettings):
+    """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
+
+    network: tuple[float, ...] = key(
+        "for each of four hidden units its bias, the weights of displacement, velocity, force and desired force over "
+        "their scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
+        span=Span(
+            lower=-8.0,
+            upper=8.0,
+            scale="linear",
+            entries=(*(number for unit in _NEAR_CLIPPED for number in unit), _NEAR_CLIPPED_BIAS),
+        ),
+    )
+    further: tuple[float, ...] = key(
+        "for each further signal, over its scale, its weight in each of the four hidden units; a root mean square "
+        "moves the bias of the unit",
+        default=(),
+        span=Span(lower=-8.0, upper=8.0, scale="linear"),
+    )
+    further_numbers: ClassVar[int] = len(_NEAR_CLIPPED)
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the network for signals in SI units."""
+        numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
+        if len(self.network) != numbers:
+            raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
+        network = np.array(self.network)
+        network[:-1].reshape(-1, _SIGNALS + 2)[:, 1:-1] /= self.scales
+        signals = self.further_signals(problem)
+        count = self.further_numbers * len(signals)
+        if len(self.further) != count:
+            raise InvalidSettingError(
+                "further",
+                f"further has {len(self.further)} numbers; give {count}, {self.further_numbers} for each further "
+                "signal",
+            )
+        gains = {"gain": gain, "network": np.tile(network, (len(problem.devices), 1))}
+        if signals:
+            weights = np.reshape(self.further, (len(signals), -1)) / self.further_scales(signals)[:, None]
+            gains["further"] = np.tile(weights.ravel(), (len(problem.devices), 1))
+        return Design(gains=gains, signals=signals)
+
+
+@checked
+class SignalPolynomialSettings(SignalSettings):
+    """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
+
+    terms: MatrixRows = key(
+        "a row for each term: its coefficient and the powers of displacement, velocity, force and desired force, then "
+        "of the further signals, if there are any; by default the product of the forces",
+        default=((1.0, 0.0, 0.0, 1.0, 1.0),),
+    )
+
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the terms."""
+        signals = self.further_signals(problem)
+        n_columns = _SIGNALS + 1 + len(signals)
+        lengths = {len(row) for row in self.terms}
+        if not self.terms or lengths not in ({_SIGNALS + 1}, {n_columns}):
+            further = f", and {len(signals)} more of the further signals" if signals else ""
+            raise InvalidSettingError(
+                "terms",
+                f"terms has rows of another length than {n_columns}; give a coefficient and four powers in "
+                f"each{further}",
+            )
+        terms = np.zeros((len(self.terms), n_columns))
+        terms[:, : lengths.pop()] = self.terms
+        powers = terms[:, 1:]
+        if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
+            raise InvalidSettingError(
+                "terms",
+                f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
+            )
+        return Design(
+            gains={"gain": gain},
+            tables={
+                "terms": terms.ravel(),
+                "reach": np.concatenate([self.scales, self.further_scales(signals)]),
+            },
+            signals=signals,
+        )

@@ -1,0 +1,305 @@
+"""Sliding-mode laws: surfaces of a building with devices, the gains, and the settings of the laws."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Self
+from warnings import catch_warnings, simplefilter, warn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.base.arguments import Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.keys import key, keys_of
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.linear.plant import Plant
+from mrwork.control.linear.riccati import attempt_each, solve_riccati
+from mrwork.errors import MrworkWarning, SettingError
+
+
+@array_dataclass(repr=False)
+class SlidingSurface(Summarised):
+    """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
+
+    `drift` is S A, shape (n_devices, 2n): the resisting force `f = -drift s` keeps sigma constant without ground
+    motion. `ground` is S E, the effect of a ground acceleration on sigma; `poles` are those of the motion on sigma = 0,
+    shape (2n - n_devices,).
+    """
+
+    _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "ground": "kg"}
+
+    S: Floats
+    drift: Floats
+    ground: Floats
+    poles: NDArray[np.complex128]
+
+
+@array_dataclass(repr=False)
+class SlidingGains(Summarised):
+    """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
+
+    `switching` and `boundary` are rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`; `adaptation` gamma
+    [1/s^2] of the gain `rho' = gamma |sigma| sgn(|sigma| - phi)` within floor and ceiling [N] (Plestan et al., Int. J.
+    Control 83(9), 2010, 1907-1919). `proportional` and `integral` are k_1 [N/(N s)^0.5] and k_2 [N/s] of the
+    super-twisting `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int. J. Control 58(6),
+    1993, 1247-1263).
+    """
+
+    switching: Floats
+    boundary: Floats
+    adaptation: Floats
+    floor: Floats
+    ceiling: Floats
+    proportional: Floats
+    integral: Floats
+
+
+@checked
+def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> SlidingSurface:
+    """The surface that minimises `int s'Q s dt` (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
+
+    In coordinates in which B = [0; B_2], x_2 is the part of the state that the devices drive directly, and acts as the
+    control of the other part x_1; its regulator x_2 = -F x_1 is the surface.
+
+    Parameters
+    ----------
+    state_weight
+        Q, shape (2n, 2n), positive definite; by default the energy of the building.
+
+    Raises
+    ------
+    SettingError
+        If devices act on the same coordinates, or Q is not positive definite.
+    """
+    Q = plant.energy if state_weight is None else np.asarray(state_weight, dtype=np.float64)
+    size = 2 * plant.n_coordinates
+    if Q.shape != (size, size) or not np.allclose(Q, Q.T, rtol=1e-9):
+        raise SettingError(f"`state_weight` has shape {Q.shape}; give a symmetric matrix ({size}, {size})")
+    back, A, n_moved = _regular_form(plant)
+    Q = back.T @ Q @ back
+    rest = slice(None, size - n_moved)
+    moved = slice(size - n_moved, None)
+    if not np.linalg.eigvalsh(Q)[0] > 0.0:
+        raise SettingError("`state_weight` is not positive definite; weigh every direction of the state")
+    solution = solve_riccati(
+        A[rest, rest],
+        A[rest, moved],
+        Q[rest, rest],
+        Q[moved, moved],
+        Q[rest, moved],
+        scaling=np.eye(size - n_moved),
+    )
+    return _surface(plant, back, A, solution.gain)
+
+
+@checked
+def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurface:
+    """The surface on which the motion has the given poles [1/s], shape (2n - n_devices,).
+
+    Raises
+    ------
+    SettingError
+        If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
+
+    Warns
+    -----
+    MrworkWarning
+        Where the gain is more sensitive to the plant than it need be.
+    """
+    back, A, n_moved = _regular_form(plant)
+    n_rest = len(A) - n_moved
+    if poles.shape != (n_rest,) or not np.all(poles.real < 0.0):
+        raise SettingError(
+            f"`poles` has shape {poles.shape}; the surface of {plant.n_devices} devices takes {n_rest}, "
+            f"each with a negative real part"
+        )
+    from scipy.signal import place_poles
+
+    try:
+        with catch_warnings(record=True) as said:
+            simplefilter("always")
+            placement = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
+    except ValueError as error:
+        raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
+    if said:
+        warn(
+            "the gain that places the poles of the surface is not the least sensitive one, whose search did not "
+            "converge; give poles further from zero and from each other",
+            MrworkWarning,
+            stacklevel=3,
+        )
+    return _surface(plant, back, A, np.asarray(placement.gain_matrix, dtype=np.float64))
+
+
+def sliding_gains(
+    surface: SlidingSurface,
+    *,
+    peak_acceleration: Positive,
+    largest_force: Annotated[ArrayLike, Within(above=0.0)],
+    frequency: Positive = 5.0,
+    margin: Annotated[float, Within(above=1.0)] = 1.2,
+    bandwidth: Positive = 100.0,
+) -> SlidingGains:
+    """Gains that keep the state on the surface under ground motions of a given peak [m/s^2].
+
+    The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
+    boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991,
+    7.2); above the rate of the driver's lag, 190 1/s in Spencer et al. 1997, the law chatters. The super-twisting law
+    requires |d'| <= L = margin |ground| 2 pi frequency peak, with the highest frequency [Hz] at which the ground
+    reaches its peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L` (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive
+    gain rises from zero to rho in a tenth of a second at |sigma| = 2 phi, at most to the largest force of the device
+    [N].
+    """
+    size = np.abs(surface.ground)
+    force = np.asarray(largest_force, dtype=np.float64)
+    if force.shape not in ((), size.shape):
+        raise SettingError(
+            f"`largest_force` has shape {force.shape}; give one number, or one for each of {size.size} devices"
+        )
+    force = np.broadcast_to(force, size.shape)
+    # A device without disturbance needs a gain, too: a thousandth of its force.
+    switching = np.maximum(margin * size * peak_acceleration, 1e-3 * force)
+    boundary = switching / bandwidth
+    slope = 2.0 * np.pi * frequency * switching
+    return SlidingGains(
+        switching=switching,
+        boundary=boundary,
+        adaptation=switching / (0.1 * 2.0 * boundary),
+        floor=0.01 * switching,
+        ceiling=np.maximum(force, switching),
+        proportional=1.5 * np.sqrt(slope),
+        integral=1.1 * slope,
+    )
+
+
+def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
+    """T of s = T [x_1; x_2] and T^-1 A T, with T^-1 B = [0; B_2], and the size of x_2."""
+    B = np.linalg.solve(plant.scaling, plant.B)
+    orthogonal, triangular = np.linalg.qr(B, mode="complete")
+    n_moved = plant.n_devices
+    diagonal = np.abs(np.diag(triangular))
+    if not diagonal.min() > 1e-10 * diagonal.max():
+        raise SettingError(
+            "two devices act on the building in the same way; a sliding surface needs one device for each "
+            "direction: design it for one of them and share its force"
+        )
+    back = plant.scaling @ np.hstack([orthogonal[:, n_moved:], orthogonal[:, :n_moved]])
+    return back, np.linalg.solve(back, plant.A @ back), n_moved
+
+
+def _surface(plant: Plant, back: Floats, A: Floats, F: Floats) -> SlidingSurface:
+    """The surface x_2 = -F x_1, as rows over the state."""
+    n_rest = F.shape[1]
+    plain = np.hstack([F, np.eye(len(F))]) @ np.linalg.inv(back)
+    S = np.linalg.solve(plain @ plant.B, plain)
+    return SlidingSurface(
+        S=S,
+        drift=S @ plant.A,
+        ground=S @ plant.E,
+        poles=np.linalg.eigvals(A[:n_rest, :n_rest] - A[:n_rest, n_rest:] @ F).astype(np.complex128),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SurfaceSettings(LawSettings):
+    """A sliding surface of least energy of the building, with gains for ground motions of a given peak."""
+
+    peak_acceleration: float = key(
+        "peak acceleration of the ground motions",
+        unit="m/s2",
+        above=0.0,
+        span=Span(lower=0.01, upper=10.0, start=1.0, of=(("ground", 1.0),)),
+    )
+    largest_force: float = key(
+        "largest force of each device with all its dampers",
+        unit="N",
+        above=0.0,
+        span=Span(lower=0.1, upper=10.0, start=1.0, of=(("force", 1.0),), free=False),
+    )
+    frequency: float = key(
+        "highest frequency at which the ground reaches its peak acceleration",
+        unit="Hz",
+        default=5.0,
+        above=0.0,
+        span=Span(lower=0.2, upper=20.0, free=False),
+    )
+    margin: float = key("switching force over the disturbance", default=1.2, above=1.0)
+    bandwidth: float = key(
+        "bandwidth inside the boundary layer; below that of the driver",
+        unit="1/s",
+        default=100.0,
+        above=0.0,
+        span=Span(lower=10.0, upper=180.0),
+    )
+
+    def design(self, problem: DesignProblem) -> Design:
+        """Surface and gains."""
+        return self.of_surface(problem, optimal_surface(problem.plant))
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, which share the surface: it is that of the building."""
+        try:
+            surface = optimal_surface(problem.plant)
+        except SettingError as reason:
+            return [reason for _ in many]
+        return attempt_each(lambda settings: settings.of_surface(problem, surface), many)
+
+    @abstractmethod
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+        """Surface and gains as those of the law."""
+
+    def gains(self, surface: SlidingSurface) -> SlidingGains:
+        """The gains of the laws on this surface."""
+        return sliding_gains(
+            surface, **{entry.name: getattr(self, entry.name) for entry in keys_of(type(self))}
+        )
+
+
+@checked
+class SlidingSettings(_SurfaceSettings):
+    """A sliding mode with a boundary layer."""
+
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+        """Surface and gains."""
+        gains = self.gains(surface)
+        return Design(gains={**_gains_pushing_down(surface, gains), "switching": gains.switching})
+
+
+@checked
+class AdaptiveSlidingSettings(_SurfaceSettings):
+    """A sliding mode whose gain adapts."""
+
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+        """Surface and gains."""
+        gains = self.gains(surface)
+        adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
+        return Design(gains={**_gains_pushing_down(surface, gains), **adapted})
+
+
+@checked
+class SuperTwistingSettings(_SurfaceSettings):
+    """A second-order sliding mode."""
+
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+        """Surface and gains."""
+        gains = self.gains(surface)
+        return Design(
+            gains={
+                "surface": surface.S,
+                "drift": surface.drift,
+                "push": problem.each(1.0),
+                "root_gain": gains.proportional,
+                "integral_gain": gains.integral,
+            }
+        )
+
+
+def _gains_pushing_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
+    # In the loop the force decreases sigma, hence the sign.
+    return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}

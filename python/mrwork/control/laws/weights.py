@@ -1,0 +1,405 @@
+"""Weights among the settings of a law, of a regulator or a Lyapunov function: given ones, or designed from limits."""
+
+# `_declare_weight` is a dataclass field with notes.
+# ruff: noqa: RUF009  # see the line above
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+import scipy
+
+from mrwork.base.arguments import checked
+from mrwork.base.keys import DeclaredTable, key, keys_of
+from mrwork.base.numbers import of_unit
+from mrwork.base.values import Floats
+from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
+from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, Span
+from mrwork.control.linear.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
+from mrwork.control.linear.plant import (
+    Outputs,
+    accelerations,
+    deformation_rates,
+    displacements,
+    drifts,
+    relative_velocities,
+    stack_outputs,
+    velocities,
+)
+from mrwork.control.weights.limits import (
+    Limit,
+    LoopTiming,
+    RmsLimits,
+    SemiActiveCondition,
+    as_forces,
+    stiffness_cases,
+)
+from mrwork.control.weights.system import useful_force
+from mrwork.control.weights.weight_certificate import DesignedWeights
+from mrwork.control.weights.weight_solver import design_weights
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.motions.spectral_density import (
+    CloughPenzien,
+    KanaiTajimi,
+    SpectralDensity,
+    fitted_spectrum,
+    ground_in_words,
+    with_intensity,
+)
+
+_FIRM = KanaiTajimi()
+# Shares of the budget of the dampers that are tried until a design has a solution.
+_SHARES = (1.0, 0.5, 0.25, 0.125)
+
+
+@checked
+class WeightWishes(RmsLimits, metaclass=DeclaredTable):
+    """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
+
+    They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop, or with
+    semi_active that of the budget by budget_scale. Ground and budget are by default those of the study: strength and
+    spectrum of its training motions, see `stationary_ground`, and the force of its dampers; the output states both.
+    """
+
+    budget: float | tuple[float, ...] | None = key(
+        "largest rms desired force of each device with all its dampers; by default a third of their largest force at "
+        "their largest command, over their tested range, and at most a fifth of the inertia of the building",
+        unit="N",
+        default=None,
+        above=0.0,
+    )
+    spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
+        "spectrum of the ground acceleration", default="kanai_tajimi"
+    )
+    ground_frequency: float | None = key(
+        "frequency of the ground, by default that of the training motions",
+        unit="rad/s",
+        default=None,
+        least=1e-3,
+        most=1e4,
+    )
+    ground_damping: float | None = key(
+        "damping ratio of the ground, by default that of the training motions",
+        default=None,
+        least=1e-4,
+        most=1e3,
+    )
+    intensity: float | None = key(
+        "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "
+        "the budget over its root matters",
+        unit="m2/s3",
+        default=None,
+        above=0.0,
+    )
+    record: str | None = key(
+        "record to which the spectrum is fitted instead, relative to the study file", default=None
+    )
+    stiffness: tuple[float, ...] = key(
+        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]",
+        default=(),
+        above=0.0,
+    )
+    semi_active: float | None = key(
+        "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
+        "law then, R hardly matters",
+        default=None,
+        above=0.0,
+    )
+
+    sampled: bool = key(
+        "whether the design is in discrete time, with sample time and delay of the loop and the lag of the driver, if "
+        "the damper has one; for laws of a desired force",
+        default=False,
+    )
+
+    def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
+        """The weights for a building with its devices, and its loop if the design is sampled.
+
+        The plant keeps them, because a search tries many sizes of R. The budget is multiplied by `budget_scale`.
+        """
+        plant, timing = problem.plant, problem.timing if self.sampled else None
+        known: dict[object, DesignedWeights] = plant._designs
+        if (self, timing, budget_scale) not in known:
+            known[self, timing, budget_scale] = self._design(problem, timing, budget_scale)
+        return known[self, timing, budget_scale]
+
+    def _design(
+        self, problem: DesignProblem, timing: LoopTiming | None, budget_scale: float
+    ) -> DesignedWeights:
+        plant = problem.plant
+        spectrum, source = self._find_ground(problem)
+        ground = f"Ground: {ground_in_words(spectrum)}; {source}."
+        forces, budget = self._budgets(problem, spectrum)
+        if budget_scale != 1.0:
+            budget = f"{budget} Times the budget_scale, {budget_scale:g}."
+        limits: dict[str, Limit] = {
+            entry.name: value
+            for entry in keys_of(RmsLimits)
+            if (value := getattr(self, entry.name)) is not None
+        }
+
+        def design(share: float) -> DesignedWeights:
+            return design_weights(
+                plant.building,
+                plant.attachment,
+                limits=limits,
+                budget=(share * budget_scale * forces).tolist(),
+                spectrum=None if self.stiffness else spectrum,
+                cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
+                timing=timing,
+                semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
+            )
+
+        # A budget that nobody has stated may be more than a sampled design has use for.
+        shares = (1.0,) if self.budget is not None else _SHARES
+        for share in shares:
+            try:
+                designed = design(share)
+            except SettingError:
+                if share == shares[-1]:
+                    raise
+                continue
+            if share < 1.0:
+                budget = f"{budget} Times {share:g}, since the design has no solution with more."
+            break
+        return replace(designed, origin=(ground, budget))
+
+    def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
+        """The budget of each device [N], and a sentence on it."""
+        if self.budget is not None:
+            forces = as_forces(self.budget, problem.plant)
+            return forces, f"Budget: {_newtons(forces)} rms, as given."
+        found = damper_forces(problem, spectrum)
+        if not (found.budgets > 0.0).all():
+            raise InvalidSettingError(
+                "budget",
+                "the dampers have no force at their largest command, which would be the budget; give one",
+            )
+        source = f"a third of {forces_in_words(problem.whole.devices, found)}; a peak counts as three times the rms"
+        useful = useful_force(problem.plant, spectrum)
+        if useful < found.budgets.max():
+            budgets = np.minimum(found.budgets, useful)
+            return budgets, (
+                f"Budget: {_newtons(budgets)} rms, a fifth of the inertia of the building under this ground, for more "
+                f"is of no use; the dampers give {_newtons(found.budgets)}, {source}."
+            )
+        return found.budgets, f"Budget: {_newtons(found.budgets)} rms, {source}."
+
+    def _find_ground(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
+        """The spectrum as given, fitted to the record, or that of the motions of a problem; and where it is from."""
+        numbers = {
+            name: getattr(self, name)
+            for name in ("ground_frequency", "ground_damping", "intensity")
+            if getattr(self, name) is not None
+        }
+        if self.record is not None:
+            if numbers:
+                raise InvalidSettingError(
+                    "record", "the spectrum is fitted to the record, or given by its numbers; keep one"
+                )
+            from mrwork.motions.read import read_motion
+
+            motion = read_motion(self.record)
+            return fitted_spectrum(motion, self.spectrum), f"fitted to the record {motion.name}, as asked"
+        if len(numbers) == 3 or not problem.motions:
+            soil = replace(
+                _FIRM,
+                **{name.removeprefix("ground_"): value for name, value in numbers.items()},
+            )
+            firm = "firm soil of about 0.3 g, since no motion of a study is known"
+            given = f"with {', '.join(numbers)} as given" if numbers else ""
+            source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))
+            return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil), source
+        try:
+            found = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
+        except SettingError as error:
+            raise SettingError(
+                f"{error}; or give designed its ground_frequency, ground_damping and intensity"
+            ) from error
+        spectrum, source = found.spectrum, source_in_words(problem)
+        if self.intensity is not None:
+            spectrum = with_intensity(spectrum, self.intensity)
+        if numbers:
+            source += f", with {', '.join(numbers)} as given"
+        if found.narrow:
+            source += (
+                "; the motions are nearly harmonic, and the noise has their strength, not their shape: judge limits by "
+                "the responses of the study"
+            )
+        return spectrum, source
+
+
+def _newtons(forces: Floats) -> str:
+    """Forces with their unit, one where all are equal."""
+    shown = dict.fromkeys(of_unit(float(each), "N") for each in forces)
+    return ", ".join(shown)
+
+
+def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
+    """Declare the key of a weight: one number, one for each, or a matrix.
+
+    A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
+    that are held.
+    """
+    span = None if of is None else Span(lower=1e-4, upper=1e2, of=(("cost", 1.0), (of, -2.0)), free=free)
+    return key(says, unit=unit, default=None, least=0.0, matrix=True, span=span)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CostWeights:
+    """Weights of outputs and state; what several of them add to the cost is summed.
+
+    Each weight is one number for all floors, storeys, devices or states, one for each, or a symmetric matrix; without
+    any, the energy of the building is weighed.
+    """
+
+    accelerations: Weights | None = _declare_weight(
+        "weights of absolute floor accelerations", "s4/m2", "acceleration", free=True
+    )
+    drifts: Weights | None = _declare_weight("weights of drifts", "1/m2", "drift")
+    displacements: Weights | None = _declare_weight("weights of floor displacements", "1/m2", "displacement")
+    velocities: Weights | None = _declare_weight(
+        "weights of floor velocities", "s2/m2", "velocity", free=True
+    )
+    relative_velocities: Weights | None = _declare_weight(
+        "weights of the rates of drifts, velocities of storeys between their ends",
+        "s2/m2",
+        "rate",
+    )
+    rates: Weights | None = _declare_weight(
+        "weights of the velocities across the devices; alone they ask for the force of dashpots",
+        "s2/m2",
+        "rate",
+        free=True,
+    )
+    state_weight: Weights | None = _declare_weight(
+        "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
+    )
+    energy: float | None = key(
+        "weight of twice the energy of the building", unit="1/J", default=None, above=0.0
+    )
+    designed: WeightWishes | None = key(
+        "weights designed from limits on rms responses and a budget of force, instead of any others",
+        default=None,
+    )
+    budget_scale: float = key(
+        "factor of the budget of designed weights; with semi_active it is searched instead of R",
+        default=1.0,
+        above=0.0,
+        span=Span(lower=0.1, upper=10.0, free=False),
+    )
+
+    def weigh_outputs(self, problem: DesignProblem) -> Weighed:
+        """The sum of what the weights add to the cost."""
+        if self.designed is not None:
+            return self._weigh_designed(self.designed, problem)
+        if self.budget_scale != 1.0:
+            raise InvalidSettingError(
+                "budget_scale",
+                "budget_scale is a factor of the budget of designed weights; give designed, or leave it out",
+            )
+        plant = problem.plant
+        given: list[tuple[Outputs, Floats]] = []
+        for name, make, each in _OUTPUTS:
+            weights = getattr(self, name)
+            if weights is not None:
+                outputs = make(plant)
+                given.append((outputs, weight_matrix(name, weights, len(outputs.names), each)))
+        parts = []
+        if given:
+            W = scipy.linalg.block_diag(*(weights for _, weights in given))
+            parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in given)), W))
+        if self.state_weight is not None:
+            Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
+            parts.append(weighed_state(plant, Q))
+        if not parts:
+            return weighed_state(plant, (self.energy or 1.0) * plant.energy)
+        if self.energy is not None:
+            first = next(name for name in self._names() if getattr(self, name) is not None)
+            raise InvalidSettingError(
+                "energy", f"the law weighs the energy, or outputs such as {first}; keep one"
+            )
+        return Weighed(
+            Q=_sum([part.Q for part in parts]),
+            N=_sum([part.N for part in parts]),
+            S=_sum([part.S for part in parts]),
+        )
+
+    def _weigh_designed(self, wishes: WeightWishes, problem: DesignProblem) -> Weighed:
+        """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
+        self.check_designed_alone()
+        if wishes.sampled:
+            raise InvalidSettingError(
+                "designed",
+                "a sampled design gives the gain of a desired force, and this law takes weights; leave sampled out",
+            )
+        designed = wishes.of_problem(problem, self.budget_scale)
+        scale = 1.0 / float(designed.control_weight.mean())
+        S = designed.R - np.diag(designed.control_weight)
+        return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the law has the gain of a design in discrete time."""
+        return self.designed is not None and self.designed.sampled
+
+    def check_designed_alone(self) -> None:
+        """Refuse other weights besides designed ones."""
+        for name in (*self._names(), "energy"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
+
+    def weights(self, problem: DesignProblem) -> DesignedWeights | None:
+        """The designed weights, if the law has any."""
+        return None if self.designed is None else self.designed.of_problem(problem, self.budget_scale)
+
+    @classmethod
+    def weight_names(cls) -> frozenset[str]:
+        """Names of the settings that are weights of outputs or states."""
+        return frozenset(each.name for each in fields(CostWeights)) - {"budget_scale"}
+
+    @classmethod
+    def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
+        """Cost of the held weights at these magnitudes; weights of single floors are averaged."""
+        if "designed" in held:
+            # Of these weights R is 1 as designed.
+            return magnitudes.force**2
+        costs = 0.0
+        for name, value in (held or {"energy": 1.0}).items():
+            if name in _MAGNITUDES:
+                entries = np.asarray(value, dtype=np.float64)
+                weight = float(np.trace(entries) / len(entries) if entries.ndim == 2 else entries.mean())
+                size = float(getattr(magnitudes, _MAGNITUDES[name]))
+                costs += weight * (size if name == "energy" else size**2)
+        return costs or magnitudes.energy
+
+    def _names(self) -> tuple[str, ...]:
+        return (*(name for name, _, _ in _OUTPUTS), "state_weight")
+
+
+def _sum(parts: Sequence[Floats]) -> Floats:
+    return np.asarray(sum(parts[1:], start=parts[0]))
+
+
+_OUTPUTS = (
+    ("accelerations", accelerations, "floors"),
+    ("drifts", drifts, "storeys"),
+    ("displacements", displacements, "floors"),
+    ("velocities", velocities, "floors"),
+    ("relative_velocities", relative_velocities, "storeys"),
+    ("rates", deformation_rates, "devices"),
+)
+"""Settings of outputs, the outputs, and what they belong to."""
+_MAGNITUDES: Mapping[str, Magnitude] = {
+    "accelerations": "acceleration",
+    "drifts": "drift",
+    "displacements": "displacement",
+    "velocities": "velocity",
+    "relative_velocities": "rate",
+    "rates": "rate",
+    "energy": "energy",
+}
+"""Magnitude of what each weight belongs to."""

@@ -1,0 +1,1 @@
+"""Linear plants, Riccati equations, regulators and margins."""

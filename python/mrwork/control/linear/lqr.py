@@ -1,0 +1,498 @@
+"""Linear quadratic regulators, with published weights, and the Kalman observer of a sampled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.base.arguments import NotNegative, Positive, Threads, checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.control.linear.plant import Outputs, Plant, accelerations, check_outputs, hold_input, symmetric
+from mrwork.control.linear.riccati import (
+    RiccatiStatus,
+    attempt_each,
+    kalman_gains,
+    regulator_gains,
+    solve_together,
+)
+from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
+
+MatrixRows = tuple[tuple[float, ...], ...]
+"""A matrix, row by row."""
+Weights = float | tuple[float, ...] | MatrixRows
+"""One weight for all entries, a weight for each, or a symmetric matrix."""
+
+_SMALLEST = 1e-9
+
+
+def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
+    """A weight as a symmetric positive semidefinite matrix, shape (size, size).
+
+    It is given as one number for all entries, one for each, or a matrix. Messages have its `name` and what the entries
+    belong to, such as "storeys".
+    """
+    try:
+        value = np.asarray(given, dtype=np.float64)
+    except ValueError:
+        raise InvalidSettingError(
+            name, f"{name} has rows of different lengths; give {size} rows of {size}"
+        ) from None
+    if value.ndim == 0:
+        value = np.full(size, float(value))
+    matrix = np.diag(value) if value.ndim == 1 else value
+    if matrix.shape != (size, size):
+        count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
+        given = (
+            f"{value.size} weight{'s' if value.size > 1 else ''}"
+            if value.ndim == 1
+            else f"shape {value.shape}"
+        )
+        raise InvalidSettingError(
+            name,
+            f"{name} has {given}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
+            f"or a symmetric {size} x {size} matrix",
+        )
+    if not np.isfinite(matrix).all():
+        raise InvalidSettingError(name, f"{name} holds a value that is not a finite number")
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    # Checked with a unit diagonal, since the rows of a weight may have different units.
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    scaled = matrix / np.outer(divisor, divisor)
+    asymmetry = np.abs(scaled - scaled.T)
+    if not np.all(asymmetry <= _SMALLEST * np.maximum(1.0, np.abs(scaled))):
+        row, column = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
+        raise InvalidSettingError(
+            name,
+            f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
+            f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
+        )
+    smallest = float(np.linalg.eigvalsh(symmetric(scaled))[0])
+    if smallest < -_SMALLEST:
+        raise InvalidSettingError(
+            name,
+            f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
+            "give weights that are not negative, and a matrix without negative eigenvalues",
+        )
+    return symmetric(matrix)
+
+
+@array_dataclass()
+class Weighed:
+    """Cost of the weights over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+
+    Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
+    are weighed.
+    """
+
+    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
+
+    Q: Floats
+    N: Floats
+    S: Floats
+
+
+def weighed_outputs(outputs: Outputs, weights: Floats) -> Weighed:
+    """Cost of a weight W of outputs, shape (n_outputs, n_outputs)."""
+    C, D = outputs.C, outputs.D
+    return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
+
+
+def weighed_state(plant: Plant, weights: Floats) -> Weighed:
+    """Cost of a weight Q of the state, shape (2n, 2n)."""
+    n_devices = plant.n_devices
+    return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
+
+
+@array_dataclass(repr=False)
+class Regulator(Summarised):
+    """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
+
+    `gain` is K of the desired force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: positive f_c
+    resists elongation of the device. `riccati` is P of the cost to go s'P s, `vectors` B'P + N', one row for each
+    device: with `sigma = vectors @ s` the desired forces are `-control_weight^-1 sigma`. `control_weight` is R plus D'W
+    D of the weighted outputs, `poles` are those of the closed loop A - B K, and `residual` is that of the Riccati
+    equation, relative to its terms.
+    """
+
+    _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "control_weight": "1/N^2"}
+
+    gain: Floats
+    riccati: Floats
+    vectors: Floats
+    control_weight: Floats
+    poles: NDArray[np.complex128]
+    residual: float
+
+
+@checked
+def regulator_of_outputs(
+    plant: Plant, outputs: Outputs, weights: ArrayLike, control_weight: ArrayLike
+) -> Regulator:
+    """The regulator that weighs outputs y = C s + D f: `int y'W y + f'R f dt`.
+
+    Hence `Q = C'W C`, `N = C'W D`, and D'W D is added to R. The cross term N matters for accelerations, which depend on
+    the force directly.
+
+    Parameters
+    ----------
+    weights
+        W, in the inverse squares of the units of the outputs: one number for all, one for each, shape (n_outputs,), or
+        a symmetric matrix, shape (n_outputs, n_outputs).
+    control_weight
+        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
+        dampers together.
+
+    Raises
+    ------
+    SettingError
+        If a weight has the wrong shape or sign or is not symmetric, or the Riccati equation has no stabilising
+        solution.
+
+    Examples
+    --------
+    >>> # The acceleration of the third floor, as in Dyke et al. 1996
+    >>> regulator = regulator_of_outputs(plant, accelerations(plant), [0, 0, 1], 1e-17)  # doctest: +SKIP
+    """
+    check_outputs(plant, outputs)
+    W = weight_matrix("weights", weights, len(outputs.names), "outputs")
+    return regulator_of_weights(plant, weighed_outputs(outputs, W), control_weight)
+
+
+@checked
+def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: ArrayLike) -> Regulator:
+    """The regulator that weighs the state itself: `int s'Q s + f'R f dt`.
+
+    Parameters
+    ----------
+    state_weight
+        Q over s = [q; q'], shape (2n, 2n), or its diagonal. `plant.energy` weighs twice the energy of the building.
+    control_weight
+        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
+        dampers together.
+
+    Raises
+    ------
+    SettingError
+        If a weight has the wrong shape or sign or is not symmetric, or the Riccati equation has no stabilising
+        solution.
+    """
+    Q = weight_matrix("state_weight", state_weight, 2 * plant.n_coordinates, "states")
+    return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
+
+
+def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
+    """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state."""
+    (regulators,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
+    if isinstance(regulators, SettingError):
+        raise regulators
+    return regulators
+
+
+@checked
+def regulators_of_weights(
+    plant: Plant,
+    weighed: Sequence[Weighed | ArrayLike],
+    control_weights: Sequence[ArrayLike] | Floats,
+    *,
+    threads: Threads = 0,
+) -> tuple[Regulator | SettingError, ...]:
+    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_state`.
+
+    Parameters
+    ----------
+    weighed
+        For each regulator its state weight, as in `regulator_of_state`, or what the weights of its outputs and state
+        add up to. A single one is that of all.
+    control_weights
+        R [1/N^2] of each regulator.
+    threads
+        Number of threads, 0 for all processors.
+
+    Returns
+    -------
+    tuple
+        A regulator for each, or the error that says why there is none; the others do not depend on it.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> plant = mr.control.plant_of(frame, [frame.storeys[0]])
+    >>> designs = mr.control.regulators_of_weights(plant, [plant.energy], np.geomspace(1e-9, 1e-5, 200))
+    >>> len(designs), designs[0].gain.shape
+    (200, (1, 10))
+    """
+    if len(weighed) == 1:
+        weighed = [*weighed] * len(control_weights)
+    if not weighed or len(weighed) != len(control_weights):
+        raise SettingError(
+            f"there are {len(weighed)} weights of outputs and state, and {len(control_weights)} control weights; give "
+            "both for each of one or more regulators"
+        )
+
+    def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Floats, Floats, Floats]:
+        each, control_weight = pair
+        if not isinstance(each, Weighed):
+            Q = weight_matrix("state_weight", each, 2 * plant.n_coordinates, "states")
+            each = weighed_state(plant, Q)
+        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
+        return each.Q, R, each.N
+
+    costs = attempt_each(cost, zip(weighed, control_weights, strict=True))
+    return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
+
+
+def regulators_of_costs(
+    plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError]
+) -> list[Regulator | SettingError]:
+    """The regulators of what weights add up to with their R, all by one call; errors keep their places."""
+    return solve_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]), costs
+    )
+
+
+def _regulators(
+    plant: Plant, costs: Sequence[tuple[Floats, Floats, Floats]], threads: int
+) -> list[Regulator | SettingError]:
+    Q, R, N = (np.array(matrices) for matrices in zip(*costs, strict=True))
+    solutions = regulator_gains(plant.A, plant.B, Q, R, N, scaling=plant.scaling, threads=threads)
+    gain = np.where(solutions.solved[:, None, None], solutions.gain, 0.0)
+    inverse = np.linalg.inv(plant.scaling)
+    poles = np.linalg.eigvals(
+        inverse @ plant.A @ plant.scaling - (inverse @ plant.B) @ (gain @ plant.scaling)
+    ).astype(np.complex128)
+    outcomes: list[Regulator | SettingError] = []
+    for row, status in enumerate(solutions.status):
+        if status == RiccatiStatus.WEIGHT_NOT_POSITIVE:
+            outcomes.append(
+                SettingError(
+                    "the weight of the forces, with what the outputs add to it, is not positive definite; "
+                    "give a positive `control_weight`"
+                )
+            )
+            continue
+        try:
+            solutions.check(row)
+        except SettingError as error:
+            outcomes.append(error)
+            continue
+        P = solutions.P[row]
+        outcomes.append(
+            Regulator(
+                gain=gain[row],
+                riccati=P,
+                vectors=plant.B.T @ P + N[row].T,
+                control_weight=R[row],
+                poles=poles[row],
+                residual=float(solutions.residual[row]),
+            )
+        )
+    return outcomes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PublishedRegulator(Summarised):
+    """Published weights of a regulator for a building of `n_floors`.
+
+    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
+    are only quoted. `weighed` are floors (from 1) with a weight on their absolute acceleration, and the weight
+    [(s^2/m)^2]; `control_weight` is R [1/N^2]. `ground_over_noise` is S_ag/S_v of the observer: intensity of the ground
+    acceleration over that of each sensor, in SI.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.published_regulator(name)"
+
+    name: str
+    n_floors: int
+    weighed: tuple[tuple[int, float], ...]
+    control_weight: float
+    ground_over_noise: float
+    source: str
+    status: Literal["verified", "published"]
+    note: str = ""
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Weight of the acceleration of each floor [(s^2/m)^2]."""
+        weighed = dict(self.weighed)
+        return tuple(weighed.get(floor, 0.0) for floor in range(1, self.n_floors + 1))
+
+
+def published_regulator(name: str) -> PublishedRegulator:
+    """Return the published weights called `name`."""
+    for entry in PUBLISHED_REGULATORS:
+        if entry.name == name:
+            return entry
+    known = ", ".join(entry.name for entry in PUBLISHED_REGULATORS)
+    raise UnknownNameError(f"no published regulator is called {name!r}; choose one of {known}")
+
+
+def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regulator:
+    """The regulator of a plant with published weights."""
+    outputs = accelerations(plant)
+    if len(outputs.names) != published.n_floors:
+        raise SettingError(
+            f"{published.name} is for a building of {published.n_floors} floors, {plant.building.name} has "
+            f"{len(outputs.names)}; choose weights for it with `regulator_of_outputs`"
+        )
+    return regulator_of_outputs(plant, outputs, published.weights, published.control_weight)
+
+
+PUBLISHED_REGULATORS = (
+    PublishedRegulator(
+        name="dyke1996",
+        n_floors=3,
+        weighed=((3, 1.0),),
+        control_weight=1e-17,
+        ground_over_noise=50.0,
+        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
+        status="verified",
+        note="sampled every 0.5 ms; sensors: accelerations of all floors, deformation of the damper",
+    ),
+)
+
+
+@array_dataclass(repr=False)
+class Observer(Summarised):
+    """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
+
+    Where the ground acceleration is measured, `Ed a_g` belongs to the state and `G a_g` to the measurements.
+
+    Ad and Bd are the transition over a sample with the forces held, shapes (2n, 2n) and (2n, n_devices), `gain` is L,
+    shape (2n, n_measurements). `covariance` is that of the error of x_k for noise of the given intensities.
+    """
+
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}
+
+    Ad: Floats
+    Bd: Floats
+    gain: Floats
+    C: Floats
+    D: Floats
+    names: tuple[str, ...]
+    sample_time: float
+    covariance: Floats
+    Ed: Floats
+    G: Floats
+
+
+@checked
+def observer_of(
+    plant: Plant,
+    measurements: Outputs,
+    sample_time: Positive,
+    *,
+    ground_intensity: Positive = 1.0,
+    noise_intensity: Annotated[ArrayLike, Within(above=0.0)] | None = None,
+    unmodelled: NotNegative = 1e-6,
+) -> Observer:
+    """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
+
+    The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance
+    `ground_intensity` / Ts and each sensor that of its intensity / Ts, so that the gain tends to that of the continuous
+    filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales with them.
+
+    Parameters
+    ----------
+    measurements
+        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stack_outputs`.
+    sample_time
+        Ts of the controller [s].
+    ground_intensity
+        S_ag, two-sided, of the ground acceleration [(m/s^2)^2/Hz].
+    noise_intensity
+        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). The default is
+        S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
+    unmodelled
+        White noise on every scaled coordinate, as a fraction of that of the ground. Without it, the error of a
+        coordinate that the ground does not excite, such as an undamped brace, would not decay.
+
+    Raises
+    ------
+    SettingError
+        If an undamped mode is not observable.
+    """
+    check_outputs(plant, measurements)
+    n_measurements = len(measurements.names)
+    noise = np.asarray(
+        ground_intensity / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64
+    )
+    if n_measurements == 0 or noise.shape not in ((), (n_measurements,)):
+        raise SettingError(
+            f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
+            f"give one number for each of one or more measurements"
+        )
+    noise = np.broadcast_to(noise, n_measurements)
+    Ad, Bd, Ed = _hold_inputs(plant, sample_time)
+    covariance, gain = _filter(
+        plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
+    )
+    return Observer(
+        Ad=Ad,
+        Bd=Bd,
+        gain=gain,
+        C=measurements.C,
+        D=measurements.D,
+        names=measurements.names,
+        sample_time=sample_time,
+        covariance=covariance,
+        Ed=Ed,
+        G=measurements.G,
+    )
+
+
+def _hold_inputs(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+    """Transition over one sample with held forces and ground (zero-order hold), in scaled coordinates."""
+    T, inputs = plant.scaling, np.column_stack([plant.B, plant.E])
+    A_z, inputs_z = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
+    Ad, held = hold_input(A_z, inputs_z, sample_time)
+    return T @ Ad @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
+
+
+def _filter(
+    plant: Plant,
+    Ad: Floats,
+    Ed: Floats,
+    measurements: Outputs,
+    ground: float,
+    noise: Floats,
+    unmodelled: float,
+) -> tuple[Floats, Floats]:
+    """Covariance of the error and gain, from the Riccati equation in z with sensors scaled by their noise."""
+    T = plant.scaling
+    deviation = np.sqrt(noise)
+    A_z = np.linalg.solve(T, Ad @ T)
+    E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
+    C_z = measurements.C @ T / deviation[:, None]
+    G_z = measurements.G * np.sqrt(ground) / deviation
+    # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
+    unit = float(np.linalg.norm(E_z))
+    E_z, C_z = E_z / unit, C_z * unit
+    solution = kalman_gains(
+        A_z,
+        C_z,
+        np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)),
+        # The ground noise enters the sensors directly.
+        np.eye(len(deviation)) + np.outer(G_z, G_z),
+        np.outer(E_z, G_z),
+        time="discrete",
+        scaling=np.eye(len(E_z)),
+        threads=1,
+    )
+    if solution.status[0] == RiccatiStatus.NO_STABILISING_SOLUTION:
+        raise SettingError(
+            "no observer is stable with these measurements; add a measurement in which every undamped mode is "
+            "observable"
+        )
+    if not solution.solved[0]:
+        raise SettingError(
+            f"the Riccati equation of the observer is met to {solution.residual[0]:.1e} of its terms; give "
+            "intensities of less extreme ratio, or measure more"
+        )
+    return unit**2 * T @ solution.P[0] @ T.T, unit * T @ solution.gain[0] / deviation

@@ -1,0 +1,385 @@
+"""Algebraic Riccati and Lyapunov equations of many plants and weights: regulators, filters, costs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from enum import IntEnum
+from functools import cache
+from time import perf_counter
+from typing import Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork import _rust
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.numbers import duration_in_words
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.errors import MrworkWarning, SettingError
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+Time = Literal["continuous", "discrete"]
+"""Whether a plant is a differential equation or goes from sample to sample."""
+
+
+class RiccatiStatus(IntEnum):
+    """How the solution of one equation ended."""
+
+    SOLVED = 0
+    NO_STABILISING_SOLUTION = 1
+    NOT_CONVERGED = 2
+    WEIGHT_NOT_POSITIVE = 3
+
+    @property
+    def remedy(self) -> str:
+        """Advice to the user."""
+        return {
+            RiccatiStatus.SOLVED: "nothing",
+            RiccatiStatus.NO_STABILISING_SOLUTION: "no stabilising solution was found; weigh, or measure, every mode "
+            "that is not damped, see that a device can move it, and make weights of extreme ratio less so",
+            RiccatiStatus.NOT_CONVERGED: "double precision does not resolve the equation; make the weights less "
+            "extreme: a larger control weight or a smaller output weight",
+            RiccatiStatus.WEIGHT_NOT_POSITIVE: "the control weight, or the intensity of the sensor noise, is not "
+            "positive definite; give a positive one",
+        }[self]
+
+
+@array_dataclass(repr=False)
+class RiccatiSolutions(Summarised):
+    """Solutions of a batch of equations, one row for each; infinite in a row that is not solved.
+
+    `gain` is K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
+    (n_batch, n_states, n_measurements). P is the cost to go s'P s of a regulator, or the covariance of the error of an
+    observer, shape (n_batch, n_states, n_states). `residual` is relative to the terms, in coordinates in which P is the
+    identity; `status` is the `RiccatiStatus` of each row.
+    """
+
+    gain: Floats
+    P: Floats
+    residual: Floats
+    status: NDArray[np.uint8]
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether each row is solved, shape (n_batch,)."""
+        return np.asarray(self.status == RiccatiStatus.SOLVED, dtype=np.bool_)
+
+    def check(self, row: int = 0) -> None:
+        """Raise where a row is not solved."""
+        if not 0 <= row < len(self.status):
+            raise SettingError(
+                f"there are {len(self.status)} rows, counted from 0, and row {row} is none of them"
+            )
+        status = RiccatiStatus(int(self.status[row]))
+        if status is not RiccatiStatus.SOLVED:
+            reached = self.residual[row]
+            met = f"; it is met only to {reached:.1e} of its terms" if np.isfinite(reached) else ""
+            raise SettingError(f"a Riccati equation has no solution: {status.remedy}{met}")
+
+    def _summary(self) -> Summary:
+        counts = [
+            (status.name.lower().replace("_", " "), str(int(np.sum(self.status == status))))
+            for status in RiccatiStatus
+        ]
+        worst = np.max(self.residual[self.solved], initial=0.0)
+        return Summary(
+            title=f"Riccati equations, {len(self.status)} rows",
+            facts=(
+                *((name, count) for name, count in counts if count != "0"),
+                ("largest residual", f"{worst:.1e}"),
+                ("gain", str(self.gain.shape[1:])),
+            ),
+        )
+
+
+@checked
+def regulator_gains(
+    A: ArrayLike,
+    B: ArrayLike,
+    state_weight: ArrayLike,
+    control_weight: ArrayLike,
+    cross_weight: ArrayLike | None = None,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: Threads = 0,
+) -> RiccatiSolutions:
+    """Gains K of f = -K s that minimise `int s'Q s + 2 s'N f + f'R f dt`, or its sum over the samples, in batches.
+
+    Solves `A'P + P A - (P B + N) R^-1 (B'P + N') + Q = 0`, or in discrete time
+    `A'P A - P - (A'P B + N)(R + B'P B)^-1 (B'P A + N') + Q = 0`, by structure-preserving doubling (Chu, Fan & Lin,
+    Linear Algebra and its Applications 396, 2005, 55-80; Chu, Fan, Lin & Wang, Int. J. Control 77(8), 2004, 767-788).
+    Newton's iteration (Kleinman, IEEE Trans. Automatic Control 13(1), 1968, 114-115) then refines P to rounding and
+    shows that A - B K is stable. A row has the same bits in every batch and with every number of threads.
+
+    Each matrix has a leading axis of n_batch, or none if all rows share it; so one plant may have many weights.
+
+    Parameters
+    ----------
+    A, B
+        Shapes (..., n_states, n_states) and (..., n_states, n_controls). Up to some forty states are fast.
+    state_weight, control_weight, cross_weight
+        Q, R and N, shapes (..., n_states, n_states), (..., n_controls, n_controls) and (..., n_states, n_controls); the
+        symmetric parts of Q and R count, N is zero by default. Units are the caller's, and need not be scaled.
+    time
+        "continuous" for s' = A s + B f, "discrete" for s_{k+1} = A s_k + B f_k.
+    scaling
+        T of s = T z, shape (..., n_states, n_states): coordinates in which the terms are of one magnitude, such as
+        `plant.scaling`; by default a diagonal one that balances A.
+    threads
+        Number of threads, 0 for all processors.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit, or a matrix holds a value that is not finite. A row without a solution raises nothing: see
+        `RiccatiSolutions.status`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> plant = mr.control.plant_of(frame, frame.storeys[0])
+    >>> R = np.geomspace(1e-9, 1e-5, 200).reshape(-1, 1, 1)
+    >>> found = mr.control.regulator_gains(plant.A, plant.B, plant.energy, R, scaling=plant.scaling)
+    >>> found.gain.shape
+    (200, 1, 10)
+    """
+    n = _columns("A", A)
+    m = _columns("B", B)
+    given = {
+        "state": _stack("A", A, n, n),
+        "control": _stack("B", B, n, m),
+        "state_weight": _stack("state_weight", state_weight, n, n),
+        "control_weight": _stack("control_weight", control_weight, m, m),
+    }
+    if cross_weight is not None:
+        given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
+    if scaling is not None:
+        given["scaling"] = _scaling(scaling, n)
+    return _solve(given, time, threads)
+
+
+@array_dataclass(repr=False)
+class RiccatiSolution(Summarised):
+    """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""
+
+    P: Floats
+    gain: Floats
+    residual: float
+
+
+def solve_riccati(
+    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
+) -> RiccatiSolution:
+    """Solve one equation; see `regulator_gains`."""
+    solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
+    solutions.check()
+    return RiccatiSolution(P=solutions.P[0], gain=solutions.gain[0], residual=float(solutions.residual[0]))
+
+
+@checked
+def kalman_gains(
+    A: ArrayLike,
+    C: ArrayLike,
+    process_noise: ArrayLike,
+    sensor_noise: ArrayLike,
+    cross_noise: ArrayLike | None = None,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: Threads = 0,
+) -> RiccatiSolutions:
+    """Gains L of steady Kalman filters, in batches, and the covariances of their errors.
+
+    Of x' = A x + B f + L (y - C x - D f), or of the predictor x_{k+1} = A x_k + B f_k + L (y_k - C x_k - D f_k). The
+    equation is that of the regulator of A' and C' (see `regulator_gains`).
+
+    Parameters
+    ----------
+    A, C
+        Shapes (..., n_states, n_states) and (..., n_measurements, n_states).
+    process_noise, sensor_noise, cross_noise
+        Intensities of the white noises w and v of s' = A s + ... + w and y = C s + ... + v, or their covariances in
+        discrete time: E[w w'], E[v v'] and E[w v'], shapes (..., n_states, n_states),
+        (..., n_measurements, n_measurements) and (..., n_states, n_measurements).
+    time, scaling, threads
+        See `regulator_gains`; the T of s = T z is that of the state.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit, or a matrix holds a value that is not finite.
+    """
+    n = _columns("A", A)
+    states = _stack("A", A, n, n)
+    rows = np.asarray(C, dtype=np.float64)
+    if rows.ndim < 2 or not rows.shape[-2]:
+        raise SettingError(
+            f"`C` has shape {rows.shape}; give (n_measurements, {n}), or a stack of such matrices"
+        )
+    m = rows.shape[-2]
+    given = {
+        "state": _transpose(states),
+        "control": _transpose(_stack("C", C, m, n)),
+        "state_weight": _stack("process_noise", process_noise, n, n),
+        "control_weight": _stack("sensor_noise", sensor_noise, m, m),
+    }
+    if cross_noise is not None:
+        given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
+    if scaling is not None:
+        # The scaling of A' that goes with that of A.
+        given["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
+    dual = _solve(given, time, threads)
+    return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
+
+
+@checked
+def lyapunov_solutions(
+    A: ArrayLike,
+    weight: ArrayLike,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: Threads = 0,
+) -> RiccatiSolutions:
+    """P of `A'P + P A + Q = 0`, or of `A'P A - P + Q = 0` in discrete time, in batches.
+
+    s'P s is the cost of free vibration from s under the weight Q. With A' for A, and the intensity of a white noise for
+    Q, P is the covariance of the state. By Smith's doubling (SIAM J. Appl. Math. 16, 1968, 198-201), refined.
+
+    Parameters
+    ----------
+    A, weight
+        A and Q, shapes (..., n_states, n_states).
+    time, scaling, threads
+        See `regulator_gains`.
+
+    Returns
+    -------
+    RiccatiSolutions
+        With gains of shape (n_batch, 0, n_states). A row whose A is not stable has no stabilising solution.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit, or a matrix holds a value that is not finite.
+    """
+    n = _columns("A", A)
+    given = {
+        "state": _stack("A", A, n, n),
+        "control": np.zeros((1, n, 0)),
+        "state_weight": _stack("weight", weight, n, n),
+        "control_weight": np.zeros((1, 0, 0)),
+    }
+    if scaling is not None:
+        given["scaling"] = _scaling(scaling, n)
+    return _solve(given, time, threads)
+
+
+def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
+    counts = {len(matrices) for matrices in given.values()} - {1}
+    if len(counts) > 1:
+        raise SettingError(
+            f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
+            "each, or one that all rows share"
+        )
+    _warn_of_time(given["state"].shape[-1], time)
+    try:
+        gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
+    except ValueError as error:
+        raise SettingError(str(error)) from error
+    return RiccatiSolutions(gain=gain, P=P, residual=residual, status=status)
+
+
+# An equation of so many states is timed where one takes seconds; larger ones take longer than by their cube, because
+# they do not fit into the cache.
+_TIMED_STATES, _MANY_STATES = 100, 250
+_FARTHER = 1.3
+# What is told [s].
+_LONG = 5.0
+
+
+def _warn_of_time(n_states: int, time: Time) -> None:
+    """Warn of an equation of many states, with the time that it will take on this machine."""
+    if n_states < _MANY_STATES:
+        return
+    seconds = _FARTHER * _seconds_timed(time) * (n_states / _TIMED_STATES) ** 3
+    if seconds >= _LONG:
+        warnings.warn(
+            f"a Riccati equation of {n_states:,} states takes about {duration_in_words(seconds)}, and grows with their "
+            "cube; a building of fewer coordinates, as by `mr.buildings.modal_truncation`, takes less",
+            MrworkWarning,
+            stacklevel=2,
+        )
+
+
+@cache
+def _seconds_timed(time: Time) -> float:
+    """Seconds of an equation of `_TIMED_STATES` states, that of a chain of masses."""
+    n = _TIMED_STATES // 2
+    chain = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-chain, -0.05 * chain]])
+    B = np.concatenate([np.zeros(n), [1.0], np.zeros(n - 1)])[:, None]
+    if time == "discrete":
+        A, B = np.linalg.inv(np.eye(2 * n) - 0.1 * A), 0.1 * B
+    weights = {"state_weight": np.eye(2 * n)[None], "control_weight": np.ones((1, 1, 1))}
+    began = perf_counter()
+    _rust.riccati_equations(time, state=A[None], control=B[None], **weights, threads=1)
+    return perf_counter() - began
+
+
+def _columns(name: str, matrix: ArrayLike) -> int:
+    shape = np.shape(matrix)
+    if len(shape) not in (2, 3):
+        raise SettingError(
+            f"`{name}` has shape {shape}; give a matrix, or a stack of matrices, one for each row of the batch"
+        )
+    return int(shape[-1])
+
+
+def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
+    """Array with a leading batch axis for the core; the axis has length one if all rows share the matrix."""
+    matrices = np.asarray(given, dtype=np.float64)
+    if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
+        raise SettingError(
+            f"`{name}` has shape {matrices.shape}; give ({rows}, {columns}), or a stack of such matrices, one for each "
+            "row of the batch"
+        )
+    return np.ascontiguousarray(matrices.reshape(-1, rows, columns))
+
+
+def _transpose(matrices: Floats) -> Floats:
+    return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
+
+
+def _scaling(given: ArrayLike, n: int) -> Floats:
+    scaling = _stack("scaling", given, n, n)
+    if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
+        raise SettingError("`scaling` is singular; give coordinates of the whole state")
+    return scaling
+
+
+def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
+    """Result of a function for each item, or the error that it raised."""
+    outcomes: list[U | SettingError] = []
+    for each in many:
+        try:
+            outcomes.append(make(each))
+        except SettingError as reason:
+            outcomes.append(reason)
+    return outcomes
+
+
+def solve_together(
+    solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
+) -> list[U | SettingError]:
+    """Results of one call for all items that are not errors; errors keep their places."""
+    sound = [each for each in many if not isinstance(each, SettingError)]
+    solved = iter(solve(sound) if sound else ())
+    return [each if isinstance(each, SettingError) else next(solved) for each in many]

@@ -1,0 +1,352 @@
+"""What a weight design is given: limits on rms responses, the semi-active condition, the timing of the loop, its cases.
+
+Cases share one set of weights: buildings of other stiffness, soils, draws of the dampers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrwork.base.arguments import Count, Level, NotNegative, Positive, checked
+from mrwork.base.keys import key, plain_values, refuse_repeated
+from mrwork.base.summary import Summarised
+from mrwork.base.units import number_in
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building, Device, elongation_rows
+from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
+from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
+
+Limit = float | tuple[float, ...]
+"""One limit for all places, or one for each."""
+
+
+@checked
+class RmsLimits:
+    """Limits on rms responses, one for all places or one for each; only their ratios to each other matter.
+
+    The design finds the least factor by which all limits can be met at once with the budget of force.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.RmsLimits(rms_drift=...)"
+
+    rms_drift: Limit | None = key("limit of the rms drift of storeys", unit="m", default=None, above=0.0)
+    rms_acceleration: Limit | None = key(
+        "limit of the rms absolute acceleration of floors", unit="m/s2", default=None, above=0.0
+    )
+    rms_displacement: Limit | None = key(
+        "limit of the rms displacement of floors relative to the ground", unit="m", default=None, above=0.0
+    )
+    rms_force: Limit | None = key(
+        "limit of the rms force of devices, which is scaled with the others; the budget is not",
+        unit="N",
+        default=None,
+        above=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        plain_values(self)
+        refuse_repeated(self)
+
+    @classmethod
+    @checked
+    def of(cls, given: RmsLimits | Mapping[str, Limit | str | Sequence[float | str]]) -> RmsLimits:
+        """The limits from values by name, numbers in SI or texts with a unit.
+
+        Raises
+        ------
+        SettingError
+            If one has an unknown name, or is no number.
+        """
+        if isinstance(given, RmsLimits):
+            return given
+        if not isinstance(given, Mapping):
+            raise SettingError(
+                f'limits are {type(given).__name__}; give them by name, as {{"rms_drift": 2e-3}}, or RmsLimits'
+            )
+        known = {entry.name: entry.metadata["unit"] for entry in fields(cls)}
+        for name in given:
+            if name not in known:
+                hint = (
+                    f"limits are rms values, of which a peak is about three times: give rms_{name[5:]}"
+                    if name.startswith("peak_") and f"rms_{name[5:]}" in known
+                    else f"there are {', '.join(known)}"
+                )
+                raise SettingError(f"no limit is called {name!r}; {hint}")
+        return cls(**{name: _in_si(name, value, known[name]) for name, value in given.items()})
+
+
+def _in_si(name: str, given: object, unit: str) -> Any:
+    """A number, or several, of which a text has a unit; `None` stays."""
+    if isinstance(given, str):
+        number = number_in(given, unit)
+        if isinstance(number, str):
+            raise SettingError(f"{name} {number}")
+        return number
+    if isinstance(given, Sequence):
+        return tuple(_in_si(name, each, unit) for each in given)
+    return given
+
+
+@array_dataclass()
+class LimitedOutputs:
+    """The outputs with a limit: their names, units, limits in SI, shape (n_outputs,), and the setting of each."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    settings: tuple[str, ...]
+    limits: Floats
+
+    @classmethod
+    def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
+        """The outputs of a plant that have a limit."""
+        found: list[tuple[str, str, str]] = []
+        numbers: list[float] = []
+        for setting, (unit, each) in _QUANTITIES.items():
+            given = getattr(limits, setting)
+            if given is None:
+                continue
+            outputs = _outputs(setting, plant)
+            values = np.asarray(given, dtype=np.float64)
+            if values.shape not in ((), (len(outputs.names),)):
+                raise InvalidSettingError(
+                    setting,
+                    f"{setting} has {values.size} limits, and there are {len(outputs.names)} {each}; give one for "
+                    "each, or one for all",
+                )
+            for name, value in zip(outputs.names, np.broadcast_to(values, len(outputs.names)), strict=True):
+                if math.isfinite(value):
+                    found.append((name, unit, setting))
+                    numbers.append(float(value))
+        if all(setting == "rms_force" for _, _, setting in found):
+            raise InvalidSettingError(
+                "rms_drift",
+                "no response is limited, so that no force would be the best; give rms_drift, rms_acceleration or "
+                "rms_displacement",
+            )
+        names, units, settings = zip(*found, strict=True)
+        return cls(names=names, units=units, settings=settings, limits=np.array(numbers))
+
+    def of_plant(self, plant: Plant) -> Outputs:
+        """These outputs of a plant of the same floors, storeys and devices."""
+        return stack_outputs(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
+
+
+def _outputs(setting: str, plant: Plant) -> Outputs:
+    if setting == "rms_drift":
+        n_drifts = len(plant.building.drifts)
+        every = drifts(plant)
+        return every.select(every.names[:n_drifts])
+    if setting == "rms_acceleration":
+        return accelerations(plant)
+    if setting == "rms_displacement":
+        return displacements(plant)
+    m = plant.n_devices
+    return Outputs(
+        names=tuple(f"force {name}" for name in plant.device_names),
+        C=np.zeros((m, len(plant.A))),
+        D=np.eye(m),
+        G=np.zeros(m),
+    )
+
+
+_QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "rms_drift": ("m", "storeys"),
+    "rms_acceleration": ("m/s2", "floors"),
+    "rms_displacement": ("m", "floors"),
+    "rms_force": ("N", "devices"),
+}
+"""Unit of each limit, and what it belongs to."""
+
+
+@checked
+class SemiActiveCondition:
+    """`E[(f - c v)^2] <= b^2 E[f^2]`: the desired force is that of a damper up to a share b.
+
+    With c = E[f v] / E[v^2] it says that force and rate of elongation have a correlation of sqrt(1 - b^2) at least.
+
+    Parameters
+    ----------
+    share
+        b, between 0 and 1.
+    damping
+        c of each device [N s/m]; by default that of the desired force itself, found by alternation.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"
+
+    share: Level
+    damping: Positive | tuple[Positive, ...] | None = None
+
+    def __post_init__(self) -> None:
+        plain_values(self)
+
+
+@checked
+class LoopTiming:
+    """Sample time [s], delay and driver of a loop, for a design in discrete time.
+
+    The `delay` [s] from a measurement to its command is a whole number of samples. `driver_rate` is that of the
+    first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.LoopTiming(sample_time=...)"
+
+    sample_time: Positive = 1e-3
+    delay: NotNegative = 0.0
+    driver_rate: Positive | None = None
+
+    def __post_init__(self) -> None:
+        if abs(self.delay / self.sample_time - self.delay_samples) > 1e-6:
+            raise SettingError(
+                f"delay of the loop is {self.delay} s, which is not a whole number of samples of {self.sample_time} s"
+            )
+        if self.delay_samples > _MOST_DELAY:
+            raise SettingError(
+                f"delay of the loop is {self.delay_samples} samples; give a longer sample_time, so that it is "
+                f"{_MOST_DELAY} at most"
+            )
+
+    @property
+    def delay_samples(self) -> int:
+        """The delay in samples."""
+        return round(self.delay / self.sample_time)
+
+
+# Each sample of delay is a state of the design.
+_MOST_DELAY = 20
+
+
+def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant) -> Floats:
+    """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN"."""
+    values = np.asarray(_in_si("budget", budget, "N"), dtype=np.float64)
+    if values.shape not in ((), (plant.n_devices,)):
+        raise SettingError(
+            f"budget has {values.size} forces, and the number of devices is {plant.n_devices}; give one for each, or "
+            "one for all"
+        )
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise SettingError(f"budget is {budget} N; give a positive rms force")
+    return np.broadcast_to(values, (plant.n_devices,)).copy()
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignCase(Summarised):
+    """A building under a spectrum of ground acceleration, one of those that a design averages over.
+
+    The buildings of all cases have the same coordinates, floors and storeys.
+    """
+
+    _made_by: ClassVar[str] = "mr.control.stiffness_cases(building)"
+
+    name: str
+    building: Building
+    spectrum: SpectralDensity = field(default_factory=KanaiTajimi)
+
+
+@checked
+def stiffness_cases(
+    building: Building,
+    factors: Sequence[Positive] = (0.75, 1.0, 1.25),
+    spectrum: SpectralDensity | None = None,
+) -> tuple[DesignCase, ...]:
+    """The building with its stiffness multiplied by each factor; the damping matrix stays."""
+    spectrum = KanaiTajimi() if spectrum is None else spectrum
+    return tuple(
+        DesignCase(
+            name=f"stiffness x {factor:g}",
+            building=replace(building, stiffness=factor * building.stiffness),
+            spectrum=spectrum,
+        )
+        for factor in factors
+    )
+
+
+@checked
+def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[DesignCase, ...]:
+    """The building under each spectrum."""
+    return tuple(
+        DesignCase(name=f"{spectrum.name} {number + 1}", building=building, spectrum=spectrum)
+        for number, spectrum in enumerate(spectra)
+    )
+
+
+@checked
+def damper_cases(
+    building: Building,
+    devices: Sequence[Device],
+    *,
+    amplitude: Positive,
+    frequency: Positive,
+    spectrum: SpectralDensity | None = None,
+    most: Count = 8,
+) -> tuple[DesignCase, ...]:
+    """The building with the dampers at zero command as springs and dashpots, for draws of their parameters.
+
+    The force of a damper at zero command is replaced by `k x + c v` of the same work and the same force at the largest
+    displacement in a sinusoid of this amplitude [m] and frequency [Hz] (equivalent linearisation). Budgets are then of
+    the force beyond it. At most `most` draws are evenly taken from those of the devices.
+    """
+    rows = elongation_rows(building, devices)
+    n_draws = min(len(device.draws) for device in devices)
+    spectrum = KanaiTajimi() if spectrum is None else spectrum
+    chosen = np.unique(np.linspace(0, n_draws - 1, min(most, n_draws)).round().astype(int))
+    found = []
+    for draw in chosen:
+        stiffness, damping = building.stiffness.copy(), building.damping.copy()
+        for device, row in zip(devices, rows, strict=True):
+            k, c = _linearise(device, device.draws[draw], amplitude, frequency)
+            stiffness += k * np.outer(row, row)
+            damping += c * np.outer(row, row)
+        found.append(
+            DesignCase(
+                name=f"draw {draw + 1} of the dampers",
+                building=replace(building, stiffness=stiffness, damping=damping),
+                spectrum=spectrum,
+            )
+        )
+    return tuple(found)
+
+
+def _linearise(device: Device, theta: Floats, amplitude: float, frequency: float) -> tuple[float, float]:
+    """Stiffness [N/m] and damping [N s/m] of all dampers of a device at zero command, over the last cycle of three."""
+    w = 2.0 * np.pi * frequency
+    phase, force = _sine_cycle(device, theta, amplitude, w, 0.0)
+    force = force - force.mean()
+    k = 2.0 * float(np.mean(force * np.sin(phase))) / amplitude
+    c = 2.0 * float(np.mean(force * np.cos(phase))) / (amplitude * w)
+    return max(k, 0.0), max(c, 0.0)
+
+
+def _sine_cycle(
+    device: Device, theta: Floats, amplitude: float, w: float, command: float
+) -> tuple[Floats, Floats]:
+    """Phase and force of all dampers of a device in a sinusoid at a constant command, over the last cycle of three."""
+    samples = 400
+    phase = 2.0 * np.pi * np.arange(3 * samples + 1) / samples
+    x, v = amplitude * np.sin(phase), amplitude * w * np.cos(phase)
+    force = np.zeros_like(x)
+    for sign in (1.0, -1.0) if device.differential else (1.0,):
+        current = device.spec.current
+        loading = Loading(
+            dt=float(phase[1] / w),
+            displacement=sign * x,
+            velocity=sign * v,
+            command=None if current is None else command,
+            command_unit=None if current is None else current.unit,
+        )
+        force += sign * device.count * simulate_force(device.spec, theta, loading)
+    cycle = slice(2 * samples, 3 * samples)
+    return phase[cycle], force[cycle]
+
+
+def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:
+    """Force of all dampers of a device [N] over a cycle of this amplitude [m] and peak velocity [m/s], shape (400,)."""
+    return _sine_cycle(device, device.draws[0], amplitude, velocity / amplitude, command)[1]

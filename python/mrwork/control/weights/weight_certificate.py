@@ -1,0 +1,410 @@
+"""Designed weights: what a regulator weighs, how much of the limits can be reached, what binds, and the certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.control.linear.lqr import Weights
+from mrwork.control.linear.plant import Plant
+from mrwork.control.weights.limits import LimitedOutputs
+from mrwork.control.weights.riccati_dual import (
+    DualPoint,
+    SquaredRows,
+    regulate,
+    riccati_law_gain,
+    static_law_gain,
+)
+from mrwork.control.weights.system import DesignSystem, LyapunovEquations
+from mrwork.errors import SettingError
+from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
+
+
+@array_dataclass(repr=False)
+class CaseCheck(Summarised):
+    """A case under two gains, by Lyapunov equations.
+
+    `ratio` is the largest rms over its limit under the regulator of the case itself, which knows the state of the soil
+    and of the driver, `forces` [N] its rms forces. `law_ratio` and `law_forces` are those of the one gain of the law on
+    the state of the building; infinite if the loop is not stable.
+    """
+
+    name: str
+    ratio: float
+    forces: Floats
+    law_ratio: float
+    law_forces: Floats
+
+
+@array_dataclass(repr=False)
+class WeightCertificate(Summarised):
+    """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
+
+    `rms` of each limited output and `forces`, the rms desired force of each device [N], are those under the regulators
+    of the weights, roots of the mean square over the cases. `ratio` is the largest rms over its limit, `bound` the
+    least ratio of any linear law within the budget, from the dual, and `gap` is ratio / bound - 1. `violation` is the
+    largest relative excess of an output over `bound` times its limit, or of a force over its budget. `program_ratio` is
+    that of the semidefinite program before the refinement; `None` if it was not solved, or for modes only.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    limits: Floats
+    rms: Floats
+    forces: Floats
+    budgets: Floats
+    ratio: float
+    bound: float
+    gap: float
+    violation: float
+    program_ratio: float | None
+    cases: tuple[CaseCheck, ...]
+
+    @property
+    def law_ratio(self) -> float:
+        """The ratio under the gain of the law alone: root of the mean square over the cases."""
+        return float(np.sqrt(np.mean([each.law_ratio**2 for each in self.cases])))
+
+    @property
+    def law_force(self) -> float:
+        """The largest rms force over its budget under the gain of the law alone, likewise."""
+        forces = np.sqrt(np.mean([each.law_forces**2 for each in self.cases], axis=0))
+        return float(np.max(forces / self.budgets))
+
+    @property
+    def law_in_words(self) -> str:
+        """What the gain of the law alone reaches, and with how much of the budget."""
+        return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
+
+    def _summary(self) -> Summary:
+        program = "" if self.program_ratio is None else f", {self.program_ratio:.6g} by the program"
+        return Summary(
+            title="Certificate of a weight design",
+            facts=(
+                ("ratio", f"{self.ratio:.6g}, at least {self.bound:.6g}{program}"),
+                ("violation", f"{self.violation:.1e}"),
+                ("law's gain", self.law_in_words),
+            ),
+            columns=("output", "unit", "rms", "limit", "rms / limit"),
+            rows=[
+                *(
+                    (name, unit, format_rounded(rms), format_rounded(limit), format_rounded(rms / limit))
+                    for name, unit, rms, limit in zip(
+                        self.names, self.units, self.rms, self.limits, strict=True
+                    )
+                ),
+                *(
+                    (
+                        f"force, device {number + 1}",
+                        "N",
+                        format_rounded(force),
+                        format_rounded(budget),
+                        format_rounded(force / budget),
+                    )
+                    for number, (force, budget) in enumerate(zip(self.forces, self.budgets, strict=True))
+                ),
+            ],
+        )
+
+
+def certificate_of(
+    names: Sequence[str],
+    systems: Sequence[DesignSystem],
+    outputs: LimitedOutputs,
+    budgets: Floats,
+    point: DualPoint,
+    law_gain: Floats,
+    program_ratio: float | None,
+) -> WeightCertificate:
+    """Check the gains of a dual point, and the gain of the law [N per unit of s], in every case."""
+    limits = outputs.limits
+    squares, forces, cases = [], [], []
+    for name, system, own in zip(names, systems, point.regulated, strict=True):
+        y, u = _mean_squares(system, own.gain)
+        try:
+            law_y, law_u = _mean_squares(system, law_gain @ system.state)
+        except SettingError:
+            law_y, law_u = np.full(len(limits), np.inf), np.full(len(budgets), np.inf)
+        squares.append(y)
+        forces.append(u)
+        cases.append(
+            CaseCheck(
+                name=name,
+                ratio=float(np.sqrt(np.max(y / limits**2))),
+                forces=np.sqrt(u),
+                law_ratio=float(np.sqrt(np.max(law_y / limits**2))),
+                law_forces=np.sqrt(law_u),
+            )
+        )
+    rms, force = np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(forces, axis=0))
+    ratio, bound = float(np.max(rms / limits)), float(np.sqrt(point.value))
+    return WeightCertificate(
+        names=outputs.names,
+        units=outputs.units,
+        limits=limits,
+        rms=rms,
+        forces=force,
+        budgets=budgets,
+        ratio=ratio,
+        bound=bound,
+        gap=ratio / bound - 1.0,
+        violation=float(max(ratio / bound - 1.0, np.max(force / budgets) - 1.0, 0.0)),
+        program_ratio=program_ratio,
+        cases=tuple(cases),
+    )
+
+
+def _mean_squares(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
+    """Mean squares of the outputs and of the desired forces of `u = -gain x`."""
+    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(system.noise)
+    closed = system.C - system.D @ gain
+    return np.einsum("ij,jk,ik->i", closed, X, closed), np.einsum("ij,jk,ik->i", gain, X, gain)
+
+
+SCAN = (
+    "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop (from 10 "
+    "to 1e-4 times R as designed), because a damper saturates and only resists motion; least-force weights as "
+    "designed are far too timid."
+)
+SCAN_BUDGET = (
+    "With the semi-active condition the budget decides the law, and R hardly matters: scan the budget in the true loop "
+    "(budget_scale from 0.1 to 10)."
+)
+"""Advice wherever designed weights are shown."""
+
+_SETTING = {
+    "rms_drift": "drifts",
+    "rms_acceleration": "accelerations",
+    "rms_displacement": "displacements",
+}
+# Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
+_NEAR = 1.05
+_FORECAST = "the least ratio is that of a law that also knows the state of the soil and of the driver."
+# Outputs and sentences on what binds that the summary shows.
+_SHOWN = 4
+# Shares of the multipliers below this one belong to limits that do not bind.
+_BINDING = 1e-4
+
+
+@array_dataclass(repr=False)
+class DesignedWeights(Summarised):
+    """Weights of a regulator from limits on rms responses and a budget of force.
+
+    The cost is `s'Q s + 2 s'N f + f'R f`, with `Q = C'W C`, `N = C'W D` and `R = control_weight + D'W D` of the limited
+    outputs `y = C s + D f`, W the diagonal of `output_weights` (in the inverse squares of the units of the outputs); in
+    a design with a semi-active condition, also the terms of `(f - c v)^2 - b^2 f^2`. `control_weight` is the multiplier
+    of the budget of each device [1/N^2].
+
+    `gain` is K of the desired force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
+    of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
+    the factor `reachable_ratio` with the budget; above 1 they cannot be reached, and `budget_factor` is that of all
+    budgets with which they can, infinite if none up to 100 does. `binding` says what keeps the ratio from being lower,
+    `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for the design.
+    `spectra` are those of the cases.
+    """
+
+    plant: Plant
+    spectra: tuple[SpectralDensity, ...]
+    output_weights: Floats
+    control_weight: Floats
+    Q: Floats
+    N: Floats
+    R: Floats
+    gain: Floats
+    reachable_ratio: float
+    certificate: WeightCertificate
+    binding: tuple[str, ...]
+    engine: str
+    budget_factor: float | None
+    outputs: LimitedOutputs
+    multipliers: Floats
+    system: DesignSystem
+    rows: SquaredRows
+    semi_active: bool
+    origin: tuple[str, ...] = ()
+
+    @property
+    def spectrum(self) -> str:
+        """Names of the spectra."""
+        return ", ".join(dict.fromkeys(each.name for each in self.spectra))
+
+    @property
+    def advice(self) -> str:
+        """What is to be scanned in the true loop."""
+        return SCAN_BUDGET if self.semi_active else SCAN
+
+    def rms_under_ground(self, *, controlled: bool) -> Floats:
+        """Rms of each limited output under the ground alone, without control or with ideal forces of the law's gain.
+
+        Infinite if the loop of the gain is not stable. The design adds a small white noise on every state, so that its
+        ratio is a little larger.
+        """
+        system = self.system
+        K = self.gain @ system.state if controlled else np.zeros_like(system.B.T)
+        try:
+            X = LyapunovEquations(system.A - system.B @ K, system.step).covariance(system.ground)
+        except SettingError:
+            return np.full(len(self.outputs.limits), np.inf)
+        C = system.C - system.D @ K
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", C, X, C)))
+
+    def document(self) -> dict[str, object]:
+        """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
+        bare, ruled = (self.rms_under_ground(controlled=each).tolist() for each in (False, True))
+        return {
+            "ground": [
+                {
+                    "spectrum": each.name,
+                    "frequency": soil.frequency,
+                    "damping": soil.damping,
+                    "intensity": soil.intensity,
+                    "mean_square": mean_square_of(each),
+                }
+                for each in self.spectra
+                for soil in (each.soil if isinstance(each, CloughPenzien) else each,)
+            ],
+            "budget": self.certificate.budgets.tolist(),
+            "least_ratio": self.reachable_ratio,
+            "gain": self.gain.tolist(),
+            "outputs": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "limit": limit,
+                    "rms_without_control": bare[number],
+                    "rms": ruled[number],
+                }
+                for number, (name, unit, limit) in enumerate(
+                    zip(self.outputs.names, self.outputs.units, self.outputs.limits.tolist(), strict=True)
+                )
+            ],
+        }
+
+    def gain_with(self, control_scale: float) -> Floats:
+        """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n)."""
+        if not 0.0 < control_scale < np.inf:
+            raise SettingError(f"control_scale is {control_scale}; give a positive number")
+        # As in the design, so that a scale of 1 has its bits.
+        scaled = self.multipliers / self.reachable_ratio**2
+        n_limits, m = len(self.outputs.limits), self.plant.n_devices
+        scaled[n_limits : n_limits + m] *= control_scale
+        if self.system.step:
+            return static_law_gain(self.system, self.rows, scaled, self.gain)
+        return riccati_law_gain(self.system, regulate(self.system, self.rows, scaled))
+
+    def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
+        """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`."""
+        if len(self.multipliers) > len(self.output_weights) + len(self.control_weight) or self.system.step:
+            raise SettingError(
+                "these weights are more than weights of outputs: the law has their gain, see `gain_with`, or give the "
+                "settings of the law the key designed"
+            )
+        found: dict[str, Weights] = {}
+        building = self.plant.building
+        for setting, name in _SETTING.items():
+            if setting in self.outputs.settings:
+                places = building.storey_names if setting == "rms_drift" else building.floor_names
+                found[name] = tuple(self._of_places(setting, places))
+        forces = self._of_places("rms_force", self.plant.device_names)
+        found["control_weight"] = tuple((control_scale * self.control_weight + forces).tolist())
+        return found
+
+    def _of_places(self, setting: str, places: tuple[str, ...]) -> Floats:
+        """Weights of all places of a quantity, zero without a limit."""
+        found = np.zeros(len(places))
+        for name, own, weight in zip(
+            self.outputs.names, self.outputs.settings, self.output_weights, strict=True
+        ):
+            if own == setting:
+                found[next(k for k, place in enumerate(places) if name.endswith(f" {place}"))] = weight
+        return found
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What can be reached and what binds, one sentence each; where a study asked, ground and budget first."""
+        return (*self._origin_in_words, *self._reached_in_words)
+
+    @property
+    def _origin_in_words(self) -> tuple[str, ...]:
+        """Ground and budget, and the response under this ground that is worst over its limit without control."""
+        if not self.origin:
+            return ()
+        bare, ruled = (self.rms_under_ground(controlled=each) for each in (False, True))
+        worst = int(np.argmax(bare / self.outputs.limits))
+        unit = self.outputs.units[worst]
+        return (
+            *self.origin,
+            f"Under this ground rms {self.outputs.names[worst]} is {bare[worst]:.4g} {unit} without control and "
+            f"{ruled[worst]:.4g} {unit} with ideal forces of the gain as designed (limit "
+            f"{self.outputs.limits[worst]:.4g}).",
+        )
+
+    @property
+    def _reached_in_words(self) -> tuple[str, ...]:
+        ratio = self.reachable_ratio
+        if ratio <= 1.0:
+            first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
+        elif self.budget_factor is not None and np.isfinite(self.budget_factor):
+            first = (
+                "The limits cannot be met with this budget: the least factor by which all are met at once is "
+                f"{ratio:.3g}; with {self.budget_factor:.3g} times the budget they can."
+            )
+        else:
+            first = (
+                f"The limits cannot be met: the least factor by which all are met at once is {ratio:.3g}, and 100 "
+                "times the budget does not bring it to 1."
+            )
+        check = self.certificate
+        if check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR:
+            return (first, *self.binding)
+        own = f"The gain of the law reaches {check.law_in_words}: {_FORECAST}"
+        return (first, own, *self.binding)
+
+    def _summary(self) -> Summary:
+        check = self.certificate
+        return Summary(
+            title=f"Designed weights for {self.plant.building.name}: least ratio {self.reachable_ratio:.4g}",
+            facts=(
+                ("spectrum", self.spectrum),
+                ("engine", self.engine),
+                ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
+                ("law's gain", check.law_in_words),
+                ("control weight", f"{', '.join(format_rounded(each) for each in self.control_weight)} 1/N2"),
+            ),
+            columns=("output", "weight", "rms / limit"),
+            rows=[
+                (name, format_rounded(weight), format_rounded(float(rms / limit)))
+                for name, weight, rms, limit in sorted(
+                    zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
+                    key=lambda each: -each[2] / each[3],
+                )[:_SHOWN]
+            ],
+            notes=(*self.origin, *self._reached_in_words[: 2 + _SHOWN], self.advice),
+        )
+
+
+def binding_in_words(
+    outputs: LimitedOutputs, multipliers: Floats, ratio: float, budgets: Floats, plant: Plant, value: float
+) -> tuple[str, ...]:
+    """The limits and budgets with a multiplier, the largest first, one sentence each."""
+    n_limits = len(outputs.limits)
+    q = multipliers[:n_limits]
+    sentences = [
+        f"Binds: rms {outputs.names[k]}, {outputs.limits[k] * ratio:.4g} {outputs.units[k]} at the least ratio "
+        f"(limit {outputs.limits[k]:.4g}), with {100.0 * q[k]:.3g} % of the weight."
+        for k in np.argsort(-q)
+        if q[k] > _BINDING
+    ]
+    for name, budget, r in zip(
+        plant.device_names, budgets, multipliers[n_limits : n_limits + len(budgets)], strict=True
+    ):
+        if r > _BINDING * value:
+            # d log t / d log budget = -r / t^2.
+            sentences.append(
+                f"Binds: budget of {name}, {budget:.4g} N rms; 1 % more force lowers the ratio by {r / value:.2g} %."
+            )
+    return tuple(sentences)

@@ -1,0 +1,223 @@
+"""Command of a test: one number, or one value per sample, held until the next as a driver holds its set point."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.numbers import of_unit
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
+from mrwork.base.values import Floats
+
+Command = float | Floats
+"""Command: a number if it is constant, else shape (n_time,)."""
+
+LARGEST_COMMAND: Final = COMMAND_SCALES["A"].largest
+"""Largest command [A or V] that a test may have."""
+# A measured command of zero is not exactly zero: by this number of its last decimals, and by this share of the largest.
+_NOISE: Final = 2.0
+_NOISE_SHARE: Final = 0.05
+
+# Share of the samples in the middle half of the range of a command that switches between two levels.
+_BETWEEN: Final = 0.05
+# Correlation with time of a ramp over the whole record.
+_RAMPING: Final = 0.9
+# A jump is a change by this share of the range, beside which the command changes by less than this share of the jump.
+_JUMP: Final = 0.05
+_BESIDE: Final = 0.25
+# Levels differ by more than this share of the range without its outermost hundredths.
+_LEVEL: Final = 0.05
+# A level is a mode that has this share of the samples of the largest one: what a driver only passes has fewer.
+_MODE: Final = 0.1
+# Quantiles from which modes are found.
+_QUANTILES: Final = (np.arange(400) + 0.5) / 400.0
+# A driver that rings is below zero for at most this share of the time, by at most this share of its highest level: the
+# first overshoot of a step at a tenth of critical damping is 73 %.
+_RINGING: Final = 0.1
+_RINGING_DEPTH: Final = 0.75
+# Fewer samples in succession are a glitch.
+_GLITCH: Final = 3
+# Share of the sum of squared changes that the jumps of a stepped command have.
+_STEPPED: Final = 0.8
+
+
+def command_range(command: Command) -> tuple[float, float]:
+    """Lowest and highest value of a command."""
+    return float(np.min(command)), float(np.max(command))
+
+
+def impossible_command(command: Command, unit: CommandUnit) -> str:
+    """Fault of a command as the predicate of a sentence: negative beyond noise, or beyond any driver; empty without.
+
+    A command that only rings below zero is not negative.
+    """
+    low, high = command_range(command)
+    if beyond := beyond_any_driver(command, unit):
+        return beyond
+    if COMMAND_SCALES[unit].is_signed:
+        return ""
+    if low < -command_noise(max(-low, high), unit) and not (
+        isinstance(command, np.ndarray) and rings_below_zero(command, unit)
+    ):
+        return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
+    return ""
+
+
+def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
+    """Predicate of a sentence on how far a command is beyond any driver; empty where it is not."""
+    low, high = command_range(command)
+    largest = COMMAND_SCALES[unit].largest
+    if max(-low, high) <= largest:
+        return ""
+    shared = "A or V" if unit in ("A", "V") else unit
+    return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
+
+
+def rings_below_zero(command: Floats, unit: CommandUnit) -> bool:
+    """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
+
+    It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
+    of its highest level; one or two samples are a glitch and may go further.
+    """
+    # Most commands are never below zero, and their levels take longer to find.
+    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed or command.min() >= 0.0:
+        return False
+    levels = levels_of_command(command)
+    noise = command_noise(levels[-1], unit)
+    below = command < -noise
+    if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
+        return False
+    # The highest of any samples in succession: a glitch does not lower it.
+    highest = np.lib.stride_tricks.sliding_window_view(command, _GLITCH).max(axis=1)
+    return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
+
+
+def without_ringing(command: Floats, unit: CommandUnit) -> Floats:
+    """Command with ringing below zero replaced by zero; any other command unchanged."""
+    return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
+
+
+def ringing_samples(command: Floats, unit: CommandUnit) -> NDArray[np.bool_]:
+    """Samples, (n_time,), while a driver rings below zero and as long after, where current and force are not known."""
+    left_out = np.zeros(command.size, dtype=np.bool_)
+    if rings_below_zero(command, unit):
+        below = command < -command_noise(float(command.max()), unit)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            left_out[first : 2 * last - first] = True
+    return left_out
+
+
+def command_noise(level: float, unit: CommandUnit) -> float:
+    """Admissible variation of a measured constant command of this level, in its unit."""
+    return _NOISE_SHARE * abs(level) + _NOISE / 10.0 ** COMMAND_SCALES[unit].decimals
+
+
+def command_level(value: float, unit: CommandUnit) -> float:
+    """Set point of a measured command: measured commands of one level differ by noise."""
+    return round(value, COMMAND_SCALES[unit].decimals)
+
+
+def command_in_words(command: Command, unit: str) -> str:
+    """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
+    if not isinstance(command, np.ndarray):
+        return of_unit(command, unit)
+    low, high = range_in_words(command)
+    return f"{low} to {high} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
+
+
+def range_in_words(command: Floats) -> tuple[str, str]:
+    """Lowest and highest value of a varying command, to a hundredth of its range or finer."""
+    low, high = command_range(command)
+    step = 10.0 ** np.floor(np.log10((high - low) / 100.0))
+    return f"{step * round(low / step) + 0.0:.6g}", f"{step * round(high / step) + 0.0:.6g}"
+
+
+def variation_in_words(command: Floats) -> str:
+    """Verb for how a command changes: a ramp has half of its samples in the middle half of its range, switching few."""
+    if _switches(command):
+        return "switches between"
+    if abs(float(np.corrcoef(np.arange(command.size), command)[0, 1])) > _RAMPING:
+        return "ramps between"
+    return "steps between" if is_stepped(command) else "varies between"
+
+
+def is_stepped(command: Floats) -> bool:
+    """Whether a command, shape (n_time,), switches or jumps, and must be held, not interpolated, between samples."""
+    return _switches(command) or _jumps(command)
+
+
+def _switches(command: Floats) -> bool:
+    low, high = np.percentile(command, [1.0, 99.0])
+    quarter = 0.25 * (high - low)
+    return bool(np.mean((command > low + quarter) & (command < high - quarter)) < _BETWEEN)
+
+
+def _jumps(command: Floats) -> bool:
+    change = np.abs(np.diff(command))
+    beside = np.pad(change, 1)
+    largest_beside = np.maximum(beside[:-2], beside[2:])
+    jump = (change > _JUMP * np.ptp(command)) & (largest_beside < _BESIDE * change)
+    return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
+
+
+def steps_of_command(command: Command) -> NDArray[np.intp]:
+    """First sample after each step of a command, shape (n_steps,), measured ones over several samples included."""
+    if not isinstance(command, np.ndarray):
+        return np.empty(0, dtype=np.intp)
+    changes = np.abs(np.diff(command)) > _JUMP * np.ptp(command)
+    return np.flatnonzero(changes & ~np.concatenate([[False], changes[:-1]])) + 1
+
+
+def levels_of_command(command: Command) -> tuple[float, ...]:
+    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, a dozen.
+
+    A level is the median of the samples of a mode, which neither noise nor the ringing of a driver shifts.
+    """
+    if not isinstance(command, np.ndarray):
+        return (float(command),)
+    left = np.quantile(command, _QUANTILES)
+    low, high = np.quantile(left, [0.01, 0.99])
+    width = _LEVEL * float(high - low)
+    levels: list[float] = []
+    most = 0
+    while left.size:
+        ends = np.searchsorted(left, left + width, side="right")
+        counts = ends - np.arange(left.size)
+        first = int(np.argmax(counts))
+        if counts[first] < _MODE * most:
+            break
+        most = max(most, int(counts[first]))
+        levels.append(float(np.median(left[first : ends[first]])))
+        # Samples beside a mode are its noise.
+        left = left[np.abs(left - levels[-1]) > width]
+    return tuple(sorted(levels))
+
+
+def resampled_command(time: Floats, command: Floats, grid: Floats) -> Floats:
+    """A command at other times [s], shape (n_grid,): the last value before each if it is stepped, else linear."""
+    if not is_stepped(command):
+        return np.asarray(np.interp(grid, time, command))
+    # Times that are equal except for rounding are the same sample.
+    last = np.searchsorted(time, grid + 1e-6 * float(np.median(np.diff(time))), side="right") - 1
+    return np.asarray(command[np.clip(last, 0, command.size - 1)])
+
+
+def part_of_command(command: Command | None, first: int, last: int, every: int = 1) -> Command | None:
+    """Command of every `every`-th sample from `first` up to `last`, that of the middle of those it stands for."""
+    if not isinstance(command, np.ndarray):
+        return command
+    part = command[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]
+    if part.size and np.ptp(part) == 0.0:
+        return float(part[0])
+    part.setflags(write=False)
+    return part
+
+
+def same_command(one: Command | None, other: Command | None) -> bool:
+    """Whether two commands are equal, sample by sample where they vary."""
+    if one is None or other is None:
+        return one is other
+    return bool(np.shape(one) == np.shape(other) and np.all(np.equal(one, other)))

@@ -1,0 +1,296 @@
+"""Simulation of dampers under a loading history by the Rust core: single runs, batches, misfits, sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import IntEnum
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork import _rust
+from mrwork.base.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats, array_dataclass, keep_arrays
+from mrwork.dampers.command import impossible_command, without_ringing
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import MrworkError, SettingError, SimulationError
+
+
+class Outcome(IntEnum):
+    """How the simulation of one candidate ended."""
+
+    FINISHED = 0
+    DIVERGED = 1
+    UNRESOLVED = 2
+    ABANDONED = 3
+    FAILED_SAFE = 4
+
+    @property
+    def remedy(self) -> str:
+        """Advice to the user."""
+        return {
+            Outcome.FINISHED: "nothing",
+            Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values, "
+            "or lower the gains of the control law",
+            Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely, "
+            "or shorten the step of the loop",
+            Outcome.ABANDONED: "it reached the limit it was given; raise the limit to know its misfit",
+            Outcome.FAILED_SAFE: "its control law received a reading that is not a number, so its command "
+            "was invalid; check the sensor",
+        }[self]
+
+
+@checked
+@array_dataclass(repr=False)
+class Loading(Summarised):
+    """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
+
+    Both are interpolated by C2 cubic splines; without a velocity, the derivative of the displacement spline is used.
+    The `command` is one number, or one per sample, held until the next; `command_unit` is
+    amperes, volts or the unit of another scalar.
+    """
+
+    dt: float
+    displacement: Samples
+    velocity: Samples | None = None
+    command: Samples | float | None = None
+    command_unit: CommandUnit | None = None
+
+    _units: ClassVar[Mapping[str, str]] = {"dt": "s", "displacement": "m", "velocity": "m/s"}
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, "displacement", "velocity", "command")
+
+    def history(self) -> _rust.LoadingHistory:
+        """Spline representation of the history, as simulations use it.
+
+        Raises
+        ------
+        SettingError
+            If the arrays do not fit together or hold a value that is not finite, or the command is negative or beyond
+            any driver.
+        """
+        displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
+        velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
+        command = None
+        if self.command is not None:
+            unit = self.command_unit or "A"
+            command = np.array(
+                np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
+            )
+            if wrong := impossible_command(command, unit):
+                raise SettingError(f"`command` {wrong}")
+            command = np.ascontiguousarray(without_ringing(command, unit))
+        with core_refusals():
+            return _rust.LoadingHistory(self.dt, displacement, velocity, command)
+
+
+@array_dataclass()
+class Misfits:
+    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite for candidates that did not finish.
+
+    `steps` is the number of time steps simulated for each candidate.
+    """
+
+    squared_error: Floats
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+    steps: NDArray[np.uint64]
+
+
+@array_dataclass()
+class ForceHistories:
+    """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
+
+    force: Floats
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+
+
+@array_dataclass()
+class Sensitivities:
+    """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.
+
+    `jacobian` has shape (n_batch, n_columns, n_time), in newtons per unit of each column. Force and derivatives of rows
+    that did not finish are infinite; a row whose derivatives are not finite counts as diverged.
+    """
+
+    force: Floats
+    jacobian: Floats
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+
+
+@checked
+def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.LoadingHistory) -> Floats:
+    """Stiffness of a batch, shape (n_batch,), as a share of the largest that is simulated at the step of this loading.
+
+    A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
+    `simulate_misfits`.
+    """
+    with core_refusals():
+        return _rust.stiffness_shares(spec.name, _rows(spec, theta), history, *_laws(spec))
+
+
+@checked
+def simulate_misfits(
+    spec: DamperSpec,
+    theta: AnyArrayLike,
+    history: _rust.LoadingHistory,
+    force: Annotated[AnyNumbers, Shape(("n_time",))],
+    *,
+    first: int = 0,
+    limits: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
+) -> Misfits:
+    """Misfits of a batch of parameters in spec order, shape (n_batch, n_params), to a measured `force` [N], (n_time,).
+
+    Samples before `first` are simulated and not compared. `limits`, shape (n_batch,), are sums of squared residuals
+    [N^2] at which a candidate is abandoned; since the sum only increases, the others have the same bits as without
+    limits. `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
+    """
+    with core_refusals():
+        squared_error, outcome, substeps, steps = _rust.misfits(
+            spec.name,
+            _rows(spec, theta),
+            history,
+            force,
+            first,
+            *_laws(spec),
+            substep_factor,
+            threads,
+            limits,
+        )
+    return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
+
+
+@checked
+def simulate_forces(
+    spec: DamperSpec,
+    theta: AnyArrayLike,
+    history: _rust.LoadingHistory,
+    *,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
+) -> ForceHistories:
+    """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
+    with core_refusals():
+        force, outcome, substeps = _rust.force_histories(
+            spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
+        )
+    return ForceHistories(force=force, outcome=outcome, substeps=substeps)
+
+
+@checked
+def simulate_sensitivities(
+    spec: DamperSpec,
+    theta: AnyArrayLike,
+    history: _rust.LoadingHistory,
+    *,
+    columns: Sequence[int] | None = None,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
+) -> Sensitivities:
+    """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
+
+    The forces have the same bits as those of `simulate_forces`. The derivatives are exact up to rounding for the
+    discrete equations with the same sub-steps; at a kink they are those of the branch that the value takes. They are
+    with respect to `columns` of `theta`, counted from 0; all if `None`.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> from mrwork.dampers.simulation import simulate_sensitivities
+    >>> spec = mr.damper("bingham")
+    >>> history = mr.Loading(dt=0.001, displacement=0.01 * np.sin(np.arange(0, 6, 0.001))).history()
+    >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
+    (1, 2, 6000)
+    """
+    with core_refusals():
+        force, jacobian, outcome, substeps = _rust.sensitivities(
+            spec.name,
+            _rows(spec, theta),
+            history,
+            None if columns is None else [int(column) for column in columns],
+            *_laws(spec),
+            substep_factor,
+            threads,
+        )
+    return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
+
+
+@checked
+def simulate_force(
+    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
+) -> Floats:
+    """Simulate one damper from rest and return its force [N], shape (n_time,).
+
+    Raises
+    ------
+    SimulationError
+        If the simulation diverges or cannot be resolved.
+    SettingError
+        If the unit of the command differs between model and loading.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> spec = mr.damper("static_hysteretic")
+    >>> time = np.arange(0, 1, 0.001)
+    >>> force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.001, displacement=0.01 * np.sin(6.28 * time)))
+    >>> force.shape
+    (1000,)
+    """
+    refuse_other_unit(loading, spec)
+    if np.ndim(theta) != 1:
+        raise SettingError(
+            f"`theta` has shape {np.shape(theta)}, one {spec.name} takes ({len(spec.parameters)},); "
+            "simulate several with mr.simulate"
+        )
+    histories = simulate_forces(
+        spec, np.reshape(theta, (1, -1)), loading.history(), substep_factor=substep_factor
+    )
+    outcome = Outcome(histories.outcome[0])
+    if outcome is not Outcome.FINISHED:
+        raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
+    force: Floats = histories.force[0]
+    return force
+
+
+@checked
+def refuse_other_unit(loading: Loading, spec: DamperSpec) -> None:
+    """Refuse a loading without the command that the model follows."""
+    if spec.current is not None and loading.command_unit != spec.current.unit:
+        raise SettingError(
+            f"this {spec.name} takes its command in {spec.current.unit}, the loading's is in "
+            f"{loading.command_unit or 'no stated unit'}; set `command` and `command_unit`"
+        )
+
+
+@contextmanager
+def core_refusals() -> Iterator[None]:
+    """Context manager that turns refusals of the core into SettingErrors."""
+    try:
+        yield
+    except MrworkError:
+        raise
+    except (ValueError, OverflowError) as error:
+        raise SettingError(str(error)) from error
+
+
+def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:
+    return (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
+
+
+def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:
+    rows = np.ascontiguousarray(theta, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(spec.parameters):
+        raise SettingError(
+            f"`theta` has shape {rows.shape}, {spec.name} takes (n_batch, {len(spec.parameters)}); see `spec.names`"
+        )
+    return rows

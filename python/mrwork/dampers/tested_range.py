@@ -1,0 +1,359 @@
+"""Ranges in which a damper was tested, the demand on it outside of them, and a fitted damper with its ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.base.arguments import NotNegative, checked
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
+from mrwork.dampers.command import command_noise
+from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
+from mrwork.store.codec import Related
+
+OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
+_ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
+
+# Quantities with an upper limit only.
+_PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
+    ("stroke", "m"),
+    ("velocity", "m/s"),
+    ("force", "N"),
+    ("power", "W"),
+)
+
+# Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
+_TOLERANCE = 0.05
+# Cycles of a motion differ in length, and half cycles in amplitude, by more than that.
+_CYCLE_TOLERANCE = 0.1
+# Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
+_SMALL = 0.2
+
+# Displayed unit of each quantity, its factor from SI, and the unit of large numbers, from 1000 on.
+_DISPLAYED: dict[str, tuple[str, float, str]] = {
+    "stroke": ("mm", 1e3, "m"),
+    "velocity": ("mm/s", 1e3, "m/s"),
+    "frequency": ("Hz", 1.0, "kHz"),
+    "force": ("N", 1.0, "kN"),
+    "power": ("W", 1.0, "kW"),
+}
+_NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Exceedance(Summarised):
+    """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
+
+    `extrapolated` are the parameters whose laws are used at a command that was not tested.
+    """
+
+    quantity: OperatingQuantity
+    demanded: float
+    lowest: float
+    highest: float
+    unit: str
+    extrapolated: tuple[str, ...] = ()
+
+    @property
+    def below(self) -> bool:
+        """Whether the demand is below the tested range, and not above."""
+        return self.demanded < self.lowest
+
+    @property
+    def rank(self) -> tuple[bool, int]:
+        """Place among others: small strokes, which every earthquake has, come last."""
+        return self.quantity == "stroke" and self.below, _ORDER.index(self.quantity)
+
+    @property
+    def times(self) -> float:
+        """Demand over the highest tested value; infinite where that is zero."""
+        return self.demanded / self.highest if self.highest > 0.0 else inf
+
+    @property
+    def severity(self) -> float:
+        """Factor between the demand and the tested range, for comparison of exceedances of one quantity."""
+        if not self.below:
+            return self.times
+        return self.lowest / self.demanded if self.demanded > 0.0 else inf
+
+    @property
+    def in_words(self) -> str:
+        """Text such as "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
+        if self.quantity == "stroke" and self.below:
+            (demanded, lowest), unit = _format_values(self.quantity, (self.demanded, self.lowest), self.unit)
+            return (
+                f"small half cycles, {demanded} {unit} or less, make {100 * _SMALL:.0f} % of the travel or more, "
+                f"tested from {lowest} {unit}, so the hysteresis of small strokes is extrapolated"
+            )
+        (demanded, lowest, highest), unit = _format_values(
+            self.quantity, (self.demanded, self.lowest, self.highest), self.unit
+        )
+        tested = f"to {highest}"
+        if self.quantity in ("frequency", "command"):
+            single = _is_single(self.lowest, self.highest)
+            tested = f"at {highest}" if single else f"from {lowest} to {highest}"
+        times = f" ({self.times:.2g} times)" if not self.below and isfinite(self.times) else ""
+        name = _NAMES.get(self.quantity, self.quantity)
+        laws = ""
+        if self.extrapolated:
+            plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
+            laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} extrapolated"
+        return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
+
+    def _summary(self) -> Summary:
+        return Summary(title=self.in_words)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class OperatingRange(Summarised, Related):
+    """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
+
+    `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
+    [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
+    `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
+    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command`, in
+    `command_unit`, is the lowest and the highest, `None` if unknown.
+    """
+
+    stroke: NotNegative
+    velocity: NotNegative
+    frequency: tuple[float, float] | None
+    command: tuple[float, float] | None
+    command_unit: CommandUnit | None
+    force: NotNegative
+    power: NotNegative
+    least_stroke: NotNegative | None = None
+
+    def disagreement(self) -> str:
+        """First contradiction: ends of a range that are not in order, or a command without unit."""
+        for name, ends in (("frequency", self.frequency), ("command", self.command)):
+            if ends is not None and ends[0] > ends[1]:
+                return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
+        return "the command has no unit" if self.command is not None and self.command_unit is None else ""
+
+    @checked
+    def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
+        """Quantities in which a demand is outside these ranges by more than 5 %, frequency and least stroke 10 %.
+
+        Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
+        """
+        exceedances = [
+            _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
+            for quantity, unit in _PEAKS
+        ]
+        if self.least_stroke is not None and (least := demand.least_stroke) is not None:
+            tested = self.least_stroke, max(self.stroke, least)
+            exceedances.insert(
+                0, _exceedance("stroke", "m", tested, (least, least), relative=_CYCLE_TOLERANCE)
+            )
+        if self.frequency is not None and demand.frequency is not None:
+            ranges = self.frequency, demand.frequency
+            exceedances.append(_exceedance("frequency", "Hz", *ranges, relative=_CYCLE_TOLERANCE))
+        unit = self.command_unit
+        if self.command and demand.command and unit is not None and unit == demand.command_unit:
+            exceedances.append(
+                _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
+            )
+        return tuple(sorted(filter(None, exceedances), key=lambda each: each.rank))
+
+    @property
+    def in_words(self) -> str:
+        """Text such as "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
+        return ", ".join(f"{name} {span}" for name, span in self.rows())
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Each known quantity with its range in displayed units."""
+        rows = []
+        for quantity in _ORDER:
+            value = getattr(self, quantity)
+            if value is None:
+                continue
+            ends = value if isinstance(value, tuple) else (value,)
+            if quantity == "stroke" and self.least_stroke is not None:
+                ends = ends if _is_single(self.least_stroke, value) else (self.least_stroke, value)
+            shown, unit = _format_values(quantity, ends, str(self.command_unit))
+            span = f"to {shown[0]}"
+            if len(shown) == 2:
+                span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
+            rows.append((_NAMES.get(quantity, quantity), f"{span} {unit}"))
+        return rows
+
+    def _summary(self) -> Summary:
+        return Summary(title="Operating range", facts=self.rows())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Outside(Summarised):
+    """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
+
+    `known` is false where the damper has no tested ranges, as that of a published set.
+    """
+
+    _made_by: ClassVar[str] = "fit.outside(test)"
+
+    exceedances: tuple[Exceedance, ...] = ()
+    laws: tuple[LawLimit, ...] = ()
+    known: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities."""
+        return tuple(each.quantity for each in self.exceedances)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """A sentence for each quantity and law."""
+        return (*(each.in_words for each in self.exceedances), *(each.in_words for each in self.laws))
+
+    def _summary(self) -> Summary:
+        title = "Within the tested ranges" if self.known else "Tested ranges not known"
+        if self.names:
+            title = f"Outside the tested ranges in {', '.join(self.names)}"
+        return Summary(title=title, notes=self.sentences)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedDamper:
+    """Model and parameters of an identified damper, and the ranges of its tests, `None` if unknown.
+
+    `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none.
+    """
+
+    spec: DamperSpec
+    theta: tuple[float, ...]
+    tested: OperatingRange | None = None
+    draws: Callable[[], Floats | None] = lambda: None
+
+
+def outside_of(
+    spec: DamperSpec, theta: ArrayLike, tested: OperatingRange | None, demand: OperatingRange
+) -> Outside:
+    """Compare a demand with the tested ranges of a damper, and evaluate its laws at the demanded commands."""
+    exceedances = () if tested is None else tested.exceeded_by(demand)
+    return Outside(
+        exceedances=tuple(
+            replace(each, extrapolated=spec.following) if each.quantity == "command" else each
+            for each in exceedances
+        ),
+        laws=() if demand.command is None else law_limits(spec, theta, demand.command),
+        known=tested is not None,
+    )
+
+
+def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
+    """The smallest range that covers all; they have one unit of the command."""
+    units = [each.command_unit for each in ranges if each.command_unit is not None]
+    return OperatingRange(
+        stroke=max(each.stroke for each in ranges),
+        velocity=max(each.velocity for each in ranges),
+        frequency=_hull(each.frequency for each in ranges),
+        command=_hull(each.command for each in ranges),
+        command_unit=units[0] if units else None,
+        force=max(each.force for each in ranges),
+        power=max(each.power for each in ranges),
+        least_stroke=min(
+            (each.least_stroke for each in ranges if each.least_stroke is not None), default=None
+        ),
+    )
+
+
+def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
+    """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
+    groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
+    for label, each in exceedances:
+        groups.setdefault((each.quantity, each.below), []).append((label, each))
+    worst = []
+    for members in groups.values():
+        label, exceedance = max(members, key=lambda member: member[1].severity)
+        worst.append((exceedance, label, len(members)))
+    return sorted(worst, key=lambda each: each[0].rank)
+
+
+def _exceedance(
+    quantity: OperatingQuantity,
+    unit: str,
+    tested: tuple[float, float],
+    demand: tuple[float, float],
+    absolute: float = 0.0,
+    *,
+    relative: float = _TOLERANCE,
+) -> Exceedance | None:
+    lowest, highest = tested
+    # Only commands, as temperatures, may be negative.
+    above = (1.0 + relative) * highest if highest > 0.0 else highest - relative * highest
+    below = lowest / (1.0 + relative) if lowest > 0.0 else (1.0 + relative) * lowest
+    if demand[1] > above + absolute:
+        demanded = demand[1]
+    elif demand[0] < below - absolute:
+        demanded = demand[0]
+    else:
+        return None
+    return Exceedance(quantity=quantity, demanded=demanded, lowest=lowest, highest=highest, unit=unit)
+
+
+# Reversals of less than this fraction of the peak-to-peak displacement are noise.
+_LEAST_HALF_CYCLE = 0.01
+
+
+def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
+    """Samples between which the half cycles of a motion lie, from reversal to reversal, shape (n_half_cycles + 1,).
+
+    What lies before the first reversal and after the last is no half cycle; a motion with fewer than two reversals
+    counts as one, between its extremes. Reversals of less than 1 % of the peak-to-peak displacement of the record are
+    ignored.
+    """
+    least = _LEAST_HALF_CYCLE * float(np.ptp(displacement))
+    turned = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
+    samples = np.concatenate([[0], turned, [displacement.size - 1]])
+    kept, ends = [float(displacement[0])], [0]
+    # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
+    way = 0
+    for sample, place in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
+        moved = place - kept[-1]
+        if way * moved > 0.0:
+            kept[-1], ends[-1] = place, sample
+        elif abs(moved) > least:
+            kept.append(place)
+            ends.append(sample)
+            way = 1 if moved > 0.0 else -1
+    if len(ends) > 3:
+        return np.array(ends[1:-1], dtype=np.intp)
+    return np.sort([np.argmin(displacement), np.argmax(displacement)])
+
+
+def half_cycles(displacement: Floats) -> Floats:
+    """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
+    return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
+
+
+def least_stroke(displacement: Floats) -> float:
+    """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
+    ranges = np.sort(half_cycles(displacement))
+    travelled = np.cumsum(ranges)
+    return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
+
+
+def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
+    known = [span for span in spans if span is not None]
+    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
+
+
+def _is_single(lowest: float, highest: float) -> bool:
+    """Whether a range is one value: the cycles of a rig differ by a sample or two."""
+    return highest - lowest <= 0.5 * _TOLERANCE * highest
+
+
+def _format_values(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
+    """Values with three significant digits, and their common displayed unit."""
+    small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
+    if max(factor * value for value in values) >= 1000.0:
+        factor, small = 1e-3 * factor if large != small else factor, large
+    return [f"{factor * value:.3g}" for value in values], small

@@ -1,0 +1,531 @@
+"""Starting points of a model with current laws: the plain model is fitted at each command, then the laws to all tests.
+
+The laws are searched by their values at commands, which never vanish: a polynomial that has left the admissible range
+is limited to it, has no slope there, and no local minimisation returns from that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.arguments import Seed, Shape, checked
+from mrwork.base.numbers import of_unit
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import command_level, levels_of_command
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import law_by_values, law_through
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.equivalent import (
+    Form,
+    bounds_of,
+    change_laws,
+    fitted_laws,
+    identifiable_form,
+    joint_box,
+    leaves_range,
+    levels_needed,
+    plain_of,
+    search_box,
+    with_other_laws,
+    within_range,
+)
+from mrwork.identification.fit import SearchTrace
+from mrwork.identification.minimise.global_search import (
+    EXCERPTS,
+    OnIteration,
+    OnSearch,
+    StartingPoints,
+    doubts_about,
+    make_interrupt,
+    nested_fit,
+    no_simulation,
+    optimise,
+    trace_of,
+)
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.minimise.multistart import (
+    MultistartResult,
+    distinct_minima,
+    far_worse,
+    far_worse_sentence,
+    search_starts,
+)
+from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
+from mrwork.identification.settings import Multistart
+from mrwork.records import DamperTest
+from mrwork.records.damper_test import loading_of
+from mrwork.records.window import middle_excerpt
+from mrwork.search import Optimiser
+
+# Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
+PER_CYCLE = 100
+# Tests at a command on which starting points are searched: others refine what these have found.
+_PER_COMMAND = 4
+# Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
+_MINIMA = 4
+_LEVEL_ROUNDS = 3
+_ITERATIONS = 60
+# The fit of a test alone: starts, from the minima at its command; iterations; decrease of the squared misfit that ends
+# it. Joint fits that are several times as bad are looked for, so that it need not be exact.
+_OWN_STARTS = 2
+_OWN_ITERATIONS = 30
+_OWN_TOLERANCE = 1e-4
+# Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
+_MOST_SHAPES = 4
+_RANDOM_STARTS = 4
+# Local minimisations at one command may leave the searched range by this factor only: laws are fitted to the minima,
+# and an insensitive parameter at the end of its admissible range would distort them.
+_RANGE_FACTOR = 10.0
+# Standard deviation of the logarithm of the random factor on the values to which random starts are fitted.
+_SPREAD = 0.25
+
+
+@checked
+@array_dataclass(repr=False)
+class LevelFit(Summarised):
+    """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
+
+    command: float
+    minima: Annotated[Floats, Shape(("n_minima", "n_plain"))]
+
+
+def points_from_levels(
+    problem: Problem,
+    search: Multistart | Optimiser[Any],
+    *,
+    on_search: OnSearch,
+    per_command: int | None = _PER_COMMAND,
+) -> StartingPoints:
+    """Fit the plain model at each constant command, then laws to all tests, from the minima at single commands.
+
+    Polynomials are searched by as many values at tested commands, other laws as they are. At most `per_command` tests
+    of a command find the minima; all of them where the others cannot be simulated at these.
+    """
+    objective, form, rng = problem.objective, problem.form, problem.settings.rng
+    excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
+    constant = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
+    commands = np.array(sorted(constant))
+    levels = {command: unlike_tests(tests, per_command or len(tests)) for command, tests in constant.items()}
+    left_out = {id(test) for tests in constant.values() for test in tests} - {
+        id(test) for tests in levels.values() for test in tests
+    }
+    searched = tuple(test for test in excerpts if id(test) not in left_out)
+    own_form = replace(form, box=joint_box(form, excerpts, commands))
+    joint = form_through_values(own_form, excerpts, commands)
+    settings = search if isinstance(search, Multistart) else Multistart()
+    relative = {
+        command: float(np.mean([np.std(test.force) for test in tests])) for command, tests in levels.items()
+    }
+    fits: list[LevelFit] = []
+    trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
+
+    def on_iteration(fitted: str, minima: MultistartResult, share: float) -> None:
+        done = (len(fits) + share) / (len(levels) + 1)
+        on_search(fitted, len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
+
+    def in_own_laws(theta: Floats) -> Floats:
+        rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
+        return _move_inside(own_form.box, np.array(rows))
+
+    on_tests = objective.on(joint.spec, excerpts)
+    on_searched = objective.on(joint.spec, searched) if left_out else on_tests
+
+    def search_joint(starts: Floats, seed: int) -> MultistartResult:
+        return search_starts(
+            on_searched,
+            joint.box,
+            search_box(joint.spec, joint.box, excerpts),
+            replace(settings, least_rounds=1),
+            rng=seed,
+            mirrored=joint.mirrored,
+            nested=_move_inside(joint.box, starts),
+            on_iteration=partial(on_iteration, f"{EXCERPTS} of some tests" if left_out else EXCERPTS),
+        )
+
+    def on_all_tests(found: MultistartResult) -> tuple[Floats, Floats]:
+        """Minima and their misfits, best first: of the search, or refined where it was on some of the tests."""
+        if not left_out or not len(found.theta):
+            return found.theta, found.misfit
+        starts = distinct_minima(joint.box, found.theta, found.misfit)
+        minima = find_minima(on_tests, joint.box, starts, max_iterations=settings.most_iterations)
+        order = np.argsort(minima.misfit, kind="stable")
+        return minima.theta[order], minima.misfit[order]
+
+    best: Floats | None = None
+    doubts: tuple[str, ...] = ()
+    suspected = False
+    try:
+        middle = len(commands) // 2
+        for command in (*commands[middle:].tolist(), *commands[:middle][::-1].tolist()):
+            nearest = min(fits, key=lambda fit: abs(fit.command - command), default=None)
+            fits.append(
+                _fit_level(
+                    problem,
+                    levels[command],
+                    command,
+                    nearest,
+                    relative,
+                    search,
+                    on_search=on_search,
+                    on_iteration=on_iteration,
+                )
+            )
+        fits.sort(key=lambda fit: fit.command)
+        starts = _starts_of_levels(joint.spec, fits, relative, rng)
+        best = starts[0]
+        alone = _fit_each(problem, excerpts, fits)
+        found = search_joint(starts, rng)
+        theta, misfit = on_all_tests(found)
+        is_simulated = not len(theta) or bool(np.isfinite(misfit[0]))
+        worse = alone.worse_in(on_tests, theta)
+        is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
+        if len(theta) and is_simulated and (worse.size or is_limited):
+            # More starts: each command that has such tests takes the parameters of their own fits.
+            more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
+            if is_limited:
+                # No local minimisation returns from a law that is limited to its range.
+                more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
+            found = _merge_searches(found, search_joint(more, rng + 1))
+            theta, misfit = on_all_tests(found)
+            worse = alone.worse_in(on_tests, theta)
+            if worse.size:
+                least = (1.0 + settings.closeness) * found.misfit[0]
+                found_again = int(np.count_nonzero(found.misfit <= least)) >= settings.found
+                nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
+                doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
+                suspected = not found_again
+    except KeyboardInterrupt as interrupt:
+        found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
+            best, trace = found_so_far.theta[0], trace_of(found_so_far)
+        elif best is None:
+            known = fits or ([found_so_far] if isinstance(found_so_far, LevelFit) else [])
+            best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
+        if best is None:
+            raise Interrupted(None, "search") from interrupt
+        raise make_interrupt(
+            in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
+        ) from interrupt
+    if left_out and not is_simulated:
+        return points_from_levels(problem, search, on_search=on_search, per_command=None)
+    if not len(theta):
+        raise no_simulation(form.spec, found.evaluations[-1])
+    return StartingPoints(
+        objective=objective.on(form.spec, excerpts),
+        form=own_form,
+        theta=in_own_laws(distinct_minima(joint.box, theta, misfit)),
+        trace=trace_of(found),
+        minima=True,
+        warnings=(*doubts_about(found, None, settings), *doubts),
+        is_suspected=suspected,
+    )
+
+
+@array_dataclass()
+class _OwnFits:
+    """Fits of the plain model to each test alone: command, parameters (n_tests, n_plain), NRMSE; NaN if it varies."""
+
+    command: Floats
+    theta: Floats
+    nrmse: Floats
+
+    def worse_in(self, objective: Objective, theta: Floats) -> NDArray[np.intp]:
+        """Tests whose error at the first of these minima is far larger than in their own fits."""
+        if not len(theta):
+            return np.empty(0, dtype=np.intp)
+        return far_worse(objective.nrmse_of_tests(theta[:1])[:, 0], self.nrmse)
+
+    def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
+        """The fits at single commands, with the parameters of these tests first."""
+        levels = []
+        for fit in fits:
+            own = self.theta[[index for index in tests if self.command[index] == fit.command]]
+            levels.append(LevelFit(command=fit.command, minima=np.concatenate([own, fit.minima])))
+        return levels
+
+
+def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:
+    """Fit the plain model to each test alone, from the minima at its command."""
+    plain, box = plain_of(problem.form)
+    theta = np.full((len(tests), len(plain.names)), np.nan)
+    command, nrmse = np.full(len(tests), np.nan), np.full(len(tests), np.nan)
+    for index, test in enumerate(tests):
+        if not command_is_constant(test, problem.form.spec):
+            continue
+        own = float(np.mean(np.asarray(loading_of(test, problem.form.spec).command)))
+        fit = min(fits, key=lambda fit: abs(fit.command - own))
+        searched = search_box(plain, box, (test,))
+        near = _widen_box(searched, box)
+        minima = find_minima(
+            problem.objective.on(plain, (test,)),
+            near,
+            _move_inside(near, fit.minima[:_OWN_STARTS]),
+            max_iterations=_OWN_ITERATIONS,
+            tolerance=_OWN_TOLERANCE,
+        )
+        least = int(np.argmin(minima.misfit))
+        command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]
+    return _OwnFits(command=command, theta=theta, nrmse=nrmse)
+
+
+def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
+    """Subset of at most `most` tests whose strokes and velocities differ most, in their order.
+
+    The first has the largest velocity, each further one is the farthest from all before in the logarithms of both.
+    """
+    if len(tests) <= most:
+        return tuple(tests)
+    extents = [[np.ptp(test.displacement), np.abs(test.velocity).max()] for test in tests]
+    size = np.log(np.maximum(extents, np.finfo(np.float64).tiny))
+    taken = [int(np.argmax(size[:, 1]))]
+    while len(taken) < most:
+        distance = np.linalg.norm(size[:, None] - size[taken], axis=2).min(axis=1)
+        # A motion that is repeated has no distance from itself.
+        distance[taken] = -1.0
+        taken.append(int(np.argmax(distance)))
+    return tuple(tests[index] for index in sorted(taken))
+
+
+def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
+    theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
+    order = np.argsort(misfit, kind="stable")
+    return MultistartResult(
+        theta=theta[order],
+        misfit=misfit[order],
+        stop_reason=second.stop_reason,
+        evaluations=(*first.evaluations, *second.evaluations),
+        best=(*first.best, *(min(first.best[-1], each) for each in second.best)),
+        median=(*first.median, *second.median),
+    )
+
+
+def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
+    """The model with polynomial laws replaced by laws by as many values at tested commands; other laws stay.
+
+    Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
+    that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
+    """
+    return change_laws(spec, lambda law: law_by_values(law, commands.tolist()))
+
+
+def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
+    """Commands of all tests in the unit of the laws, and levels of varying ones, shape (n_commands,), lowest first."""
+    unit = "A" if spec.current is None else spec.current.unit
+    commands = (loading_of(test, spec).command for test in tests)
+    known = [command for command in commands if command is not None]
+    return np.array(
+        sorted({command_level(level, unit) for command in known for level in levels_of_command(command)})
+    )
+
+
+def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
+    """The form with the same polynomials through values at tested commands; bounds of shared parameters stay."""
+    spec = change_laws(form.spec, lambda law: law_through(law, commands.tolist()))
+    if spec == form.spec:
+        return form
+    through = identifiable_form(spec, bounds_of(form.box, spec.names))
+    return replace(through, box=joint_box(through, tests, commands))
+
+
+def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
+    """Whether tests at constant commands suffice for the laws, or no command varies."""
+    constant = [test for test in tests if command_is_constant(test, spec)]
+    return len(constant) == len(tests) or len(_by_level(spec, constant)) >= levels_needed(spec)
+
+
+def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
+    """Whether the command of a test in the unit of the model is constant."""
+    return not isinstance(loading_of(test, spec).command, np.ndarray)
+
+
+def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
+    unit = "A" if spec.current is None else spec.current.unit
+    level_of = [command_level(command, unit) for command in commands]
+    return {
+        level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
+        for level in sorted(set(level_of))
+    }
+
+
+def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
+    """The tests at each command, lowest first."""
+    levels = _by_level(spec, tests)
+    if spec.current is not None:
+        refuse_few_levels(spec, len(levels))
+    return levels
+
+
+def count_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> int:
+    """Number of commands at which a search of these tests knows the laws."""
+    if has_levels(spec, tests):
+        return len(_by_level(spec, [test for test in tests if command_is_constant(test, spec)]))
+    return len(tested_commands(spec, tests))
+
+
+def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
+    """Refuse laws with more coefficients than there are commands."""
+    if n_levels < levels_needed(spec):
+        raise SettingError(
+            f"the tests run at {n_levels} command(s), the current laws need {levels_needed(spec)}; "
+            "add tests at other commands, or choose laws of a lower degree"
+        )
+
+
+def _fit_level(
+    problem: Problem,
+    tests: tuple[DamperTest, ...],
+    command: float,
+    nearest: LevelFit | None,
+    relative: Mapping[float, float],
+    search: Multistart | Optimiser[Any],
+    *,
+    on_search: OnSearch,
+    on_iteration: OnIteration,
+) -> LevelFit:
+    """Fit the plain model at one command by the search, and from the minima at the nearest command.
+
+    `relative` has the magnitude of the measured force at each command.
+    """
+    plain, box = plain_of(problem.form)
+    objective = problem.objective.on(plain, tests)
+    searched = search_box(plain, box, tests)
+    near = _widen_box(searched, box)
+    starts = np.empty((0, len(plain.names)))
+    if nearest is not None:
+        # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
+        is_force = np.array([parameter.scales_with_force for parameter in plain.parameters])
+        ratio = relative[command] / relative[nearest.command]
+        scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
+        starts = np.concatenate([nearest.minima, scaled])
+    rng = problem.settings.rng
+    spec = problem.form.spec
+    assert spec.current is not None
+    at_command = f"at {of_unit(command, spec.current.unit)}"
+    try:
+        if isinstance(search, Multistart):
+            settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
+            nested = None
+            if not len(starts):
+                nested = nested_fit(
+                    objective,
+                    near,
+                    settings,
+                    rng=rng,
+                    on_iteration=lambda model, found, share: on_iteration(
+                        f"{model} {at_command}", found, share
+                    ),
+                )
+            starts = _move_inside(near, starts) if nested is None else nested.starts
+            theta = search_starts(
+                objective,
+                near,
+                searched,
+                settings,
+                rng=rng,
+                nested=starts,
+                on_iteration=partial(on_iteration, at_command),
+            ).theta
+        else:
+            theta_of, n_params = searched.theta_from_unit, len(searched.free)
+            ended = optimise(
+                search,
+                objective,
+                theta_of,
+                n_params=n_params,
+                rng=rng,
+                on_search=partial(on_search, at_command),
+            )
+            starts = _move_inside(near, np.concatenate([starts, theta_of(ended.elite)]))
+            minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
+            theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
+    except Interrupted as interrupt:
+        raise _with_best(interrupt, command, searched) from interrupt
+    if not len(theta):
+        raise no_simulation(plain, objective.tally.simulations)
+    return LevelFit(command=command, minima=theta[:_MINIMA])
+
+
+def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
+    """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
+    found, best = interrupt.result, None
+    if isinstance(found, MultistartResult):
+        best = found.theta[:1] if len(found.theta) else None
+    elif found is not None and np.isfinite(found.best_misfit):
+        best = np.asarray(searched.theta_from_unit(found.best_unit))[None]
+    return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
+
+
+def _move_inside(box: Box, theta: Floats) -> Floats:
+    return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
+
+
+def _widen_box(searched: Box, box: Box) -> Box:
+    """The range that is searched, widened within the box."""
+    bounds = {}
+    for index, name in enumerate(searched.names):
+        lower, upper = searched.lower[index], searched.upper[index]
+        if searched.log[index]:
+            lower, upper = lower / _RANGE_FACTOR, upper * _RANGE_FACTOR
+        else:
+            middle, half = (lower + upper) / 2, (upper - lower) / 2
+            lower, upper = middle - _RANGE_FACTOR * half, middle + _RANGE_FACTOR * half
+        bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
+    return box.with_bounds(bounds)
+
+
+def _starts_of_levels(
+    spec: DamperSpec, fits: Sequence[LevelFit], relative: Mapping[float, float], rng: int
+) -> Floats:
+    """Coefficients of laws from the minima at single commands, shape (n_starts, n_params).
+
+    First of the best minimum at each command; then one command after the other gives its minimum to all, scaled with
+    the measured force, or only its constant parameters; last those of `joint_starts`.
+    """
+    commands = np.array([fit.command for fit in fits])
+    best = np.array([fit.minima[0] for fit in fits])
+    follows = np.array([parameter.name in spec.following for parameter in spec.plain])
+    scales = follows & np.array([parameter.scales_with_force for parameter in spec.plain])
+    force = np.array([relative[fit.command] for fit in fits])
+    chosen = []
+    for place in np.unique(np.linspace(0, len(fits) - 1, _MOST_SHAPES).round().astype(int)):
+        ratio = (force / force[place])[:, None]
+        chosen.append(np.where(scales, ratio * best[place], best[place]))
+        chosen.append(np.where(follows, best, best[place]))
+    shapes = [fitted_laws(spec, commands, values) for values in chosen]
+    first, *others = joint_starts(spec, list(fits), 1 + _RANDOM_STARTS, rng=rng)
+    return np.array([first, *shapes, *others])
+
+
+def joint_starts(
+    spec: DamperSpec,
+    levels: list[LevelFit],
+    n_starts: int,
+    *,
+    rng: Seed,
+) -> Floats:
+    """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
+
+    The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
+    each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
+    """
+    random = np.random.default_rng([rng, n_starts])
+    commands = np.array([level.command for level in levels])
+    starts = []
+    for start in range(n_starts):
+        values = np.array(
+            [level.minima[0 if start == 0 else random.integers(len(level.minima))] for level in levels]
+        )
+        if start > 0:
+            values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
+        starts.append(fitted_laws(spec, commands, values))
+    return np.array(starts)

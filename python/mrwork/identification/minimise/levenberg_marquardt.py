@@ -1,0 +1,458 @@
+"""Levenberg-Marquardt method with exact Jacobians, simulated in lanes: one start (SciPy), or a batch of starts.
+
+Residuals and Jacobian come from one simulation, which takes a quarter longer than a simulation of the residuals alone.
+A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
+therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
+for each start.
+
+Steps follow the limit of stiffness, above which a candidate is not simulated, and points above it are moved below. A
+hysteresis loop that wants to be sharper than the step of the tests resolves would otherwise stop a minimisation where
+it meets that limit, far from the minimum of all its other parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.arguments import Count
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.simulation import stiffness_shares
+from mrwork.errors import JournalError
+from mrwork.identification.objective import Objective, linearise_residuals
+from mrwork.identification.residual import ObservedTest
+
+# Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
+_MARGIN = 0.02
+# Step in latent coordinates of the differences.
+_SMALL = 1e-4
+# Most tests whose limits a step may meet at once.
+_MOST_MET = 8
+# Most steps of a point to below the limit; points further above it, in the logarithm of the stiffness, stay.
+_STEPS_BELOW = 10
+_NOT_FAR_ABOVE = 0.7
+
+
+def within_stiffness(
+    tests: Sequence[ObservedTest],
+    box: Box,
+    latent: Floats,
+    step: Floats,
+    damped: Floats,
+    gradient: Floats,
+) -> Floats:
+    """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
+
+    `step`, shape (n_rows, n_dampings, n_free), from `latent`, (n_rows, n_free), minimises the quadratic functions of
+    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free).
+    """
+    ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
+    stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    beyond = np.any(stiffness > 0.0, axis=2)
+    if not beyond.any():
+        return step
+    step = step.copy()
+    for row in np.flatnonzero(np.any(beyond, axis=1)):
+        value, slope = _stiffness_and_slope(tests, box, latent[row])
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            continue
+        room = np.maximum(-_MARGIN - value, 0.0)
+        for factor in np.flatnonzero(beyond[row]):
+            step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
+    return step
+
+
+def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> Floats:
+    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it by the shortest way.
+
+    A minimum on some tests, or on parts of them, may lie where others are not simulated.
+    """
+    nearest = theta.copy()
+    excess = _log_stiffness(tests, theta).max(axis=1)
+    for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
+        latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
+        for _ in range(_STEPS_BELOW):
+            value, slope = _stiffness_and_slope(tests, box, latent)
+            if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
+                break
+            latent = latent + _minimise_within(
+                np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
+            )
+        nearest[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return nearest
+
+
+def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
+    """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
+    nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
+    value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+    return value, (np.array(moved) - value).T / _SMALL
+
+
+def _log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
+    """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = [stiffness_shares(each.spec, each.tie(theta), each.history) for each in tests]
+        stiffness = np.log(np.stack(shares, axis=1))
+    return np.where(np.isnan(stiffness), np.inf, stiffness)
+
+
+def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floats) -> Floats:
+    """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
+    free = -np.linalg.solve(matrix, gradient)
+    towards = np.linalg.solve(matrix, slope.T)
+    met: list[int] = []
+    step = free
+    for _ in range(2 * _MOST_MET):
+        excess = slope @ step - room
+        excess[met] = -np.inf
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1e-9 or len(met) == _MOST_MET:
+            break
+        met.append(worst)
+        while True:
+            force = np.linalg.lstsq(slope[met] @ towards[:, met], slope[met] @ free - room[met], rcond=1e-10)[
+                0
+            ]
+            if (force >= 0.0).all():
+                break
+            met.pop(int(np.argmin(force)))
+        step = free - towards[:, met] @ force
+    return np.asarray(step)
+
+
+# Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
+TOLERANCE = 1e-7
+# Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
+_FIRST_STEP = 0.3
+# Of the batch: number of Jacobians in memory at once.
+_ROWS = 16
+# Floor for insensitive parameters; keeps the normal matrix non-singular.
+_LEAST_SENSITIVITY = 1e-150
+# Factors on the present damping that are tried together.
+_DAMPING_FACTORS = (0.1, 1.0, 10.0)
+_FIRST_DAMPING = 0.1
+# Above this damping steps are too short to lower the misfit: the minimisation has converged.
+_MOST_DAMPING = 1e8
+# Iterations over which the pace of a start is taken.
+_PACED = 5
+
+
+@array_dataclass()
+class LocalMinimum:
+    """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
+
+    theta: Floats
+    misfit: float
+    evaluations: int
+    converged: bool
+
+
+def find_minimum(
+    objective: Objective,
+    box: Box,
+    start: Floats,
+    *,
+    max_evaluations: int,
+    on_step: Callable[[int, float], None] | None = None,
+) -> LocalMinimum:
+    """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
+
+    `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
+    number of evaluations so far and the misfit; not if the result is recalled from a journal.
+    """
+    minimum = objective.once(
+        "descent",
+        LocalMinimum,
+        lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
+        box,
+        start,
+        max_evaluations,
+    )
+    check_recalled_minimum(minimum.theta, box, start)
+    return minimum
+
+
+def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
+    """Refuse a recalled minimum that a search from `start` inside `box` cannot return."""
+    _check_recalled(theta, start)
+    if not (np.array_equal(theta, start) or box.contains(theta)):
+        raise JournalError(
+            "the journal holds a minimum outside of the bounds of the search; run again without --resume"
+        )
+
+
+def _minimise_from(
+    objective: Objective,
+    box: Box,
+    start: Floats,
+    max_evaluations: int,
+    on_step: Callable[[int, float], None] | None,
+) -> LocalMinimum:
+    from scipy.optimize import least_squares  # slow to load, and not needed for plain models
+
+    at = _Linearisations(objective, box, on_step)
+    # Coordinates are scaled to unit sensitivity at the start, so that the length of a step is about the change of the
+    # residuals. MINPACK's first step is up to a hundred of its units, which could leave the basin of the minimum.
+    origin = np.asarray(box.latent_from_theta(box.inside(start)))
+    sensitivity = np.linalg.norm(at(origin)[1], axis=1)
+    scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
+
+    def residuals_at(position: Floats) -> Floats:
+        return at(origin + scale * position)[0]
+
+    def jacobian_at(position: Floats) -> Floats:
+        return np.asarray(at(origin + scale * position)[1].T * scale)
+
+    solution = least_squares(
+        residuals_at,
+        np.zeros_like(origin),
+        jac=jacobian_at,
+        method="lm",
+        x_scale=_FIRST_STEP / 100.0,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        max_nfev=max_evaluations,
+    )
+    candidates = np.stack([start, box.theta_from_latent(origin + scale * solution.x)])
+    misfits = objective(candidates)
+    best = int(np.argmin(misfits))
+    return LocalMinimum(
+        theta=candidates[best],
+        misfit=float(misfits[best]),
+        evaluations=at.evaluations,
+        converged=bool(solution.status > 0),
+    )
+
+
+class _Linearisations:
+    """Residuals and their derivative in latent coordinates; a cache keeps those of the last two points."""
+
+    def __init__(self, objective: Objective, box: Box, on_step: Callable[[int, float], None] | None) -> None:
+        self.objective = objective
+        self.box = box
+        self.on_step = on_step
+        self.evaluations = 0
+        self._cache: list[tuple[Floats, Floats, Floats]] = []
+
+    def __call__(self, latent: Floats) -> tuple[Floats, Floats]:
+        """Residuals (n_residuals,) and derivative (n_free, n_residuals)."""
+        for cached, residuals, jacobian in self._cache:
+            if np.array_equal(cached, latent):
+                return residuals, jacobian
+        theta = np.asarray(self.box.theta_from_latent(latent))
+        (residuals,), (jacobian,) = linearise_residuals(self.objective, theta[None], self.box.free)
+        jacobian *= np.exp(self.box.log_slope(latent))[:, None]
+        # Two, because after a rejected step the method evaluates the point before it again.
+        self._cache = [(latent.copy(), residuals, jacobian), *self._cache[:1]]
+        self.evaluations += 1
+        if self.on_step is not None:
+            self.on_step(self.evaluations, float(np.linalg.norm(residuals)))
+        return residuals, jacobian
+
+
+@array_dataclass()
+class LocalMinima:
+    """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
+
+    theta: Floats
+    misfit: Floats
+    converged: NDArray[np.bool_]
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hopeless:
+    """Rule by which starts are given up, `after` a number of iterations.
+
+    A start is given up where its misfit is more than `factor` times the least one; and once `found` minimisations have
+    converged within the share `closeness` above the least misfit, also where it would not fall to that misfit in the
+    iterations that are left at the pace of its last ones. Misfits of `earlier` minima count as well.
+    """
+
+    after: int
+    factor: float
+    found: int
+    closeness: float
+    earlier: tuple[float, ...] = ()
+
+    def of(self, courses: Sequence[Floats], converged: NDArray[np.bool_], left: int) -> NDArray[np.bool_]:
+        """Whether each start is hopeless, from the misfits (n_starts,) of all iterations, with this number left."""
+        misfit = courses[-1]
+        if len(courses) <= max(self.after, _PACED):
+            return np.zeros(misfit.shape, dtype=np.bool_)
+        ends = np.array([*self.earlier, *misfit[converged]])
+        least = min([*self.earlier, float(misfit.min())])
+        hopeless = misfit > self.factor * least
+        if np.count_nonzero(ends <= (1.0 + self.closeness) * least) >= self.found:
+            # A start that cannot be simulated has no pace; it does not run.
+            pace = np.subtract(
+                courses[-1 - _PACED], misfit, out=np.zeros_like(misfit), where=np.isfinite(misfit)
+            )
+            hopeless |= misfit - left * pace / _PACED > least
+        return np.asarray(hopeless)
+
+
+def find_minima(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    *,
+    max_iterations: Count,
+    tolerance: float = TOLERANCE,
+    hopeless: Hopeless | None = None,
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> LocalMinima:
+    """Minimise the misfit from each start, shape (n_starts, n_params), inside `box`, in one Levenberg-Marquardt batch.
+
+    Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
+    630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
+
+    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `hopeless`: rule
+    by which starts are given up; none by default. `on_iteration`: called after each iteration with the present points.
+    """
+    state = _initial(objective, box, starts)
+    iterations = 0
+    courses = [state.misfit]
+    while iterations < max_iterations and state.running.any():
+        iterations += 1
+        state = _iteration(objective, box, state, tolerance)
+        courses.append(state.misfit)
+        if hopeless is not None:
+            given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
+            state = replace(state, running=state.running & ~given_up)
+        if on_iteration is not None:
+            on_iteration(_minima(box, state, iterations))
+    return _minima(box, state, iterations)
+
+
+@array_dataclass()
+class _State:
+    """State of the batch, one row for each start, as it is recorded in the journal.
+
+    `normal` (matrix) and `gradient` are of the last linearisation; `moved` starts have accepted a step since.
+    """
+
+    latent: Floats
+    misfit: Floats
+    damping: Floats
+    sensitivity: Floats
+    normal: Floats
+    gradient: Floats
+    moved: NDArray[np.bool_]
+    arrived: NDArray[np.bool_]
+    running: NDArray[np.bool_]
+
+
+def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
+    latent = np.asarray(box.latent_from_theta(box.inside(starts)))
+    misfit = objective(np.asarray(box.theta_from_latent(latent)))
+    n_starts, n_free = latent.shape
+    return _State(
+        latent=latent,
+        misfit=misfit,
+        damping=np.full(n_starts, _FIRST_DAMPING),
+        sensitivity=np.zeros((n_starts, n_free)),
+        normal=np.zeros((n_starts, n_free, n_free)),
+        gradient=np.zeros((n_starts, n_free)),
+        moved=np.ones(n_starts, dtype=np.bool_),
+        arrived=np.zeros(n_starts, dtype=np.bool_),
+        running=np.isfinite(misfit),
+    )
+
+
+def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
+    next_state = objective.once(
+        "iteration",
+        _State,
+        lambda: _iterate_once(objective, box, state, tolerance),
+        tolerance,
+        box,
+        state.latent,
+        state.misfit,
+        state.damping,
+        state.running,
+    )
+    _check_recalled(next_state.latent, state.latent)
+    return next_state
+
+
+def _check_recalled(recalled: Floats, expected: Floats) -> None:
+    """Refuse a recalled result of the wrong shape."""
+    if recalled.shape != expected.shape:
+        raise JournalError(
+            f"the journal holds a minimum of the shape {recalled.shape} where {expected.shape} was expected; "
+            "run again without --resume"
+        )
+
+
+def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
+    """Linearise at the points that have moved, then try several dampings for every running start."""
+    new = replace(state, **{each.name: getattr(state, each.name).copy() for each in fields(state)})
+    latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
+    sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
+    fresh = np.flatnonzero(running & moved)
+    for index, residuals, jacobian in _linearise_rows(objective, box, latent, fresh):
+        # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
+        with np.errstate(over="ignore", invalid="ignore"):
+            sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
+            normal[index] = jacobian @ jacobian.T
+            gradient[index] = jacobian @ residuals
+        running[index] = np.isfinite(normal[index]).all() and np.isfinite(gradient[index]).all()
+    if not running.any():
+        return replace(state, running=running)
+    active = np.flatnonzero(running)
+    floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
+    weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
+    dampings = damping[active, None] * np.array(_DAMPING_FACTORS)
+    # (active, factor, free, free)
+    damped = normal[active, None] + dampings[..., None, None] * (
+        weight[:, None, :, None] * np.eye(latent.shape[1])
+    )
+    step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
+    step = within_stiffness(objective.compared, box, latent[active], step, damped, gradient[active])
+    tried = latent[active, None] + step
+    before = misfit[active]
+    theta = np.asarray(box.theta_from_latent(tried))
+    after = objective(theta.reshape(-1, theta.shape[-1]), np.repeat(before, len(_DAMPING_FACTORS)))
+    after = after.reshape(-1, len(_DAMPING_FACTORS))
+    best = np.argmin(after, axis=1)
+    each = np.arange(active.size)
+    better = after[each, best] < before
+    moved[active] = better
+    accepted = active[better]
+    latent[accepted] = tried[each, best][better]
+    misfit[accepted] = after[each, best][better]
+    # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
+    factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
+    damping[active] = np.maximum(damping[active] * factor, 1e-12)
+    decrease = 1.0 - (misfit[active] / before) ** 2
+    arrived[active] = np.where(better, decrease < tolerance, damping[active] > _MOST_DAMPING)
+    running[active] = ~arrived[active]
+    return new
+
+
+def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
+    return LocalMinima(
+        theta=np.asarray(box.theta_from_latent(state.latent)),
+        misfit=state.misfit,
+        converged=state.arrived,
+        iterations=iterations,
+    )
+
+
+def _linearise_rows(
+    objective: Objective, box: Box, latent: Floats, rows: NDArray[np.intp]
+) -> Iterator[tuple[int, Floats, Floats]]:
+    """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, one at a time."""
+    for at in range(0, len(rows), _ROWS):
+        some = rows[at : at + _ROWS]
+        theta = np.asarray(box.theta_from_latent(latent[some]))
+        slope = np.exp(box.log_slope(latent[some]))
+        residuals, jacobian = linearise_residuals(objective, theta, box.free)
+        jacobian *= slope[..., None]
+        yield from zip(some.tolist(), residuals, jacobian, strict=True)

@@ -1,0 +1,407 @@
+"""Multistart least squares, the default search of a plain model.
+
+Local minimisations (Levenberg-Marquardt) start from the best of many samples, in rounds, until several of them have
+reached the least misfit. The rounds that are run in any case are one batch, which takes little longer than a round,
+because the time steps of a record are sequential. The misfit of a hysteresis model is smooth except for a few kinks, so
+a local minimisation of two hundred simulations reaches a minimum that a population-based search only approaches in
+thousands. Only repeated local minimisations show whether that minimum is the global one.
+
+A minimum is suspicious where descriptions of the same tests, simpler or of single ones, are better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.arguments import Seed
+from mrwork.base.summary import Summarised, list_names
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import command_level
+from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.errors import Interrupted
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
+from mrwork.identification.objective import Objective
+from mrwork.identification.settings import Multistart
+from mrwork.records import DamperTest
+from mrwork.search.unit_cube import Streams, latin_hypercube
+
+# A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
+LINEAR_SHARE = 0.98
+
+
+def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
+    """Root mean square NRMSE of a linear spring and dashpot with an offset, one for all tests.
+
+    For a model that follows the command, those at each command have their own.
+    """
+    groups: dict[object, list[DamperTest]] = {}
+    for test in tests:
+        groups.setdefault(_command_of(test) if follows_command else None, []).append(test)
+    squares = [square for group in groups.values() for square in _linear_squares(group)]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _command_of(test: DamperTest) -> object:
+    """Key of the group of tests at one command; a test whose command varies is a group of its own."""
+    if test.has_varying_command:
+        return test.label
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+
+
+def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
+    """Squared NRMSE of each test, for one spring and dashpot that minimises their sum."""
+    forces, motions = [], []
+    for test in tests:
+        force = test.force[test.counted]
+        motion = np.stack([test.displacement, test.velocity, np.ones_like(test.force)], axis=1)[test.counted]
+        weight = np.std(force) * np.sqrt(force.size)
+        forces.append(force / weight)
+        motions.append(motion / weight)
+    scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
+    solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
+    residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
+    return [float(residual @ residual) for residual in residuals]
+
+
+def linear_warning(
+    nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
+) -> tuple[str, ...]:
+    """A warning where a fit with this misfit is no better than a linear spring and dashpot."""
+    linear = linear_misfit(tests, follows_command=follows_command)
+    if nrmse < LINEAR_SHARE * linear:
+        return ()
+    return (
+        f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
+        f"{100.0 * (1.0 - linear):.2f} %: the minimum is false, or this model cannot describe the tests; "
+        "try another seed or another model",
+    )
+
+
+# A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least
+# `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
+_FAR_WORSE = 5.0
+_RESOLVED = 0.02
+# Tests that a sentence names.
+_SHOWN = 3
+
+
+def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
+    """Indices of the tests whose `joint` NRMSE, shape (n_tests,), is far above their own; NaN where there is none."""
+    return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
+
+
+def far_worse_sentence(
+    tests: Sequence[DamperTest],
+    worse: NDArray[np.intp],
+    joint: Floats,
+    alone: Floats,
+    *,
+    found_again: bool,
+) -> str:
+    """A sentence on tests that are far worse jointly than alone."""
+    both = [
+        f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
+        for index in worse
+    ]
+    shown = list_names(both, _SHOWN)
+    other = "compare other models (--model A,B)"
+    tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
+    if found_again:
+        return (
+            f"{tests_shown}; several starts end in this minimum, so these laws of this model cannot follow the tests: "
+            f"let more parameters follow the command, give laws of a higher degree (--law auto tries both), or {other}"
+        )
+    return f"false minimum suspected: {tests_shown}; try another seed, other laws (--law auto), or {other}"
+
+
+# A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more
+# than `_DISTANT`.
+_CLOSE = 0.01
+_DISTANT = 0.05
+_MOST_DISTINCT = 3
+# Relative decrease of the squared misfit at which a local minimisation of the search ends; the final fit continues.
+_TOLERANCE = 1e-5
+# Local minimisations are given up after this number of iterations above this multiple of the least misfit.
+_HOPELESS_AFTER = 12
+_HOPELESS = 4.0
+# In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
+_CROSSED = 3
+_REPLACED = 0.3
+
+
+@array_dataclass(repr=False)
+class MultistartResult(Summarised):
+    """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
+
+    The trace of the search has one entry per iteration: `evaluations` so far, `best` misfit so far, and `median` misfit
+    of the present round.
+    """
+
+    theta: Floats
+    misfit: Floats
+    stop_reason: str
+    evaluations: tuple[int, ...]
+    best: tuple[float, ...]
+    median: tuple[float, ...]
+
+
+def search_starts(
+    objective: Objective,
+    box: Box,
+    searched: Box,
+    settings: Multistart,
+    *,
+    rng: Seed,
+    mirrored: tuple[int, ...] = (),
+    nested: Floats | None = None,
+    suspicious: float = math.inf,
+    on_iteration: Callable[[MultistartResult, float], None] | None = None,
+) -> MultistartResult:
+    """Run local minimisations inside `box` from starts that are sampled in the narrower box `searched`.
+
+    The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
+    start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
+    of its parameters replaced. The search ends early only if the last round has not lowered the least misfit, that
+    misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
+    enough minimisations agree, slow ones that are behind are given up, see `Hopeless`.
+
+    `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
+    minimisation crosses; a further one starts from the mirror image of the best minimum. `nested`: further starts of
+    the first round, shape (n_starts, n_params). `suspicious`: least misfit above which a simpler description is as
+    good. `on_iteration`: called with the result so far and the share of the allowed iterations that is used up.
+    """
+    n_free = len(searched.free)
+    streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
+    sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
+    samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))
+    finite = np.flatnonzero(np.isfinite(misfit))
+    order = finite[np.argsort(misfit[finite], kind="stable")]
+    rounds = _Rounds(objective, samples[order], misfit[order])
+    most = settings.most_rounds * settings.most_iterations
+
+    def run_round(starts: Floats) -> None:
+        def advance(minima: LocalMinima) -> None:
+            rounds.advance(minima)
+            if on_iteration is not None:
+                on_iteration(rounds.make_result(""), min(len(rounds.best) / most, 1.0))
+
+        rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
+
+    reason = "max_rounds"
+    left = list(order)
+    try:
+        number = settings.least_rounds
+        while number <= settings.most_rounds:
+            if rounds.ended:
+                given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
+                wanted = settings.starts
+            else:
+                given = samples[:0] if nested is None else nested
+                wanted = settings.starts * number
+            chosen = _take_samples(left, max(wanted - len(given), 0))
+            starts = np.concatenate([given, samples[chosen]])
+            if not len(starts):
+                break
+            run_round(starts)
+            least_rounds = settings.least_rounds
+            if least_rounds > 1:
+                least_rounds += rounds.is_on_bound(box)
+            at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
+            # Of the rounds that ran together, the last one too must not have lowered the least misfit.
+            before = min(rounds.misfits[: -settings.starts], default=math.inf)
+            if (
+                number >= least_rounds
+                and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
+                and rounds.least <= (1.0 + settings.closeness) * suspicious
+                and at_best >= settings.found
+            ):
+                reason = "found_again"
+                break
+            number += 1
+        if mirrored and rounds.ended:
+            run_round(mirror(rounds.make_result("").theta[:1], mirrored))
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(rounds.make_result("interrupted"), "search") from interrupt
+    return rounds.make_result(reason)
+
+
+def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
+    """Points, shape (..., n_params), with the signs of the `mirrored` parameters changed."""
+    image = theta.copy()
+    image[..., list(mirrored)] *= -1.0
+    return image
+
+
+def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
+    """Take `count` samples from those that are left, best first: by turns the best one, and the first one drawn."""
+    taken: list[np.intp] = []
+    while left and len(taken) < count:
+        chosen = left[0] if len(taken) % 2 == 0 else min(left)
+        left.remove(chosen)
+        taken.append(chosen)
+    return taken
+
+
+# Range of the factors on the forces of samples.
+_SCALE = 1e3
+
+
+def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floats, Floats]:
+    """Samples with their forces multiplied by the factor that fits best, and their misfits, which may be infinite.
+
+    To multiply all parameters whose unit contains the newton by a factor multiplies the force by it, as a change of the
+    unit of force does. The squared misfit is a quadratic function of the factor, which two misfits and that of no
+    force determine. Samples are thus compared by the shape of their loops, not by their force. If a parameter with
+    newtons is fixed, the samples are unchanged.
+    """
+    objective = objective.plain
+    is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
+    misfit = objective(theta)
+    if not set(np.flatnonzero(is_force)) <= set(box.free) or not is_force.any():
+        return theta, misfit
+    halved = objective(np.where(is_force, 0.5 * theta, theta))
+    simulated = np.flatnonzero(np.isfinite(misfit) & np.isfinite(halved))
+    if not simulated.size:
+        return theta, misfit
+    none = float(objective(np.where(is_force, 1e-9 * theta, theta)[simulated[:1]])[0]) ** 2
+    if not np.isfinite(none):
+        return theta, misfit
+    # misfit^2 = none - 2 slope factor + curve factor^2
+    full, half = misfit[simulated] ** 2, halved[simulated] ** 2
+    curve = 2.0 * (full - 2.0 * half + none)
+    slope = 0.5 * (none + curve - full)
+    useful = (curve > 0.0) & (slope > 0.0)
+    factor = np.clip(np.divide(slope, curve, out=np.ones_like(slope), where=useful), 1.0 / _SCALE, _SCALE)
+    scaled = theta.copy()
+    scaled[simulated] = np.where(is_force, factor[:, None] * theta[simulated], theta[simulated])
+    fitted = misfit.copy()
+    fitted[simulated] = np.sqrt(np.maximum(none - 2.0 * slope * factor + curve * factor**2, 0.0))
+    return np.clip(scaled, box.lower, box.upper), fitted
+
+
+def distinct_minima(box: Box, theta: Floats, misfit: Floats) -> Floats:
+    """The best of the minima, best first, and up to two distant ones whose misfit is as good within 1 %, as rows."""
+    unit = np.asarray(box.unit_from_theta(theta))
+    chosen = [0]
+    for index in np.flatnonzero(misfit <= (1.0 + _CLOSE) * misfit[0]):
+        if np.all(np.abs(unit[chosen] - unit[index]).max(axis=1) > _DISTANT):
+            chosen.append(int(index))
+    return theta[chosen[:_MOST_DISTINCT]]
+
+
+def _descend(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    settings: Multistart,
+    *,
+    earlier: tuple[float, ...] = (),
+    on_iteration: Callable[[LocalMinima], None] | None,
+) -> LocalMinima:
+    """Local minimisations of one round, of which slow ones are given up; misfits of `earlier` minima count as well."""
+    return find_minima(
+        objective,
+        box,
+        starts,
+        max_iterations=settings.most_iterations,
+        tolerance=_TOLERANCE,
+        hopeless=Hopeless(
+            after=_HOPELESS_AFTER,
+            factor=_HOPELESS,
+            found=settings.found,
+            closeness=settings.closeness,
+            earlier=earlier,
+        ),
+        on_iteration=on_iteration,
+    )
+
+
+def minima_from(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    *,
+    mirrored: tuple[int, ...] = (),
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> Floats:
+    """The `distinct_minima` that local minimisations from starts, (n_starts, n_params), reach in one batch.
+
+    `mirrored` as in `search_starts`.
+    """
+    settings = Multistart()
+    minima = _descend(objective, box, starts, settings, on_iteration=on_iteration)
+    theta, misfit = minima.theta, minima.misfit
+    if mirrored:
+        image = mirror(theta[[int(np.argmin(misfit))]], mirrored)
+        minima = _descend(objective, box, image, settings, on_iteration=on_iteration)
+        theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
+    order = np.argsort(misfit, kind="stable")
+    return distinct_minima(box, theta[order], misfit[order])
+
+
+class _Rounds:
+    """State of the search: the best sample, the minima of the rounds that have ended, those of the present round."""
+
+    def __init__(self, objective: Objective, theta: Floats, misfit: Floats) -> None:
+        self.objective = objective
+        self.sampled = (theta[:1], misfit[:1])
+        self.ended: list[LocalMinima] = []
+        self.running: LocalMinima | None = None
+        self.evaluations = [objective.tally.simulations]
+        self.best = [float(misfit[0]) if misfit.size else math.inf]
+        self.median = [float(np.median(misfit)) if misfit.size else math.inf]
+
+    def advance(self, minima: LocalMinima) -> None:
+        self.running = minima
+        self.evaluations.append(self.objective.tally.simulations)
+        self.best.append(min(self.best[-1], float(minima.misfit.min())))
+        self.median.append(float(np.median(minima.misfit)))
+
+    def end(self, minima: LocalMinima) -> None:
+        self.running = None
+        self.ended.append(minima)
+
+    @property
+    def misfits(self) -> tuple[float, ...]:
+        """Misfits of the local minimisations that ended, in the order of their starts."""
+        return tuple(float(misfit) for minima in self.ended for misfit in minima.misfit)
+
+    @property
+    def least(self) -> float:
+        """Least misfit of the local minimisations that ended; infinite before the first."""
+        return min(self.misfits, default=math.inf)
+
+    @property
+    def best_minimum(self) -> Floats:
+        """Parameters of the least misfit of the local minimisations that ended, shape (n_params,)."""
+        minima = min(self.ended, key=lambda minima: float(minima.misfit.min()))
+        return np.asarray(minima.theta[int(np.argmin(minima.misfit))])
+
+    def is_on_bound(self, box: Box) -> bool:
+        """Whether a free parameter of the best minimum is on its bound."""
+        unit = np.asarray(box.unit_from_theta(self.best_minimum))
+        return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
+
+    def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
+        """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
+        chosen = samples[random.integers(len(samples), size=_CROSSED)]
+        return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
+
+    def make_result(self, stop_reason: str) -> MultistartResult:
+        groups = [(minima.theta, minima.misfit) for minima in self.ended]
+        if self.running is not None:
+            groups.append((self.running.theta, self.running.misfit))
+        theta, misfit = (np.concatenate(parts) for parts in zip(*(groups or [self.sampled]), strict=True))
+        order = np.argsort(misfit, kind="stable")
+        return MultistartResult(
+            theta=theta[order],
+            misfit=misfit[order],
+            stop_reason=stop_reason,
+            evaluations=tuple(self.evaluations),
+            best=tuple(self.best),
+            median=tuple(self.median),
+        )

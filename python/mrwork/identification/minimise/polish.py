@@ -1,0 +1,314 @@
+"""Final least-squares fits from the starting points, with the driver's lag or without, and their standard errors.
+
+A lag that a fit was asked for is left out where the tests do not want it; a fit without one says what it would gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
+from mrwork.identification.minimise.global_search import StartingPoints
+from mrwork.identification.minimise.levenberg_marquardt import (
+    LocalMinimum,
+    find_minima,
+    find_minimum,
+    nearest_below_stiffness,
+)
+from mrwork.identification.minimise.multistart import distinct_minima, minima_from, mirror
+from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem, rate_is_shown
+from mrwork.identification.result import Slopes, covariance_at, standard_errors
+
+# Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
+# takes this number of the best.
+_FINAL_EVALUATIONS = 100
+_FIRST_SCREENING = 15
+_SECOND_SCREENING = 60
+_SCREENED_TWICE = 4
+
+# Called with the best minimum so far and the share of the screening that is done.
+OnStart = Callable[[LocalMinimum, float], None]
+# Called with the steps so far and the misfit.
+OnStep = Callable[[int, float], None]
+
+
+@array_dataclass()
+class Polished:
+    """A minimum: parameters and standard errors for `n_effective` samples, (n_params,), steps, whether it converged."""
+
+    theta: Floats
+    standard_errors: Floats
+    n_effective: float
+    slopes: Slopes
+    steps: int
+    converged: bool
+
+
+def polish(
+    problem: Problem,
+    points: StartingPoints,
+    *,
+    on_start: OnStart,
+    on_step: OnStep,
+) -> Polished:
+    """Screen the starting points by short local minimisations, then fit from the best to convergence.
+
+    Points that are minima already are not screened. Standard errors are those of least squares at the minimum.
+    """
+    form = problem.form
+    starts = points.theta
+    if not points.minima:
+        starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
+    if problem.settings.engine == "twin":
+        fitted = _on_the_twin
+    elif points.minima:
+        fitted = _in_a_batch
+    else:
+        fitted = _one_by_one
+    ended = fitted(problem, starts, on_step)
+    # Of least squares for every power of the objective.
+    slopes = Slopes.at(problem.objective.plain, form, ended.theta)
+    cov, n_effective = covariance_at(slopes)
+    return Polished(
+        theta=ended.theta,
+        standard_errors=standard_errors(cov),
+        n_effective=n_effective,
+        slopes=slopes,
+        steps=ended.evaluations,
+        converged=ended.converged,
+    )
+
+
+def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
+    minima = find_minima(
+        problem.objective,
+        problem.form.box,
+        nearest_below_stiffness(problem.objective.compared, problem.form.box, starts),
+        max_iterations=_FINAL_EVALUATIONS,
+        on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
+    )
+    best = int(np.argmin(minima.misfit))
+    return LocalMinimum(
+        theta=minima.theta[best],
+        misfit=float(minima.misfit[best]),
+        evaluations=minima.iterations,
+        converged=bool(minima.converged[best]),
+    )
+
+
+def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
+    objective, box = problem.objective, problem.form.box
+    minima = (
+        find_minimum(objective, box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
+        for start in starts
+    )
+    return min(minima, key=_misfit)
+
+
+def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
+    # The only import of JAX that pyproject.toml allows here: it takes a second to load.
+    from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin
+
+    objective, box = problem.objective, problem.form.box
+    minima = (find_minimum_on_twin(objective, box, start, on_step=on_step) for start in starts)
+    best = min(minima, key=lambda minimum: minimum.misfit)
+    return LocalMinimum(
+        theta=best.theta,
+        misfit=best.misfit,
+        evaluations=best.steps,
+        converged=best.converged,
+    )
+
+
+def screen_starts(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    *,
+    mirrored: tuple[int, ...],
+    on_start: OnStart,
+) -> Floats:
+    """The `distinct_minima` of short local minimisations from every start, (n_starts, n_params), then longer ones.
+
+    `mirrored` as in `search_starts`. `on_start`: called with the best so far and the share of the work that is done.
+    """
+    done = 0
+    total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
+    minima: list[LocalMinimum] = []
+
+    def minimise_from(start: Floats, max_evaluations: int) -> LocalMinimum:
+        nonlocal done
+        minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
+        minima.append(minimum)
+        done += 1
+        on_start(min(minima, key=_misfit), done / total)
+        return minimum
+
+    first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_misfit)
+    last = sorted(
+        (minimise_from(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit
+    )
+    if mirrored:
+        image = minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING)
+        last = sorted([*last, image], key=_misfit)
+    return distinct_minima(
+        box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
+    )
+
+
+def _misfit(minimum: LocalMinimum) -> float:
+    return minimum.misfit
+
+
+# Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to that of a fast one.
+_TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
+# A lag is missing if one of these rates brings the misfit below this share of that without it, with no other change.
+_SHARE = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingLag:
+    """Rate of the driver's lag [1/s] that lowers the misfit of a fit without a lag, other parameters unchanged."""
+
+    rate: float
+    misfit_without: float
+    misfit_with: float
+
+    @property
+    def in_words(self) -> str:
+        """A sentence that says what to do."""
+        return (
+            f"a driver's lag of about {self.rate:g} 1/s would lower the misfit from {100.0 * self.misfit_without:.2f} "
+            f"to {100.0 * self.misfit_with:.2f} % with no other change: the command that was recorded reaches the coil "
+            "later; fit the lag with --driver-lag, in Python lagged=True"
+        )
+
+
+def missing_lag(spec: DamperSpec, objective: Objective, theta: Floats) -> MissingLag | None:
+    """The lag with which the fit `theta` without one describes the tests better; `None` where there is none."""
+    current = spec.current
+    if current is None or current.lagged or not any(test.has_varying_command for test in objective.tests):
+        return None
+    lagged = objective.on(change_laws(spec, lagged=True), objective.tests)
+    tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
+    before = float(objective(theta[None])[0])
+    best = int(np.argmin(tried))
+    if not tried[best] < _SHARE * before:
+        return None
+    return MissingLag(rate=_TRIED_RATES[best], misfit_without=before, misfit_with=float(tried[best]))
+
+
+T = TypeVar("T")
+
+# The fit with the lag is better than by chance where n_effective ln(squared misfit without it / with it), chi-squared
+# of one degree of freedom if there is no lag, exceeds this: its quantile of 99 %.
+_CHANCE = 6.63
+# A coil that comes this close to its command within a sample follows it at once, as far as the samples show.
+_WITHIN_A_SAMPLE = 0.01
+
+
+@array_dataclass()
+class Ended:
+    """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
+
+    problem: Problem
+    polished: Polished
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the NRMSE of all tests, whatever the power of the objective."""
+        return float(self.problem.objective.plain(self.polished.theta[None])[0])
+
+
+def polish_with_wanted_lag(
+    problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep
+) -> Ended:
+    """Fit to convergence from the starting points, without the driver's lag where that is as good.
+
+    A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
+    where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
+    """
+    lagged = Ended(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
+    if not rate_is_shown(problem.form.spec, problem.form, problem.objective.tests):
+        return lagged
+    plain = _without_lag(problem)
+    if not plain.form.box.free:
+        return lagged
+    objective = points.objective.on(plain.form.spec, points.objective.tests)
+    given = np.array([lagged.polished.theta, *points.theta])[:, :-1]
+    starts = replace(
+        points,
+        objective=objective,
+        form=plain.form,
+        theta=minima_from(objective, plain.form.box, given, mirrored=plain.form.mirrored),
+        minima=True,
+    )
+    # A start of the model without the lag is none of the fit that may be interrupted.
+    polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
+    without = Ended(problem=plain, polished=polished)
+    missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
+    minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
+    if missing is not None and missing.misfit_with < minimised:
+        # The search with the lag has ended in a false minimum.
+        start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
+        again = polish(problem, start, on_start=on_start, on_step=on_step)
+        lagged = Ended(problem=problem, polished=again)
+    return _choose_fit(lagged, without)
+
+
+def _without_lag(problem: Problem) -> Problem:
+    spec = change_laws(problem.spec, lagged=False)
+    rate = problem.spec.names[-1]
+
+    def drop_rate(values: Mapping[str, T]) -> dict[str, T]:
+        return {name: value for name, value in values.items() if name != rate}
+
+    settings = replace(
+        problem.settings,
+        bounds=drop_rate(problem.settings.bounds),
+        starts=tuple(drop_rate(start) for start in problem.settings.starts),
+    )
+    form = identifiable_form(spec, drop_rate(bounds_of(problem.form.box, problem.form.box.names)))
+    return replace(
+        problem,
+        spec=spec,
+        settings=settings,
+        form=form,
+        objective=problem.objective.on(form.spec, problem.objective.tests),
+    )
+
+
+def _choose_fit(lagged: Ended, without: Ended) -> Ended:
+    """The fit with the lag where it is better by more than chance, else that without it."""
+    with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
+    tiny = np.finfo(np.float64).tiny
+    gain = 2.0 * lagged.polished.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny))
+    if not gain > _CHANCE:
+        return replace(
+            without,
+            warnings=(
+                f"the driver's lag is left out: with it (eta {rate:.4g} 1/s) the misfit is {100.0 * with_it:.4g} %, "
+                f"without it {100.0 * without_it:.4g} %, so these tests show no lag of the coil behind their command; "
+                "fix the rate with --fix eta=VALUE where it is known",
+            ),
+        )
+    dt = min(test.dt for test in lagged.problem.objective.tests if test.has_varying_command)
+    if np.exp(-rate * dt) > _WITHIN_A_SAMPLE:
+        return lagged
+    return replace(
+        lagged,
+        warnings=(
+            f"the driver's lag (eta {rate:.4g} 1/s) ends within a sample of {1e3 * dt:.4g} ms: with it a command acts "
+            f"from the next sample on (misfit {100.0 * with_it:.4g} %), without it from its own "
+            f"({100.0 * without_it:.4g} %); tests of a shorter step tell the rate",
+        ),
+    )

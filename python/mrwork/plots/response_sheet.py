@@ -1,0 +1,203 @@
+"""Sheet of one run: ground, current, force, Lyapunov function and motion of a floor, with control and without.
+
+In the form of figures 6.3 to 6.10 of the thesis, for any building and any control law.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from mrwork.base.arguments import Positive, checked
+from mrwork.base.hints import Within
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building
+from mrwork.closed_loop.responses import History
+from mrwork.control.laws.lyapunov import lyapunov_function
+from mrwork.control.linear.plant import plant_of
+from mrwork.errors import SettingError
+from mrwork.report import style
+from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
+from mrwork.report.figures import envelope, strong_part
+
+Index = Annotated[int, Within(least=0, most=10_000)]
+
+# Inches: height of a panel, of the title above it, of the labels of the time below it, and the margins at the sides.
+_PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
+_BINS = 300
+
+
+@array_dataclass()
+class _Signal:
+    """A quantity with its unit, with control and without, shape (n_time,); `signed` about zero, else from it up."""
+
+    title: str
+    controlled: Floats
+    reference: Floats
+    signed: bool
+
+
+@checked
+@style.drawn_in_style()
+def response_sheet_figure(
+    controlled: History,
+    reference: History,
+    building: Building,
+    *,
+    device: Index = 0,
+    floor: Index = 0,
+    command_unit: Literal["A", "V"] = "A",
+    seconds: Positive = 12.0,
+) -> Figure:
+    """Sheet of a run with control (solid) and without (dotted), as figures 6.3 to 6.10 of the thesis.
+
+    From top to bottom: the whole ground motion; command behind the lag of the driver, force, Lyapunov function,
+    displacement, velocity relative to the ground and absolute acceleration. All but the first are drawn in an interval,
+    shaded in the first, about the largest displacement without control. The Lyapunov function V = s'P s / 2 is that of
+    the building with its energy as weight, which does not depend on the law.
+
+    Parameters
+    ----------
+    controlled, reference
+        Histories of the same motion and the same building.
+    device, floor
+        Numbers of the damper and of the floor, from 0.
+    command_unit
+        Unit of the command.
+    seconds
+        Length of the interval [s]; a motion that is not longer is drawn whole.
+
+    Raises
+    ------
+    SettingError
+        If the histories are not of one motion and this building, or there is no such damper or floor.
+    """
+    _check(controlled, reference, building, device, floor)
+    about = _displacement(reference, building, floor)
+    signals = list(_signals(controlled, reference, building, device, floor, command_unit))
+    figure, whole, panels = _empty(len(signals))
+    time = controlled.time
+    shown = strong_part(time, about, float(seconds))
+    whole.plot(*envelope(time, controlled.ground_acceleration, _BINS), color=style.INK, linewidth=0.7)
+    whole.axvspan(time[shown.start], time[shown.stop - 1], color=style.WINDOW, zorder=0.5, linewidth=0.0)
+    whole.margins(x=0.0)
+    name_ordinate(whole, "Ground acceleration (m/s²)")
+    for axes, signal in zip(panels, signals, strict=True):
+        axes.plot(
+            *envelope(time[shown], signal.reference[shown], _BINS),
+            color=style.INK,
+            linewidth=0.9,
+            linestyle=style.DOTTED,
+            label="without control",
+        )
+        axes.plot(
+            *envelope(time[shown], signal.controlled[shown], _BINS),
+            color=style.MODEL,
+            linewidth=0.9,
+            label="controlled",
+        )
+        axes.margins(x=0.0)
+        if signal.signed:
+            symmetric(axes)
+        name_ordinate(axes, signal.title)
+    legend(panels[0], columns=2)
+    return figure
+
+
+def _check(controlled: History, reference: History, building: Building, device: int, floor: int) -> None:
+    n_states = 2 * building.n_coordinates
+    if controlled.time.shape != reference.time.shape or not np.array_equal(
+        controlled.ground_acceleration, reference.ground_acceleration
+    ):
+        raise SettingError(
+            f"the histories are of {len(controlled.time)} and {len(reference.time)} samples of different motions; give "
+            "two runs of one motion at one sample time"
+        )
+    for history in (controlled, reference):
+        if history.state.shape[1] != n_states:
+            raise SettingError(
+                f"a history is of {history.state.shape[1] // 2} coordinates, and {building.name} has "
+                f"{building.n_coordinates}; give the building that was simulated"
+            )
+        if device >= history.force.shape[1]:
+            raise SettingError(
+                f"a history has {history.force.shape[1]} dampers, counted from 0; give one of them, not {device}"
+            )
+    if floor >= len(building.floors):
+        raise SettingError(
+            f"{building.name} has {len(building.floors)} floors, counted from 0; give one of them, not {floor}"
+        )
+
+
+def _displacement(history: History, building: Building, floor: int) -> Floats:
+    return np.asarray(history.state[:, : building.n_coordinates] @ building.floors[floor])
+
+
+def _signals(
+    controlled: History, reference: History, building: Building, device: int, floor: int, unit: str
+) -> list[_Signal]:
+    n = building.n_coordinates
+    energy = lyapunov_function(plant_of(building, building.storeys[:1]))
+    peak = max(float(np.abs(each.force[:, device]).max()) for each in (controlled, reference))
+    force = style.force_unit(peak)
+    of_floor = building.floor_names[floor]
+
+    def both(title: str, of: list[Floats], *, signed: bool = True) -> _Signal:
+        return _Signal(title=title, controlled=of[0], reference=of[1], signed=signed)
+
+    runs = (controlled, reference)
+    return [
+        both(
+            f"{'Coil current' if unit == 'A' else 'Voltage'} ({unit})",
+            [each.current[:, device] for each in runs],
+            signed=False,
+        ),
+        both(f"Damper force ({force.symbol})", [force.factor * each.force[:, device] for each in runs]),
+        both("Lyapunov function (J)", [energy.value(each.state) for each in runs], signed=False),
+        both(
+            f"Displacement, {of_floor} (mm)",
+            [style.MILLIMETRE.factor * _displacement(each, building, floor) for each in runs],
+        ),
+        both(
+            f"Velocity, {of_floor} (mm/s)",
+            [
+                style.MILLIMETRE_PER_SECOND.factor * each.state[:, n:] @ building.floors[floor]
+                for each in runs
+            ],
+        ),
+        both(f"Absolute acceleration, {of_floor} (m/s²)", [each.acceleration[:, floor] for each in runs]),
+    ]
+
+
+def _empty(count: int) -> tuple[Figure, Axes, list[Axes]]:
+    """Axes of the whole record, and `count` below it over one time; the time is labelled below the last."""
+    row = _TITLE + _PANEL
+    height = row + _TIME + count * row + _TIME
+    figure = Figure(figsize=(style.PANEL_WIDTH, height))
+
+    def below(top: float, sharing: Axes | None = None) -> Axes:
+        return axes_between(
+            figure,
+            left=_LEFT,
+            right=style.PANEL_WIDTH - _RIGHT,
+            bottom=top - _PANEL,
+            top=top,
+            sharex=sharing,
+        )
+
+    whole = below(height - _TITLE)
+    panels: list[Axes] = []
+    for number in range(count):
+        top = height - row - _TIME - number * row - _TITLE
+        panels.append(below(top, panels[0] if panels else None))
+    for axes in (whole, *panels):
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+    panels[-1].set_xlabel("Time (s)")
+    return figure, whole, panels

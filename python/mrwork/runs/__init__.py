@@ -1,0 +1,1 @@
+"""Run folders of every verb: loaded, exported, and their dampers as a study takes them."""

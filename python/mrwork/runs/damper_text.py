@@ -1,0 +1,265 @@
+"""The damper of a fit as text: a table of its force over velocity and command, and at one command for OpenSees.
+
+Of OpenSees these are materials in Tcl, and in Python for openseespy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from math import ceil
+
+import numpy as np
+
+from mrwork.base.numbers import of_unit
+from mrwork.base.table import csv_text
+from mrwork.base.values import Floats
+from mrwork.dampers.command import command_noise
+from mrwork.dampers.conversions import (
+    USUAL_OPENSEES_ERROR,
+    bouc_wen_from_normalised,
+    normalised_from_bouc_wen,
+    opensees_from_bouc_wen,
+    require_bounded_loop,
+)
+from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
+from mrwork.dampers.spec import damper, law_limits, plain_parameters
+from mrwork.dampers.tested_range import OperatingRange
+from mrwork.errors import SettingError, SimulationError
+from mrwork.identification.fit import Fit
+from mrwork.records.columns import StatedCommand
+
+_SPEEDS = 20
+_COMMANDS = 5
+# The force is that of the third cycle: the hysteresis has forgotten the start.
+_CYCLES = 3
+_PER_CYCLE = 2000
+
+
+def force_table(fit: Fit, stated: StatedCommand | None) -> str:
+    """Force [N] in the middle of the stroke over peak velocity [m/s], both ways, and command.
+
+    Of harmonic tests of the largest tested stroke: a damper with hysteresis has no force over velocity alone. Rows go
+    over evenly spaced velocities up to the largest tested one, for the commands over the tested range, or for one.
+    """
+    refuse_bounds(fit)
+    tested = fit.tested
+    if tested is None or tested.velocity == 0.0:
+        raise SettingError(
+            "the tested ranges of this fit are not known, and the table goes over them; run mrwork identify again"
+        )
+    commands, rows = _commands(fit, stated, tested)
+    unit = "" if fit.spec.current is None else fit.spec.current.unit
+    heading = [f"command [{unit}]"] if unit else []
+    lines = [[*heading, "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]]
+    speeds = tested.velocity * np.arange(1, _SPEEDS + 1) / _SPEEDS
+    forces = np.stack([_forces(fit, rows, tested.stroke, float(speed)) for speed in speeds])
+    both_ways = np.concatenate([-speeds[::-1], speeds])
+    force = np.concatenate([forces[::-1, :, 1], forces[:, :, 0]])
+    frequency = np.abs(both_ways) / (2.0 * np.pi * tested.stroke)
+    amplitude = np.full(both_ways.size, tested.stroke)
+    for index, command in enumerate(commands):
+        columns = np.column_stack([both_ways, force[:, index], amplitude, frequency]).tolist()
+        lines += [[*([] if command is None else [repr(command)]), *map(repr, numbers)] for numbers in columns]
+    return csv_text(lines)
+
+
+def _commands(
+    fit: Fit, stated: StatedCommand | None, tested: OperatingRange
+) -> tuple[Sequence[float | None], Floats]:
+    """Commands, and the parameters of the plain model at each, shape (n_commands, n_plain)."""
+    if stated is not None or not fit.spec.follows_command or tested.command is None:
+        theta, value = parameters_at(fit, stated)
+        return [value], theta[None]
+    levels = np.linspace(*tested.command, _COMMANDS).tolist()
+    return levels, np.stack([plain_parameters(fit.spec, fit.theta, each) for each in levels])
+
+
+def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
+    """Force at the passages through the middle with and against `speed` [m/s], shape (n_commands, 2)."""
+    phase = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE) / _PER_CYCLE
+    loading = Loading(
+        dt=2.0 * np.pi * amplitude / speed / _PER_CYCLE,
+        displacement=amplitude * np.sin(phase),
+        velocity=speed * np.cos(phase),
+    )
+    run = simulate_forces(damper(fit.model), theta, loading.history())
+    if run.outcome.any():
+        outcome = Outcome(int(run.outcome.max()))
+        raise SimulationError(
+            f"{fit.model} ended as {outcome.name.lower()} at {speed:.3g} m/s: {outcome.remedy}"
+        )
+    first = (_CYCLES - 1) * _PER_CYCLE
+    return np.asarray(run.force[:, [first, first + _PER_CYCLE // 2]])
+
+
+def refuse_bounds(fit: Fit) -> None:
+    """Refuse a fit whose parameters lie on their bounds: a better one may lie beyond."""
+    for each in fit.estimates:
+        if each.remark in ("at lower bound", "at upper bound"):
+            raise SettingError(
+                f"{each.name} is {each.remark.replace('at', 'at its')}, {of_unit(each.value, each.unit)}, and a better "
+                "fit may lie beyond; fit again with a wider bound, or hold the parameter fixed, and export that"
+            )
+
+
+def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
+    """Parameters of the plain model at a command, shape (n_plain,), and the command in the unit of the laws."""
+    current = fit.spec.current
+    if current is None:
+        if stated is not None:
+            raise SettingError(
+                "this fit has no current laws, so its damper is the same at any command; leave the command out"
+            )
+        return plain_parameters(fit.spec, fit.theta, 0.0), None
+    if stated is None:
+        raise SettingError(
+            f"the parameters follow the command; give one with its unit, as in 0.5{current.unit}"
+        )
+    unit = {"current": "A", "voltage": "V"}.get(stated.quantity or "", stated.unit)
+    if stated.value is None or unit != current.unit:
+        raise SettingError(
+            f"the laws of this fit take the command in {current.unit}; give a number with that unit, as in "
+            f"0.5{current.unit}"
+        )
+    value = stated.value
+    tested = None if fit.tested is None else fit.tested.command
+    noise = command_noise(0.0, current.unit)
+    if tested is not None and not tested[0] - noise <= value <= tested[1] + noise:
+        raise SettingError(
+            f"{of_unit(value, current.unit)} is outside the tested commands, {tested[0]:g} to "
+            f"{of_unit(tested[1], current.unit)}; give one within"
+        )
+    if limits := law_limits(fit.spec, fit.theta, (value, value)):
+        raise SettingError(f"{limits[0].in_words}; give another command")
+    return plain_parameters(fit.spec, fit.theta, value), value
+
+
+USUAL_TIME_STEP = 0.001
+"""Step [s] of an analysis in OpenSees where none is given."""
+# As many as the package itself takes in a step.
+_MOST_SUBSTEPS = 256
+
+
+def _spencer(theta: Floats) -> Floats:
+    require_bounded_loop(theta)
+    return np.asarray(normalised_from_bouc_wen(theta))
+
+
+# Models that are BoucWen beside a dashpot and a spring, with the conversion to the normalised form.
+_NORMALISED: dict[str, Callable[[Floats], Floats]] = {
+    "normalised_bouc_wen": lambda theta: theta,
+    "bouc_wen": _spencer,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Tag:
+    """Tag of a part of the damper, counted from the tag of the damper."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Material:
+    """A command `uniaxialMaterial`: kind, tag, and numbers and tags behind it."""
+
+    kind: str
+    tag: _Tag
+    arguments: tuple[float | _Tag, ...]
+
+    def words(self, tag: str) -> list[str]:
+        """The tag and the arguments as text, tags in the form `tag`."""
+        return [
+            tag.format(each.number) if isinstance(each, _Tag) else repr(each)
+            for each in (self.tag, *self.arguments)
+        ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenSeesDamper:
+    """Materials, of which the last is the damper, and `facts` as lines of a comment."""
+
+    facts: tuple[str, ...]
+    materials: tuple[_Material, ...]
+
+    @property
+    def tcl(self) -> str:
+        """Text for OpenSees; `damper TAG` makes the material."""
+        commands = (
+            f"    uniaxialMaterial {each.kind} {' '.join(each.words('[expr {{$tag + {}}}]'))}"
+            for each in self.materials
+        )
+        return "\n".join([*(f"# {fact}" for fact in self.facts), "proc damper {tag} {", *commands, "}", ""])
+
+    @property
+    def python(self) -> str:
+        """Text for openseespy; `damper(tag)` makes the material."""
+        calls = (
+            f'    ops.uniaxialMaterial("{each.kind}", {", ".join(each.words("tag + {}"))})'
+            for each in self.materials
+        )
+        head = [*(f"# {fact}" for fact in self.facts), "import openseespy.opensees as ops", "", ""]
+        return "\n".join([*head, "def damper(tag: int) -> None:", *calls, ""])
+
+
+def opensees_damper(
+    fit: Fit, stated: StatedCommand | None, *, error: float | None, time_step: float | None
+) -> OpenSeesDamper:
+    """The damper of a fit at a command, with the strain step and the sub-steps that keep the wanted error.
+
+    The loop is BoucWen with z up to 1, from where the iteration of OpenSees starts near enough; dashpot and spring are
+    materials of their own, the spring with the free length x0 as an initial strain.
+    """
+    if fit.model not in _NORMALISED:
+        raise SettingError(
+            f"OpenSees has no material that equals {fit.model}; fit {' or '.join(_NORMALISED)}, or export to csv"
+        )
+    refuse_bounds(fit)
+    theta, command = parameters_at(fit, stated)
+    normalised = _NORMALISED[fit.model](theta)
+    c, k, x0, k_w, rho, _, _ = normalised.tolist()
+    loop = normalised * np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
+    wanted = USUAL_OPENSEES_ERROR if error is None else error
+    step = material.strain_step(wanted)
+    at = (
+        ""
+        if command is None or fit.spec.current is None
+        else f" at {of_unit(command, fit.spec.current.unit)}"
+    )
+    facts = [
+        f"{damper(fit.model).title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
+        f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",
+        f"let the strain change by at most {step:.3g} m in a step: the error of OpenSees is proportional to it",
+    ]
+    if fit.tested is not None and fit.tested.velocity > 0.0:
+        facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP))
+    if k and x0:
+        facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")
+    parts: list[tuple[str, tuple[float | _Tag, ...]]] = [("BoucWen", astuple(material))]
+    parts += [("Viscous", (c, 1.0))] if c else []
+    parts += [("Elastic", (k,))] if k else []
+    joined = [_Tag(number) for number in range(1, len(parts) + 1)]
+    if k and x0:
+        parts.append(("InitStrainMaterial", (joined[-1], -x0)))
+        joined[-1] = _Tag(len(parts))
+    materials = [
+        _Material(kind=kind, tag=_Tag(number), arguments=arguments)
+        for number, (kind, arguments) in enumerate(parts, start=1)
+    ]
+    whole = _Material(kind="Parallel", tag=_Tag(0), arguments=tuple(joined))
+    return OpenSeesDamper(facts=tuple(facts), materials=(*materials, whole))
+
+
+def _substeps_in_words(velocity: float, step: float, time_step: float) -> str:
+    """How many parts of a time step a velocity [m/s] needs for a strain step [m]; refused where they are too many."""
+    count = ceil(velocity * time_step / step)
+    if count > _MOST_SUBSTEPS:
+        raise SettingError(
+            f"OpenSees would need {count} sub-steps of {time_step:g} s at the largest tested velocity, {velocity:.3g} "
+            f"m/s, and {_MOST_SUBSTEPS} are the most; give a larger error or a shorter time step"
+        )
+    return (
+        f"at the largest tested velocity, {velocity:.3g} m/s, these are {count} sub-steps of {time_step:g} s"
+    )

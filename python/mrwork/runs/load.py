@@ -1,0 +1,211 @@
+"""Run folders read back: `mr.load` for all of them, and that of a fit as one value with what later verbs have added."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
+
+from mrwork.base.arguments import checked
+from mrwork.base.plotted import plots_of
+from mrwork.base.summary import Summarised, Summary
+from mrwork.errors import RecordError, escape_text
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit, Intervals
+from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.store.codec import read_document
+from mrwork.store.run_folder import (
+    FIT,
+    FIT_RUN,
+    LAWS,
+    PLAN,
+    PROFILES,
+    RANKING,
+    STUDY_RUN,
+    read_kind,
+)
+from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
+from mrwork.uncertainty.bands.conformal import Calibration
+from mrwork.uncertainty.choice.law_table import LawTable
+from mrwork.uncertainty.choice.ranking import Ranking
+from mrwork.uncertainty.identifiability.profile import Profiles
+from mrwork.uncertainty.planning import CheckedPlan
+from mrwork.uncertainty.posterior.draws import Draws, read_draws
+
+if TYPE_CHECKING:
+    from mrwork.plots.fit_forms import RunPlots
+    from mrwork.study.folder import StoredStudy
+    from mrwork.tuning.results import TuningResults
+
+RunT = TypeVar("RunT", "StoredRun", "StoredStudy", "TuningResults")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StoredRun(Summarised):
+    """Contents of the run folder at `place`; `None` for what no verb has added.
+
+    The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
+    free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
+    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
+    `mrwork identify --law auto`.
+    """
+
+    _made_by: ClassVar[str] = "mr.load(run)"
+
+    place: Path
+    fit: Fit
+    draws: Draws | None = None
+    profiles: Profiles | None = None
+    bands: StoredBands | None = None
+    plan: CheckedPlan | None = None
+    ranking: Ranking | None = None
+    laws: LawTable | None = None
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration of the bands."""
+        return None if self.bands is None else self.bands.calibration
+
+    @property
+    def plot(self) -> RunPlots:
+        """Figures of the run, see `mr.plots`."""
+        made: RunPlots = plots_of(self, "RunPlots")
+        return made
+
+    def _summary(self) -> Summary:
+        present = [each.name for each in fields(self) if getattr(self, each.name) is not None]
+        fit = self.fit._summary()
+        return Summary(
+            title=f"Run {self.place.name}: {fit.title}",
+            facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
+            columns=fit.columns,
+            rows=fit.rows,
+            notes=fit.notes,
+        )
+
+
+@overload
+def load(run: str | Path, kind: type[RunT]) -> RunT: ...
+@overload
+def load(run: str | Path, kind: None = None) -> StoredRun | StoredStudy | TuningResults: ...
+@checked
+def load(run: str | Path, kind: type[Any] | None = None) -> StoredRun | StoredStudy | TuningResults:
+    """Read back the run folder of any verb.
+
+    Parameters
+    ----------
+    run
+        The folder that a verb has written with ``--out``.
+    kind
+        The type that is expected: a folder of another is refused, and checkers of types know what is returned. By
+        default any.
+
+    Returns
+    -------
+    StoredRun
+        Of `mrwork identify` and `demo`: the fit, and what `profile`, `sample`, `calibrate` and `plan` have added.
+    StoredStudy
+        Of `mrwork respond`: criteria and quantities of every run.
+    TuningResults
+        Of `mrwork tune`: what `mr.tune` has returned.
+
+    Raises
+    ------
+    RecordError
+        Where it is no run folder, or not of this kind, or one of its files is damaged; the message names the file.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> run = mr.load("out/demo", mr.StoredRun)  # doctest: +SKIP
+    >>> run.fit.fit_percent, run.draws is None  # doctest: +SKIP
+    (99.41, True)
+    >>> mr.load("out/study").to_pandas()["peak_drift"]  # doctest: +SKIP
+    """
+    place = Path(run)
+    found = read_run(place)
+    held = with_additions(place, found) if isinstance(found, Fit) else found
+    if kind is not None and not isinstance(held, kind):
+        raise RecordError(
+            f"{place} is read back as `{type(held).__name__}`, and `{kind.__name__}` was expected; give the folder of "
+            "one, or leave `kind` out"
+        )
+    return held
+
+
+def read_run(place: Path) -> Fit | StoredStudy | TuningResults:
+    """What the verb has found that wrote the folder at `place`, by the reader of its kind."""
+    kind, _ = read_kind(place)
+    if kind is FIT_RUN:
+        return read_fit(place)
+    # The wing of control, which a fit does not need, takes half as long again to load.
+    if kind is STUDY_RUN:
+        from mrwork.study.folder import read_results
+
+        return read_results(place)
+    from mrwork.tuning.results import read_tuning
+
+    return read_tuning(place)
+
+
+def with_additions(place: Path, fit: Fit) -> StoredRun:
+    """The run of a `fit` that has been read from the folder at `place`, with what later verbs have added."""
+    draws = read_draws(place, fit)
+    ranking = read_document(Ranking, place / RANKING, name="ranking", verb="identify")
+    laws = read_document(LawTable, place / LAWS, name="choice of laws", verb="identify")
+    for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
+        if model not in (None, fit.model):
+            raise RecordError(
+                f"{place / name} is of {escape_text(str(model))} where {FIT} beside it is of {fit.model}; "
+                "run `mrwork identify` again"
+            )
+    profiles = read_profiles(place, fit)
+    return StoredRun(
+        place=place,
+        fit=fit.with_intervals(_intervals(fit, draws, profiles)),
+        draws=draws,
+        profiles=profiles,
+        bands=read_bands(place, fit),
+        plan=read_addition(CheckedPlan, place / PLAN, fit, name="plan", verb="plan"),
+        ranking=ranking,
+        laws=laws,
+    )
+
+
+def judged_by_additions(
+    place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
+) -> Fit:
+    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder at `place`."""
+    return fit.with_intervals(
+        _intervals(
+            fit,
+            read_draws(place, fit) if draws is None else draws,
+            read_profiles(place, fit) if profiles is None else profiles,
+        )
+    )
+
+
+def read_profiles(place: Path, fit: Fit) -> Profiles | None:
+    """The profiles of the run folder of a fit at `place`, `None` where there are none."""
+    path = place / PROFILES
+    profiles = read_addition(Profiles, path, fit, name="profiles", verb="profile")
+    if profiles is None:
+        return None
+    # Profiles of a model with redundant parameters are in the form without them.
+    form = identifiable_form(fit.spec, {}).spec
+    known = form.names if profiles.model == form.name else fit.spec.names
+    strange = [each.name for each in profiles.profiles if each.name not in known]
+    if profiles.model not in (form.name, fit.model) or strange:
+        what = escape_text(f"profiles {strange[0]}" if strange else f"is of {profiles.model}")
+        raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
+    return profiles
+
+
+def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:
+    if draws is not None and draws.status == "converged":
+        return draws.intervals
+    free = {each.name for each in fit.estimates if each.remark != "fixed"}
+    # Profiles of a model with redundant parameters are in other parameters.
+    if profiles is not None and profiles.model == fit.model and profiles.status == "finished":
+        return profiles.intervals if free <= {each.name for each in profiles.profiles} else None
+    return None

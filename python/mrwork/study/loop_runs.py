@@ -1,0 +1,243 @@
+"""Calls of the loop for a study: candidates of a law with realisations, and the commands of the non-causal optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.values import Floats
+from mrwork.buildings import Building
+from mrwork.buildings.matrices import Device
+from mrwork.closed_loop.clairvoyant_search import (
+    Clairvoyant,
+    ClairvoyantProgress,
+    ClairvoyantStart,
+    clairvoyant,
+)
+from mrwork.closed_loop.evaluation import values
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.simulate import (
+    LoopVariation,
+    PrescribedCommands,
+    simulate_loop,
+    simulate_prescribed,
+)
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.motions import GroundMotion
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
+from mrwork.study.labelled import (
+    LabelledRuns,
+    candidate_axes,
+    criteria_of_runs,
+)
+from mrwork.study.results import StudyResults
+from mrwork.study.run_result import (
+    RunHistory,
+    RunResult,
+    history_of,
+    own_numbers,
+    results_of,
+)
+from mrwork.study.study import (
+    Arrangement,
+    Realisations,
+    Study,
+    StudyLaw,
+    digest_of_run,
+)
+
+OnBlock = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayedCommands:
+    """The non-causal optimum of a study that asks for it, under each of its motions."""
+
+    study: Study
+    threads: int
+
+    def search_optimum(
+        self,
+        motion: int,
+        arrangements: Sequence[Arrangement],
+        results: StudyResults,
+        journal: Journal | None,
+        report: Callable[[str], None],
+    ) -> Clairvoyant:
+        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
+        asked, base = self.study.clairvoyant, self.study.at_zero
+        assert asked is not None
+        ground = self.study.grounds[motion]
+
+        def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+            report(f"{asked.row.label}, {ground.name}: {name}")
+            if journal is None:
+                return search()
+            inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
+            return journal.once("clairvoyant", inputs, ClairvoyantStart, search)
+
+        def on_progress(progress: ClairvoyantProgress) -> None:
+            report(
+                f"{asked.row.label}, {ground.name}: {progress.start}, iteration {progress.iteration} of "
+                f"{progress.iterations}, score about {progress.smooth_score:.3f}"
+            )
+
+        return clairvoyant(
+            base.building,
+            base.devices,
+            ground,
+            self.study.hardware,
+            settings=asked.settings,
+            starts=self._law_starts(motion, arrangements, results),
+            floors=base.floors,
+            storeys=base.storeys,
+            on_progress=on_progress,
+            recall=recall,
+            threads=self.threads,
+        )
+
+    def run(
+        self, motion: int, optimum: Clairvoyant, *, histories: bool = False, step_factor: int = 1
+    ) -> tuple[RunResult, RunHistory | None]:
+        """The run of the loop with the commands that were found, and its history."""
+        base = self.study.at_zero
+        responses = simulate_prescribed(
+            base.building,
+            base.devices,
+            optimum.commands,
+            self.study.grounds[motion],
+            self.study.hardware,
+            histories=histories,
+            step_factor=step_factor,
+            threads=self.threads,
+        )
+        kept = None if responses.histories is None else history_of(responses.histories[0], base)
+        return results_of(responses, base)[0], kept
+
+    def _law_starts(
+        self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
+    ) -> dict[str, PrescribedCommands]:
+        """Commands of the control law with the lowest score under a motion, if there is one."""
+        asked = self.study.clairvoyant
+        assert asked is not None
+        laws = [
+            (results.score_under(row, (motion,)), row)
+            for row, each in enumerate(arrangements)
+            if each.row.kind == "controller" and row in results.finished_rows(motion)
+        ]
+        if not laws:
+            return {}
+        best = arrangements[min(laws)[1]]
+        assert best.law is not None
+        run = simulate_loop(
+            best.building,
+            best.devices,
+            best.law,
+            [self.study.grounds[motion]],
+            self.study.hardware,
+            histories=True,
+            threads=self.threads,
+        )
+        assert run.histories is not None
+        return {
+            best.row.label: PrescribedCommands.of_history(
+                run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
+            )
+        }
+
+
+def simulate_criteria(
+    arrangement: Arrangement,
+    law: StudyLaw,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    realisations: Realisations,
+    *,
+    bare: Building,
+    largest_commands: Floats | None = None,
+    shaping: Floats | None = None,
+    threads: int = 0,
+    on_block: OnBlock | None = None,
+) -> LabelledRuns:
+    """Simulate candidates of a law under motions, with realisations, in one call of the core.
+
+    The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
+    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`.
+    """
+    weight = bare.total_mass * STANDARD_GRAVITY
+    noisy = any(noise for noise, _ in hardware.sensors)
+    fitted, law = with_devices(arrangement, law)
+    # Without dampers of its own an arrangement has a device without parameters to vary.
+    theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
+    factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
+    buildings = {
+        (stiffness, damping): vary_building(arrangement, bare, stiffness=stiffness, damping=damping)
+        for stiffness, damping in dict.fromkeys(factors)
+    }
+    began = perf_counter()
+    responses = simulate_loop(
+        arrangement.building,
+        tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
+        law,
+        motions,
+        hardware,
+        largest_commands=largest_commands,
+        shaping=shaping,
+        variation=LoopVariation(
+            buildings=tuple(buildings[each] for each in factors),
+            delay=realisations.delay,
+            seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
+        ),
+        threads=threads,
+        on_progress=on_block,
+    )
+    seconds = perf_counter() - began
+    own = responses.with_numbers(**own_numbers(responses, arrangement, law))
+    found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
+    for name, array in values(own, weight=weight).items():
+        found.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
+    found.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
+    return replace(found, seconds=seconds)
+
+
+def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:
+    """Devices and law of an arrangement; without devices it gets an actuator of zero force."""
+    if arrangement.devices:
+        return arrangement.devices, law
+    building, spec = arrangement.building, damper("dahl")
+    device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
+    still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    return (device,), still
+
+
+def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float) -> Building:
+    """The building of an arrangement with factors of stiffness and damping of the bare building.
+
+    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
+    """
+    if stiffness == 1.0 and damping == 1.0:
+        return arrangement.building
+    building = arrangement.building
+    drifts = bare.drifts
+    if building.n_coordinates == bare.n_coordinates:
+        back: Floats = np.eye(bare.n_coordinates)
+    elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
+        # Displacements of the bare building relative to its base, from its drifts within the arrangement.
+        back = np.asarray(np.linalg.solve(drifts, building.storeys[list(arrangement.storeys)]))
+    else:
+        raise SettingError(
+            f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
+            "it, because its storeys do not determine its coordinates; leave stiffness and damping out of [uncertainty]"
+        )
+    return replace(
+        building,
+        stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
+        damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
+    )

@@ -1,0 +1,508 @@
+"""Tables of a study's page: which rows it shows, their criteria and ratios, and the changes of every quantity.
+
+Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `results.json` have
+every row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from mrwork.base.numbers import NOTHING, format_fixed, significant
+from mrwork.base.table import Table
+from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
+from mrwork.closed_loop.responses import in_command_unit
+from mrwork.study.comparison import (
+    LAWS,
+    RANKS,
+    QuantityChange,
+    StudyComparison,
+    chosen_in_words,
+    compared_quantities,
+    judged_in_words,
+    motion_groups,
+    rounds_to_increase,
+    times_better,
+)
+from mrwork.study.results import (
+    BAND,
+    ON_OFF,
+    RealisationBand,
+    StudyCriteria,
+    StudyResults,
+    largest_step_changes,
+    ratio_band,
+    score_band,
+)
+from mrwork.study.study import Kind
+
+MOST_LISTED = 60
+"""Most rows of a table."""
+
+MOST_DRAWN = 24
+"""Most rows of a figure, as many as there are lines that can be told apart, and most rows with histories."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownRows:
+    """Indices of the rows in tables, in figures, and in histories, each in the order of the study.
+
+    `in_words` says which rows these are, empty where all rows are shown.
+    """
+
+    listed: tuple[int, ...]
+    drawn: tuple[int, ...]
+    with_histories: tuple[int, ...]
+    in_words: str
+
+
+def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRows:
+    """The rows that a page shows; of the histories, those among the `chosen` ones."""
+    total = len(comparison.results.rows)
+    listed, drawn = (
+        _best_rows(comparison, range(total), MOST_LISTED),
+        _best_rows(comparison, range(total), MOST_DRAWN),
+    )
+    with_histories = _best_rows(comparison, chosen, MOST_DRAWN)
+    sentences = []
+    if len(listed) < total:
+        sentences.append(f"tables show {len(listed)} of {total} arrangements, and mark the best of these")
+    if len(drawn) < total:
+        sentences.append(f"figures show {len(drawn)} of {total}")
+    if len(with_histories) < len(chosen):
+        sentences.append(f"histories are drawn of {len(with_histories)} of {len(chosen)}")
+    text = ", ".join(sentences)
+    return ShownRows(
+        listed=listed,
+        drawn=drawn,
+        with_histories=with_histories,
+        in_words=""
+        if not text
+        else f"{text[:1].upper()}{text[1:]}: the references, the best of each kind, and then the lowest scores, "
+        "control laws first. All numbers are in `criteria.csv` and `results.json`; `controllers` of `[report]` chooses "
+        "other histories.",
+    )
+
+
+def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
+    """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
+    if len(among) <= most:
+        return tuple(among)
+    rows = set(among)
+    off = comparison.results.row_of("passive_off")
+    order = dict.fromkeys(
+        [
+            *comparison.references,
+            *([] if off is None else [off]),
+            *(ranked[0] for _, ranked in comparison.ranks),
+            *(row for _, ranked in comparison.ranks for row in ranked),
+        ]
+    )
+    return tuple(sorted([row for row in order if row in rows][:most]))
+
+
+# Criterion, displayed unit, and factor to that unit.
+_MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
+_ACCELERATION = ("m/s²", 1.0)
+_VALUES = (
+    ("peak_drift", *_MILLIMETRE),
+    ("peak_acceleration", *_ACCELERATION),
+    ("peak_base_shear", *_KILONEWTON),
+    ("rms_drift", *_MILLIMETRE),
+    ("rms_acceleration", *_ACCELERATION),
+    ("peak_force", *_KILONEWTON),
+    ("peak_stroke", *_MILLIMETRE),
+    ("rms_current", "", 1.0),
+    ("command_travel", "", 1.0),
+    ("switching_rate", "1/s", 1.0),
+)
+_RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
+_AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
+_DECIMALS = 3
+
+
+def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table:
+    """The score, and the mean of each ratio over the motions, the rows of each rank together."""
+    results = comparison.results
+    ranks = [
+        (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
+    ]
+    order = [row for _, rows in ranks for row in rows]
+    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
+    return _ratio_table(
+        results,
+        order,
+        columns,
+        label=f"Score and mean ratios over {judged_in_words(results)}",
+        first=("Score",),
+        headings={order.index(rows[0]): rank.title for rank, rows in ranks},
+        note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
+        "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
+        "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
+        "and the best of each column is bold in each."
+        + "".join(f" {rank.note}" for rank, _ in ranks if rank.note),
+    )
+
+
+def ratio_table(results: StudyResults, motion: int, rows: Sequence[int]) -> Table:
+    """The ratios under one motion."""
+    columns = _ratio_columns(results, rows, (motion,))
+    return _ratio_table(
+        results, rows, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
+    )
+
+
+def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
+    """A column for each reference and ratio: its mean over the motions for each row."""
+    columns: list[list[float]] = []
+    for against in _AGAINST:
+        ratios = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
+        columns += [
+            [float(np.mean([each[name] for each in of_row])) for of_row in ratios] for name in _RATIOS
+        ]
+    return columns
+
+
+def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[int]) -> Table:
+    """The criteria themselves under one motion, or their medians over several."""
+    unit = results.command_unit
+    several, under = len(motions) > 1, results.motions[motions[0]].name
+    cells: list[tuple[str, ...]] = []
+    columns: list[list[float]] = []
+    found = [[_values(results, row, motion) for motion in motions] for row in rows]
+    for name, _, factor in _VALUES:
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
+        columns.append(numbers)
+        cells.append(tuple(significant(number, 3) for number in numbers))
+    heads = tuple(
+        f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})"
+        for name, shown, _ in _VALUES
+    )
+    return Table(
+        label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
+        columns=("", *heads),
+        rows=tuple(
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+        ),
+        strong=_best(results, rows, columns[:5]),
+        note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
+        "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
+        "is a change of more than 10 % of the largest command, until the command turns back by as much.",
+    )
+
+
+def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
+    """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
+    criteria = results.criteria(row, motion)
+    if criteria is None:
+        return {name: math.nan for name, *_ in _VALUES}
+    run = results.runs[row, motion]
+    return {
+        name: criteria[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        for name, *_ in _VALUES
+    }
+
+
+def _ratio_table(
+    results: StudyCriteria,
+    rows: Sequence[int],
+    columns: Sequence[Sequence[float]],
+    *,
+    label: str,
+    first: tuple[str, ...],
+    note: str,
+    headings: Mapping[int, str] = MappingProxyType({}),
+) -> Table:
+    cells = [[format_fixed(number, _DECIMALS) for number in column] for column in columns]
+    return Table(
+        label=label,
+        columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
+        rows=tuple(
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+        ),
+        over=(("", 1 + len(first)), *((_over(results, against), len(_RATIOS)) for against in _AGAINST)),
+        strong=_best(results, rows, columns),
+        headings=headings,
+        note=note,
+    )
+
+
+def _over(results: StudyCriteria, against: Kind) -> str:
+    """Heading of the ratios to a reference."""
+    reference = results.row_of(against)
+    if against == "uncontrolled" or reference is None:
+        return "over no dampers" if against == "uncontrolled" else "over i = 0"
+    return f"over {results.rows[reference].label}"
+
+
+def _best(
+    results: StudyCriteria, rows: Sequence[int], columns: Sequence[Sequence[float]]
+) -> frozenset[tuple[int, int]]:
+    """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
+    strong = set()
+    for rank in RANKS:
+        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        for cell, column in enumerate(columns, start=1):
+            known = [column[place] for place in candidates if not math.isnan(column[place])]
+            if len(known) > 1:
+                least = significant(min(known), 3)
+                strong |= {(place, cell) for place in candidates if significant(column[place], 3) == least}
+    return frozenset(strong)
+
+
+def leading_table(comparison: StudyComparison, row: int) -> Table:
+    """The changes of one row, quantity by quantity, against each reference."""
+    results = comparison.results
+    references = [each for each in comparison.references if each != row]
+    several = len(results.judged_motions) > 1
+    heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
+    cells: list[tuple[str, ...]] = []
+    alarming = set()
+    for line, entry in enumerate(compared_quantities()):
+        found: list[str] = [entry.title]
+        for reference in references:
+            change = comparison.changes(row, reference)[entry.name]
+            numbers = (change.mean, change.largest) if several else (change.mean,)
+            alarming |= {
+                (line, len(found) + place)
+                for place, number in enumerate(numbers)
+                if rounds_to_increase(number)
+            }
+            found += [signed_percent(number) for number in numbers]
+            if several:
+                found.append(change.motion or NOTHING)
+        cells.append(tuple(found))
+    return Table(
+        label=f"Changes of {results.rows[row].label}",
+        columns=("", *(head for _ in references for head in heads)),
+        rows=tuple(cells),
+        words=tuple(len(heads) * (number + 1) for number in range(len(references))) if several else (),
+        over=(("", 1), *((f"Against {results.rows[each].label}", len(heads)) for each in references)),
+        alarming=frozenset(alarming),
+        note="Negative changes are improvements; increases are coloured."
+        + (f" Mean over {judged_in_words(results)}, and the largest change under one." if several else ""),
+    )
+
+
+def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
+    """The changes of the shown rows against a reference, the rows of each rank together."""
+    results = comparison.results
+    quantities = compared_quantities()
+    several = len(results.judged_motions) > 1
+    cells: list[tuple[str, ...]] = []
+    headings: dict[int, str] = {}
+    strong: set[tuple[int, int]] = set()
+    alarming: set[tuple[int, int]] = set()
+    for rank, rows in comparison.ranks:
+        others = [row for row in rows if row != reference and row in shown]
+        if not others:
+            continue
+        start = len(cells)
+        headings[start] = rank.title
+        changes = [comparison.changes(row, reference) for row in others]
+        for line, (row, found) in enumerate(zip(others, changes, strict=True), start):
+            largest = [_largest(found, quantities)] if several else []
+            cells.append(
+                (
+                    results.rows[row].label,
+                    *(signed_percent(found[entry.name].mean) for entry in quantities),
+                    *largest,
+                )
+            )
+            alarming |= {
+                (line, place) for place, entry in enumerate(quantities, 1) if found[entry.name].worse
+            }
+        for place, entry in enumerate(quantities, 1):
+            means = [found[entry.name].mean for found in changes]
+            known = [mean for mean in means if not math.isnan(mean)]
+            strong |= {
+                (start + number, place)
+                for number, mean in enumerate(means)
+                if len(known) > 1 and signed_percent(mean) == signed_percent(min(known))
+            }
+    return Table(
+        label=f"Changes against {results.rows[reference].label}",
+        columns=(
+            "",
+            *(entry.short for entry in quantities),
+            *(["Largest increase"] if several else []),
+        ),
+        rows=tuple(cells),
+        foot=_worse_laws(comparison, reference, several=several),
+        words=(len(quantities) + 1,) if several else (),
+        strong=frozenset(strong),
+        alarming=frozenset(alarming),
+        headings=headings,
+        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
+        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
+        + (" The largest increase is that of a quantity under one motion." if several else "")
+        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
+    )
+
+
+def signed_percent(change: float) -> str:
+    """A change in whole per cent, with its sign."""
+    text = format_fixed(100.0 * change, 0)
+    return f"+{text}" if rounds_to_increase(change) else text
+
+
+def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
+    """The largest increase of a quantity under one motion; empty if none increases."""
+    sizes = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change.largest, change.motion, entry) for change, entry in sizes if not math.isnan(change.mean)]
+    if not known:
+        return NOTHING
+    largest, motion, entry = max(known, key=lambda each: each[0])
+    if not rounds_to_increase(largest):
+        return "none"
+    return f"{entry.short} {signed_percent(largest)}, {motion}"
+
+
+def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
+    laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
+    if laws < 2:
+        return ()
+    counts = comparison.worse_counts(reference)
+    return (
+        f"Worse control laws, of {laws}",
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *([""] if several else []),
+    )
+
+
+def band_table(
+    rows: Sequence[tuple[str, Sequence[RealisationBand | None]]], count: int, *, note: str
+) -> Table:
+    """Bands of the score and of its ratios over realisations, for each label."""
+    return Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple((label, *map(_band, bands)) for label, bands in rows),
+        note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {count} realisations lie; each number "
+        f"is a mean over the motions, over i = 0 in the same realisation. {note}",
+    )
+
+
+def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
+    """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
+    off = results.row_of("passive_off")
+    found = [
+        (
+            results.rows[row].label,
+            [score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)],
+        )
+        for row in rows
+    ]
+    note = "All rows have the same realisations; the laws are those of the nominal study."
+    return band_table(found, results.n_realisations, note=note)
+
+
+def step_table(results: StudyCriteria, rows: Collection[int]) -> Table:
+    """The largest change of a criterion of each row with half the step."""
+    return Table(
+        label="Largest change of a criterion with half the step",
+        columns=("", "Largest change", "Criterion, motion"),
+        rows=tuple(
+            (
+                results.rows[each.row].label,
+                significant(each.change if each.criterion else None, 2),
+                each.in_words(results),
+            )
+            for each in largest_step_changes(results)
+            if each.row in rows
+        ),
+        words=(2,),
+        note=f"Every run was repeated with half its integration step; changes are relative to the value. {ON_OFF}",
+    )
+
+
+def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
+    """The score of rows, its spread over single motions, and how often each is better than the best passive damper.
+
+    Of a single motion the score alone.
+    """
+    results, passive = comparison.results, comparison.passive
+    if len(results.judged_motions) < 2:
+        return Table(
+            label="Score",
+            columns=("", "Score"),
+            rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
+            headings=_headings(comparison, rows),
+        )
+    spreads = {row: results.spread(row) for row in rows}
+
+    def better(row: int, *names: str) -> str:
+        if passive is None or row == passive:
+            return NOTHING
+        return format_fixed(times_better(results, row, passive, names), 0)
+
+    cells = tuple(
+        (
+            results.rows[row].label,
+            *(
+                format_fixed(number, 3)
+                for number in (
+                    spreads[row].mean,
+                    spreads[row].least,
+                    spreads[row].lower_quartile,
+                    spreads[row].median,
+                    spreads[row].upper_quartile,
+                    spreads[row].most,
+                )
+            ),
+            better(row, "peak_drift"),
+            better(row, "peak_acceleration"),
+            better(row, "peak_drift", "peak_acceleration"),
+        )
+        for row in rows
+    )
+    constant = "the best passive damper" if passive is None else results.rows[passive].label
+    return Table(
+        label="Spread of the score over the motions",
+        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
+        rows=cells,
+        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
+        headings=_headings(comparison, rows),
+        note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
+        f"{chosen_in_words(results)}".rstrip(),
+    )
+
+
+def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
+    return {
+        rows.index(first): rank.title
+        for rank, members in comparison.ranks
+        for first in [next((row for row in members if row in rows), -1)]
+        if first >= 0
+    }
+
+
+def group_table(results: StudyCriteria, rows: Sequence[int]) -> Table:
+    """The score of rows under each group of motions."""
+    groups = motion_groups(results)
+    return Table(
+        label="Score under groups of motions",
+        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
+        rows=(
+            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
+            *(
+                (
+                    results.rows[row].label,
+                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
+                )
+                for row in rows
+            ),
+        ),
+        note="A motion may be in several groups: its soil, whether it has a near-fault pulse, its peak.",
+    )
+
+
+def _band(band: RealisationBand | None) -> str:
+    if band is None:
+        return NOTHING
+    return f"{format_fixed(band.median, 3)} ({format_fixed(band.lower, 3)}–{format_fixed(band.upper, 3)})"

@@ -1,0 +1,222 @@
+"""Results as arrays with names, axes and units: every axis of every type survives in xarray and in pandas."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import study_samples
+from loop_samples import devices, five_storeys, rd1005
+from posterior_samples import MODEL, small_fit, small_test
+from run_folders import choice_of_laws, ranking_of_two
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.identification.fit_file import addition_content, write_run
+from mrwork.store.codec import json_document
+from mrwork.store.output_file import write_files
+from mrwork.store.output_folder import Destination
+from mrwork.store.run_folder import DRAWS, FIT_RUN, PROFILES, RANKING
+from mrwork.tuning import Front, FrontPoint
+from mrwork.uncertainty.posterior.draws import draws_content
+
+
+@cache
+def responses(*, histories: bool = False) -> mr.Responses:
+    """Three candidates under two motions with two draws of two dampers in five storeys."""
+    spec, theta = rd1005()
+    frame = five_storeys()
+    draws = np.stack([theta, 1.1 * theta])
+    pair = [replace(each, theta=draws) for each in devices((spec, theta), of=frame)]
+    law = mr.ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [0.5, 1.0], [1.5, 1.0]]})
+    motions = [
+        replace(mr.synthetic_motion(rng=seed, duration=1.0, peak=3.0), name=f"motion {seed}")
+        for seed in (1, 2)
+    ]
+    return mr.simulate_loop(frame, pair, law, motions, histories=histories)
+
+
+@cache
+def draws() -> mr.Draws:
+    return mr.sample(small_fit(), small_test(), walkers=16, most_steps=20, tempering="effective", threads=1)
+
+
+@cache
+def profiles() -> Any:
+    return mr.profile(small_fit(), small_test(), parameters=["k_w", "c"][:1], threads=1)
+
+
+def front() -> Front:
+    """Two points of a law."""
+    points = tuple(
+        FrontPoint(
+            settings={"control_weight": weight, "largest_command": 1.0, "shape": "equal"},
+            train={"peak_drift": drift, "rms_drift": 1.0 - drift},
+            test=None,
+            certificate="",
+        )
+        for weight, drift in ((1e-9, 0.6), (1e-7, 0.9))
+    )
+    return Front(
+        law="clipped_optimal",
+        label="Front",
+        objectives=("peak_drift", "rms_drift"),
+        points=points,
+        candidates=8,
+    )
+
+
+RUN = ("candidate", "motion", "realisation")
+STUDY = ("row", "motion", "realisation")
+# For each type: how one is made, the axes of the rows of its table, and the axes of some of its arrays.
+TYPES: dict[str, tuple[Callable[[], Any], tuple[str, ...], dict[str, tuple[str, ...]]]] = {
+    "fit": (
+        small_fit,
+        ("parameter",),
+        {"value": ("parameter",), "rmse_n": ("test",), "search_best": ("generation",)},
+    ),
+    "test": (
+        lambda: replace(small_test(), current=0.5),
+        ("time",),
+        {"force": ("time",), "current": ("time",)},
+    ),
+    "prediction": (
+        lambda: mr.predict(small_fit(), small_test()),
+        ("time",),
+        {"model_force": ("time",), "residual": ("time",), "force": ("time",)},
+    ),
+    "draws": (draws, ("walker", "draw"), {"log_posterior": ("walker", "draw"), "k_w": ("walker", "draw")}),
+    "profiles": (profiles, ("parameter", "point"), {"ratio": ("parameter", "point")}),
+    "profile": (lambda: profiles().profiles[0], ("point",), {"misfit": ("point",)}),
+    "ranking": (lambda: ranking_of_two(MODEL), ("model",), {"left_out_percent": ("model",)}),
+    "choice": (
+        lambda: mr.Choice(ranking=ranking_of_two(MODEL), fits=()),
+        ("model",),
+        {"left_out_percent": ("model",)},
+    ),
+    "choice of laws": (lambda: choice_of_laws(MODEL), ("tried",), {"law_c": ("tried",)}),
+    "responses": (
+        responses,
+        RUN,
+        {"peak_drift": (*RUN, "storey"), "peak_force": (*RUN, "device"), "peak_base_shear": RUN},
+    ),
+    "history": (
+        lambda: responses(histories=True).histories[0],  # type: ignore[index] # histories were asked for
+        ("time",),
+        {"drift": ("time", "storey"), "force": ("time", "device"), "input_energy": ("time",)},
+    ),
+    "criteria of a study": (lambda: study_samples.results().labelled, STUDY, {"peak_drift": STUDY}),
+    "quantities of a study": (
+        lambda: study_samples.results().quantities,
+        STUDY,
+        {"peak_drift": (*STUDY, "storey"), "peak_force": (*STUDY, "device"), "outcome": STUDY},
+    ),
+    "front": (front, ("point",), {"train": ("point", "objective")}),
+    "sensitivities": (
+        lambda: mr.sensitivities("bingham", np.tile(mr.damper("bingham").nominal, (2, 1)), small_test()),
+        ("candidate", "time"),
+        {"jacobian": ("candidate", "time", "parameter"), "force": ("candidate", "time")},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_every_axis_survives_with_names_units_and_words(kind: str) -> None:
+    made, rows, declared = TYPES[kind]
+    value: WithAxes = made()
+    source = value._named_arrays()
+    found, table = value.to_xarray(), value.to_pandas()
+    assert {name: found[name].dims for name in declared} == declared
+    assert tuple(table.index.names) == rows
+    assert set(found.sizes) == set(source.labels)
+    for name, array in source.arrays.items():
+        assert found[name].dims == array.axes
+        assert np.array_equal(found[name].values, array.values, equal_nan=array.values.dtype.kind == "f")
+        assert found[name].attrs == array.attributes
+        assert array.long_name, name
+    for axis, labels in source.labels.items():
+        assert found[axis].values.tolist() == labels.values.tolist()
+    # Passive elements, of which there may be none, have no columns then.
+    wide = {
+        name: each for name, each in source.arrays.items() if set(rows) <= set(each.axes) and each.values.size
+    }
+    assert set(table.columns.get_level_values(0)) >= set(wide)
+    for name, array in wide.items():
+        own = [axis for axis in array.axes if axis not in rows]
+        at_last = found[name].isel(dict.fromkeys(rows, -1)).values
+        cells = np.atleast_1d(table[name].iloc[-1])
+        assert np.array_equal(cells, at_last.reshape(-1), equal_nan=at_last.dtype.kind == "f")
+        for axis in own:
+            assert table[name].columns.tolist() == source.labels[axis].values.tolist()
+        assert table.attrs["units"].get(name, "") == array.unit
+
+
+def test_a_quantity_keeps_its_axes_without_reshaping_by_hand(refused: Refused) -> None:
+    found = responses()
+    drift = found.over_axes("peak_drift")
+    assert drift.shape == (3, 2, 2, 5)
+    labelled = found.to_xarray()["peak_drift"]
+    assert np.array_equal(labelled.values, drift)
+    run = np.ravel_multi_index((2, 1, 0), found.shape)
+    assert np.array_equal(found.peak_drift[run], labelled.sel(candidate=2, motion="motion 2", realisation=0))
+    assert labelled.attrs == {"units": "m", "long_name": "peak drift"}
+    assert found.to_xarray()["peak_current"].attrs["units"] == "A"
+    assert found.to_pandas()["peak_force"].columns.tolist() == [each.name for each in found.devices]
+    refused(found.over_axes, "peak_drft")
+    alike = replace(found, motions=("synthetic", "synthetic"))
+    assert alike.to_xarray()["motion"].values.tolist() == [0, 1]
+
+
+def test_a_study_is_two_groups_and_one_table() -> None:
+    results = study_samples.results()
+    tree = results.to_xarray()
+    assert sorted(tree.children) == ["criteria", "quantities"]
+    table = results.to_pandas()
+    row, motion = results.rows[1].label, results.motions[0].name
+    assert table.loc[(row, motion, "nominal"), "peak_drift"] == results.criteria(1, 0)["peak_drift"]  # type: ignore[index] # it finished
+    assert table.attrs["long_name"]["peak_drift"]
+
+
+def test_an_array_of_another_shape_than_its_axes_is_refused() -> None:
+    with pytest.raises(ValueError, match="shape"):
+        NamedArrays(
+            title="",
+            rows=("a",),
+            labels={"a": labels_of(["x", "y"])},
+            arrays={"n": NamedArray.of([1.0, 2.0, 3.0], "a")},
+        )
+
+
+def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:
+    fit, found = small_fit(), draws()
+    place = tmp_path / "run"
+    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, report_html="", manifest={}, journal=os.devnull)
+    contents = {
+        DRAWS: draws_content(found, fit),
+        PROFILES: addition_content(asdict(profiles()), fit),
+        RANKING: json_document(asdict(ranking_of_two(MODEL))).encode(),
+    }
+    write_files(place, contents)
+    once, twice = mr.load(place), mr.load(place)
+    for run in (once, twice):
+        assert run.draws is not None
+        assert run.profiles is not None
+        assert run.ranking is not None
+        for saved, loaded in (
+            (found, run.draws),
+            (profiles(), run.profiles),
+            (ranking_of_two(MODEL), run.ranking),
+        ):
+            assert loaded.to_xarray().identical(saved.to_xarray())
+    assert once.fit.to_xarray().identical(twice.fit.to_xarray())
+    assert once.fit.to_pandas().equals(twice.fit.to_pandas())
+    saved = fit.to_xarray()
+    assert np.array_equal(once.fit.to_xarray()["value"], saved["value"])
+    assert set(once.fit.to_xarray().sizes) == set(saved.sizes)

@@ -1,0 +1,63 @@
+"""Tables of text: what each medium shows of the same columns and rows."""
+
+from __future__ import annotations
+
+import re
+
+from mrwork.base.table import TableColumn, csv_text, page_table, text_table
+from mrwork.report import Table
+
+COLUMNS = (
+    TableColumn(heading="test", cell=lambda each: each[0], words=True),
+    TableColumn(heading="peak force", unit="N", cell=lambda each: each[1]),
+    TableColumn(heading="remark", cell=lambda each: each[2], words=True),
+)
+ITEMS = (("k_w <1>", "12.5", ""), ("slow", "3", "at 5 %"))
+
+
+def test_the_unit_of_a_column_is_in_the_headings_of_every_medium() -> None:
+    text, page = text_table(COLUMNS, ITEMS), page_table("Tests", COLUMNS, ITEMS)
+    assert text.columns == ("test", "peak force [N]", "remark")
+    assert page.columns == ("Test", "Peak force (N)", "Remark")
+    assert text.rows == page.rows
+
+
+def test_a_page_leaves_out_what_is_empty_in_every_row() -> None:
+    table = page_table("Tests", COLUMNS, [("a", "1", ""), ("b", "2", "–")], foot=("all", "3", ""))
+    assert (table.columns, table.foot, table.words) == (("Test", "Peak force (N)"), ("all", "3"), (0,))
+
+
+def test_lines_are_aligned_with_numbers_to_the_right() -> None:
+    assert text_table(COLUMNS, ITEMS).lines("  ") == [
+        "  test     peak force [N]  remark",
+        "  k_w <1>            12.5",
+        "  slow                  3  at 5 %",
+    ]
+
+
+def test_a_page_escapes_its_cells_and_names_the_table_for_screen_readers() -> None:
+    html = page_table("Tests & more", COLUMNS, ITEMS, note="see `mrwork plan`").html()
+    assert 'aria-label="Tests &amp; more"' in html
+    assert "k_<wbr>w &lt;1&gt;" in html
+    assert "<code>mrwork plan</code>" in html
+    assert len(re.findall("<t[dh][ >]", html)) == 9
+    assert html.count('class="number"') == 3
+
+
+def test_cells_in_bold_are_bold_on_a_page_and_in_markdown() -> None:
+    table = Table(
+        title="Errors", columns=("law", "a", "b"), rows=(("x", "1", "2"),), strong=frozenset({(0, 2)})
+    )
+    assert table.markdown().splitlines()[:5] == [
+        "**Errors**",
+        "",
+        "| law | a | b |",
+        "| --- | ---: | ---: |",
+        "| x | 1 | **2** |",
+    ]
+    assert '<td class="number">1</td><td class="number strong">2</td>' in table.html()
+    assert f"{table.__html__()}" == table.html()
+
+
+def test_a_field_of_a_csv_file_with_a_comma_is_quoted() -> None:
+    assert csv_text([("a", "b"), ("1,5", "2")]) == 'a,b\n"1,5",2\n'

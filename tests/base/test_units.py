@@ -1,0 +1,164 @@
+"""Units and their factors to SI."""
+
+from __future__ import annotations
+
+import math
+
+import hypothesis.strategies as st
+import pytest
+from examples import examples
+from hypothesis import given
+from sentences import Refused
+
+from mrwork.base.units import FACTORS, factor_of, factor_to_si, number_in, quantity_of
+from mrwork.closed_loop import STANDARD_GRAVITY
+
+
+def test_every_unit_has_one_meaning() -> None:
+    for quantity, units in FACTORS.items():
+        assert next(iter(units.values())) == 1.0
+        for symbol, factor in units.items():
+            in_any_case = symbol if symbol.startswith("M") else symbol.upper()
+            assert factor_to_si(in_any_case, quantity, context="") == factor
+            assert quantity_of(symbol) == quantity
+    assert factor_to_si("\N{MICRO SIGN}m", "displacement", context="") == 1e-6
+
+
+def test_factors_follow_from_their_definitions() -> None:
+    # Inch, pound and standard gravity are exact by definition (NIST SP 811, appendix B.8).
+    pound_force = factor_to_si("lbf", "force", context="")
+    assert pound_force == pytest.approx(0.45359237 * STANDARD_GRAVITY, rel=1e-16)
+    assert factor_to_si("kip", "force", context="") == 1000.0 * pound_force
+    assert (
+        factor_to_si("in/s", "velocity", context="")
+        == factor_to_si("in", "displacement", context="")
+        == 0.0254
+    )
+
+
+def test_mega_is_not_milli() -> None:
+    assert factor_of("MN", "force") == 1e6
+    assert factor_of("mN", "force") is factor_of("mn", "force") is None
+
+
+@pytest.mark.parametrize(
+    "spelling",
+    [
+        "cm/s2",
+        "cm/s^2",
+        "cm/sec2",
+        "cm/sec/sec",
+        "cm/s/s",
+        "CM/S**2",
+        "cmps2",
+        "cm_s2",
+        "cm_s-2",
+        "cm_per_s2",
+    ],
+)
+def test_spellings_of_accelerations_agree(spelling: str) -> None:
+    assert factor_of(spelling, "acceleration") == 1e-2
+
+
+@pytest.mark.parametrize("spelling", ["mm/s", "mmps", "mm_s", "mm_per_s", "MM/S"])
+def test_spellings_of_velocities_agree(spelling: str) -> None:
+    assert factor_of(spelling, "velocity") == 1e-3
+    assert factor_of(spelling, "acceleration") is None
+
+
+def test_a_refusal_says_what_the_unit_measures_and_which_are_known(refused: Refused) -> None:
+    refused(factor_to_si, "mm", "force", context="rig.csv")
+    refused(factor_to_si, "s2", "acceleration", context="rig.csv")
+
+
+EVERY_UNIT = [(quantity, unit) for quantity, units in FACTORS.items() for unit in units]
+SI = {quantity: next(iter(units)) for quantity, units in FACTORS.items()}
+
+
+@examples(200)
+@given(
+    unit=st.sampled_from(EVERY_UNIT),
+    number=st.floats(allow_nan=False, allow_infinity=False),
+    blanks=st.sampled_from([" ", "  ", " \t"]),
+)
+def test_a_number_with_its_unit_is_the_number_times_the_factor(
+    unit: tuple[str, str], number: float, blanks: str
+) -> None:
+    quantity, symbol = unit
+    found = number_in(f"{number!r}{blanks}{symbol}", SI[quantity])
+    assert isinstance(found, float)
+    assert found == number * FACTORS[quantity][symbol]
+    if math.isfinite(found) and abs(found) > 1e-300:
+        # The way back is a division: two roundings.
+        assert found / FACTORS[quantity][symbol] == pytest.approx(number, rel=3e-16)
+
+
+@examples(200)
+@given(unit=st.sampled_from(EVERY_UNIT), other=st.sampled_from(EVERY_UNIT))
+def test_a_unit_of_another_quantity_is_refused(unit: tuple[str, str], other: tuple[str, str]) -> None:
+    found = number_in(f"1 {other[1]}", SI[unit[0]])
+    assert isinstance(found, float) == (other[1] in FACTORS[unit[0]])
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("12 MN/m", "N/m", 12e6),
+        ("5 kN s/mm", "N s/m", 5e6),
+        ("80 uN", "N", 80e-6),
+        ("0.25 GN", "N", 0.25e9),
+        ("3 N ms/mm", "N s/m", 3.0),
+        ("2 kN s2/m2", "N s2/m2", 2e3),
+        ("20 t", "kg", 20e3),
+        ("2 min", "s", 120.0),
+        ("7 mrad/s", "rad/s", 7e-3),
+        ("100 cm2/s3", "m2/s3", 1e-2),
+        ("1 1/kN2", "1/N2", 1e-6),
+        ("30 mA", "A or V", 0.03),
+        ("2 V/ms", "A/s or V/s", 2e3),
+    ],
+)
+def test_prefixes_and_products_of_units_follow_the_rule(text: str, unit: str, expected: float) -> None:
+    assert number_in(text, unit) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "symbol",
+    ["mkg", "kkg", "kmin", "Mdeg", "kt", "Mm", "cN", "ks", "kin", "mft", "ckg/m", "N/m/s", "/s", "m/"],
+)
+def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
+    found = number_in(f"1 {symbol}", "kg")
+    assert isinstance(found, str)
+    assert "whose unit is not known" in found
+
+
+def test_a_frequency_in_hz_is_no_circular_frequency() -> None:
+    for text, unit in (("1 Hz", "rad/s"), ("1 rad/s", "Hz"), ("1 Hz", "1/s"), ("1 1/s", "Hz")):
+        assert "is expected" in str(number_in(text, unit))
+
+
+@examples(100)
+@given(text=st.text(max_size=12) | st.from_regex(r"[+-]?[0-9.eE]{0,5} ?[A-Za-z/^*2µ ]{0,8}", fullmatch=True))
+def test_any_text_is_a_number_or_a_reason(text: str) -> None:
+    for unit in ("s", "m/s2", "A or V"):
+        assert isinstance(number_in(text, unit), float | str)
+    quantity = quantity_of(text)
+    assert quantity is None or factor_of(text, quantity) is not None
+
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+
+
+@examples(200)
+@given(
+    length=st.sampled_from(list(LENGTHS)),
+    slash=st.sampled_from(["/", "p", "_per_", "_"]),
+    second=st.sampled_from(["s", "sec"]),
+    power=st.sampled_from(["2", "^2", "**2", "_2", "\N{SUPERSCRIPT TWO}"]),
+    upper=st.booleans(),
+)
+def test_compound_spellings_of_an_acceleration_agree(
+    length: str, slash: str, second: str, power: str, upper: bool
+) -> None:
+    spelling = f"{length}{slash}{second}{power}"
+    assert factor_of(spelling.upper() if upper else spelling, "acceleration") == LENGTHS[length]

@@ -1,0 +1,354 @@
+"""A run for MATLAB, OpenSees and a supplier: what is written reads back as the source, and what cannot is refused."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import printed
+from opensees_bouc_wen import force_in_opensees
+from record_files import clean_columns, write_text
+from scipy.io import loadmat
+from sentences import Refused
+from study_samples import results
+
+import mrwork as mr
+from mrwork.dampers import OpenSeesBoucWen
+from mrwork.errors import MrworkWarning
+from mrwork.identification import Fit
+from mrwork.runs.matlab_file import matlab_names
+
+MODEL = "normalised_bouc_wen"
+KNOWN = {"c": 2000.0, "k": 2500.0, "x0": 0.03, "k_w": 500.0, "rho": 8000.0, "sigma": 0.6, "n": 2.0}
+HELD = {name: (KNOWN[name], KNOWN[name]) for name in ("k", "x0", "rho", "sigma", "n")}
+
+
+def measured(command: float) -> mr.DamperTest:
+    """A harmonic test of the known damper; its force grows with the command."""
+    time = np.arange(0.0, 2.0, 0.002)
+    x, v = 0.01 * np.sin(2.0 * np.pi * time), 0.02 * np.pi * np.cos(2.0 * np.pi * time)
+    theta = list((KNOWN | {"k_w": 200.0 + 600.0 * command, "c": 1000.0 + 2000.0 * command}).values())
+    loading = mr.Loading(dt=0.002, displacement=x, velocity=v)
+    force = mr.simulate_force(mr.damper(MODEL), theta, loading)
+    force = force + np.random.default_rng(1).standard_normal(force.size)
+    return mr.records.build_damper_test(
+        name=f"{command:g} A", time=time, displacement=x, velocity=v, force=force, current=command
+    )
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    spec = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")
+    return mr.identify(spec, [measured(0.0), measured(0.5), measured(1.0)], bounds=HELD, threads=1)
+
+
+@pytest.fixture(scope="module")
+def plain(fit: Fit) -> Fit:
+    """A fit without laws."""
+    return mr.identify(mr.damper(MODEL), measured(0.5), bounds=HELD, threads=1)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder beside the record of its test."""
+    place = tmp_path_factory.mktemp("export")
+    record = write_text(place / "10mm2Hz.csv", clean_columns())
+    words = ("--model", "static_hysteretic", "--every", 4, "--threads", 1, "--quiet", "--out", place / "run")
+    printed("identify", record, *words)
+    return place / "run"
+
+
+def read_back(path: Path) -> Any:
+    return loadmat(path, simplify_cells=True)
+
+
+def table_of(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(path.read_text())))
+
+
+# MATLAB
+
+
+def test_the_matlab_file_of_a_fit_has_its_parameters_with_their_units(fit: Fit, tmp_path: Path) -> None:
+    found = read_back(mr.export(fit, "mat", tmp_path / "fit.mat"))
+    names = matlab_names(fit.parameters)
+    assert names["k_w.0"] == "k_w_0"
+    for name, expected in fit.parameters.items():
+        struct = found["parameters"][names[name]]
+        assert (struct["name"], struct["value"], struct["unit"]) == (name, expected.value, expected.unit)
+        assert (struct["lower"], struct["upper"]) == (expected.lower, expected.upper)
+    np.testing.assert_array_equal(found["theta"], fit.theta)
+    assert list(found["theta_names"]) == list(fit.spec.names)
+    assert list(found["theta_units"]) == [each.unit for each in fit.spec.parameters]
+    assert found["laws"]["k_w"]["law"] == "linear"
+    assert list(found["laws"]["k_w"]["parameters"]) == ["k_w.0", "k_w.1"]
+    assert found["command_unit"] == "A"
+
+
+def test_the_matlab_file_of_a_folder_has_measured_and_simulated_forces(run: Path, tmp_path: Path) -> None:
+    found = read_back(mr.export(run, "mat", tmp_path / "run.mat"))
+    opened = mr.load(run)
+    (test,) = opened.fit.reading().tests()
+    prediction = mr.predict(opened.fit, test)
+    for name, expected in (("force", test.force), ("model_force", prediction.model_force)):
+        array = found["tests"][name]
+        np.testing.assert_array_equal(array["values"], expected)
+        assert array["unit"] == "N"
+    np.testing.assert_array_equal(found["tests"]["labels"]["time"]["values"], test.time)
+
+
+def test_a_folder_whose_tests_have_gone_is_exported_without_them(run: Path, tmp_path: Path) -> None:
+    record = run.parent / "10mm2Hz.csv"
+    record.rename(tmp_path / record.name)
+    try:
+        with pytest.warns(MrworkWarning, match=r"no tests.*10mm2Hz\.csv"):
+            found = read_back(mr.export(run, "mat", tmp_path / "run.mat"))
+    finally:
+        (tmp_path / record.name).rename(record)
+    assert np.size(found["tests"]) == 0
+    assert found["model"] == "static_hysteretic"
+
+
+def test_the_matlab_file_of_a_study_has_every_array_with_unit_and_labels(tmp_path: Path) -> None:
+    study = results()
+    found = read_back(mr.export(study, "mat", tmp_path / "study.mat"))
+    for group, arrays in study._groups().items():
+        expected = arrays._named_arrays()
+        names = matlab_names(expected.arrays)
+        for name, array in expected.arrays.items():
+            struct = found[group][names[name]]
+            values = np.asarray(struct["values"])
+            if array.values.dtype.kind == "U":
+                assert values.tolist() == np.squeeze(array.values).tolist()
+            else:
+                np.testing.assert_array_equal(values, np.squeeze(array.values))
+            # An empty text comes back as an empty array.
+            assert (struct["unit"] if np.size(struct["unit"]) else "") == array.unit
+            assert list(np.atleast_1d(struct["axes"])) == list(array.axes)
+        assert list(found[group]["labels"]["row"]["values"]) == [row.label for row in study.rows]
+
+
+def test_names_for_matlab_are_valid_distinct_and_short() -> None:
+    names = ["k_w.0", "k_w@0", "end", "1st", "_x", "", "ünder", "k" * 90, "k" * 91, "k_w_0"]
+    valid = matlab_names(names)
+    assert list(valid) == names
+    assert len(set(valid.values())) == len(names)
+    assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", each) for each in valid.values())
+    assert "end" not in valid.values()
+
+
+# Tables
+
+
+def test_the_force_table_is_the_force_of_the_model_in_the_middle_of_the_stroke(
+    fit: Fit, tmp_path: Path
+) -> None:
+    rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv"))
+    assert list(rows[0]) == [
+        *("command [A]", "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"),
+    ]
+    assert sorted({float(row["command [A]"]) for row in rows}) == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert fit.tested is not None
+    for row in (rows[0], rows[-1], rows[len(rows) // 2 + 3]):
+        command, velocity, force, amplitude, frequency = map(float, row.values())
+        assert abs(velocity) <= fit.tested.velocity * (1.0 + 1e-12)
+        time = np.arange(0.0, 2.75 / frequency, 1e-3 / frequency)
+        phase = 2.0 * np.pi * frequency * time
+        motion = mr.Loading(
+            dt=time[1],
+            displacement=amplitude * np.sin(phase),
+            velocity=abs(velocity) * np.cos(phase),
+            command=command,
+            command_unit="A",
+        )
+        history = mr.simulate_force(fit.spec, fit.theta, motion)
+        assert force == pytest.approx(history[2000 if velocity > 0.0 else 2500], rel=1e-4)
+
+
+def test_a_force_table_at_one_command_has_no_other(fit: Fit, tmp_path: Path) -> None:
+    rows = table_of(mr.export(fit, "csv", tmp_path / "force.csv", command="500 mA"))
+    assert {row["command [A]"] for row in rows} == {"0.5"}
+
+
+def test_the_table_of_a_study_reads_back_as_its_criteria(tmp_path: Path) -> None:
+    study = results()
+    rows = table_of(mr.export(study, "csv", tmp_path / "criteria.csv"))
+    table = study.to_pandas().reset_index()
+    assert len(rows) == len(table)
+    for name in study.labelled.numbers:
+        unit = study.labelled.units[name]
+        column = [float(row[f"{name} [{unit}]" if unit else name] or "nan") for row in rows]
+        np.testing.assert_array_equal(column, table[name].to_numpy())
+
+
+# OpenSees
+
+
+def arguments_in(text: str, material: str) -> list[list[float]]:
+    """Numbers behind the tag of a material in a text of Tcl or Python."""
+    lines = [line for line in text.splitlines() if re.search(rf"uniaxialMaterial\W+{material}\b", line)]
+    plain = [re.sub(r"\[expr \{[^}]*\}\]|\$?tag \+ \d+", " ", line) for line in lines]
+    number = r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?"
+    return [[float(each) for each in re.findall(number, line)] for line in plain]
+
+
+def opensees_text(fit: Fit, tmp_path: Path, name: str = "damper.tcl", **options: Any) -> str:
+    return mr.export(fit, "opensees", tmp_path / name, replace=True, **options).read_text()
+
+
+def stated_step(text: str) -> float:
+    found = re.search(r"at most (\S+) m", text)
+    assert found is not None
+    return float(found[1])
+
+
+@pytest.mark.parametrize("error", [0.05, 0.01])
+def test_the_exported_damper_keeps_the_stated_error_in_opensees(
+    error: float, fit: Fit, tmp_path: Path
+) -> None:
+    text = opensees_text(fit, tmp_path, command="0.5 A", error=error)
+    step = stated_step(text)
+    ((*numbers,),) = arguments_in(text, "BoucWen")
+    ((c, _),), ((k,),), ((offset,),) = (
+        arguments_in(text, name) for name in ("Viscous", "Elastic", "InitStrainMaterial")
+    )
+    # A triangle whose samples are the largest steps; ours is sampled more finely, so that its spline has sharp corners.
+    n, finer = round(0.003 / step), 16
+    corners = np.array([0, n, 3 * n, 5 * n])
+    x, fine = (
+        np.interp(np.arange(0.0, 5 * n, every), corners, [0.0, 0.003, -0.003, 0.003])
+        for every in (1.0, 1.0 / finer)
+    )
+    dt = 1e-3
+    v = np.gradient(x, dt)
+    loading = mr.Loading(
+        dt=dt / finer,
+        displacement=fine,
+        velocity=np.gradient(fine, dt / finer),
+        command=0.5,
+        command_unit="A",
+    )
+    ours = mr.simulate_force(fit.spec, fit.theta, loading)[::finer]
+    theirs = force_in_opensees(OpenSeesBoucWen(**dict(zip(NAMES, numbers, strict=True))), x)
+    theirs += c * v + k * (x + offset)
+    assert numbers[1] == pytest.approx(500.0, rel=0.01)
+    # Where the velocity jumps, the dashpot has two forces.
+    smooth = ~np.isin(np.arange(x.size), corners)
+    assert 0.3 * error < np.abs(theirs - ours)[smooth].max() / numbers[1] < error
+
+
+NAMES = ("alpha", "ko", "n", "gamma", "beta", "Ao", "deltaA", "deltaNu", "deltaEta")
+
+
+def test_tcl_and_python_make_the_same_materials(fit: Fit, tmp_path: Path) -> None:
+    tcl, python = (
+        opensees_text(fit, tmp_path, name, command="0.5 A", error=0.01) for name in ("d.tcl", "d.py")
+    )
+    compile(python, "damper.py", "exec")
+    for material in ("BoucWen", "Viscous", "Elastic", "InitStrainMaterial", "Parallel"):
+        assert arguments_in(tcl, material) == arguments_in(python, material) != []
+
+
+@pytest.mark.skipif(shutil.which("tclsh") is None, reason="there is no interpreter of Tcl")
+def test_tcl_runs_the_commands_of_python(fit: Fit, tmp_path: Path) -> None:
+    tcl, python = (
+        opensees_text(fit, tmp_path, name, command="0.5 A", error=0.01) for name in ("d.tcl", "d.py")
+    )
+    said = subprocess.run(
+        ["tclsh"],
+        input=f'proc uniaxialMaterial {{args}} {{ puts "$args" }}\n{tcl}\ndamper 40\n',
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.splitlines()
+    called: list[list[str]] = []
+
+    class Ops:
+        @staticmethod
+        def uniaxialMaterial(*given: object) -> None:  # noqa: N802 - the name of OpenSees
+            called.append([str(each) for each in given])
+
+    namespace: dict[str, Any] = {"ops": Ops}
+    exec(python.replace("import openseespy.opensees as ops", ""), namespace)
+    namespace["damper"](40)
+    assert [line.split() for line in said] == called
+
+
+def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit, tmp_path: Path) -> None:
+    # A library of the system may be missing, beside the package.
+    ops = pytest.importorskip("openseespy.opensees", exc_type=(ImportError, RuntimeError))
+    error = 0.01
+    text = opensees_text(fit, tmp_path, "damper.py", command="0.5 A", error=error)
+    assert fit.tested is not None
+    time = np.arange(0.0, 1.0, 0.9 * stated_step(text) / fit.tested.velocity)
+    omega = fit.tested.velocity / fit.tested.stroke
+    x, v = fit.tested.stroke * np.sin(omega * time), fit.tested.velocity * np.cos(omega * time)
+    loading = mr.Loading(dt=time[1], displacement=x, velocity=v, command=0.5, command_unit="A")
+    ours = mr.simulate_force(fit.spec, fit.theta, loading)
+    namespace: dict[str, Any] = {}
+    exec(text, namespace)
+    ops.wipe()
+    ops.model("basic", "-ndm", 1, "-ndf", 1)
+    namespace["damper"](1)
+    ops.testUniaxialMaterial(1)
+    theirs = np.empty(x.size)
+    for index, (strain, rate) in enumerate(zip(x.tolist(), v.tolist(), strict=True)):
+        ops.setStrain(strain, rate)
+        theirs[index] = ops.getStress()
+    assert np.abs(theirs - ours).max() < error * 500.0
+
+
+# Refusals
+
+
+def on_bound(fit: Fit) -> Fit:
+    estimates = [
+        replace(each, remark="at upper bound", value=each.upper) if each.name == "c" else each
+        for each in fit.estimates
+    ]
+    return replace(fit, estimates=tuple(estimates))
+
+
+def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path, refused: Refused) -> None:
+    out = tmp_path / "out"
+
+    def export(source: Any, to: Any, **options: Any) -> Callable[[], Path]:
+        return lambda: mr.export(source, to, out, **options)
+
+    refused(export(on_bound(plain), "opensees"))
+    refused(export(on_bound(plain), "csv"))
+    refused(export(plain, "opensees", command="0.5 A"))
+    refused(export(fit, "opensees"))
+    refused(export(fit, "opensees", command="0.5 V"))
+    refused(export(fit, "opensees", command="0.5"))
+    refused(export(fit, "opensees", command="3 A"))
+    refused(export(fit, "opensees", command="0.5 A", error=1e-5, time_step=0.01))
+    refused(export(fit, "mat", command="0.5 A"))
+    refused(export(fit, "csv", error=0.01))
+    refused(export(results(), "opensees"))
+    refused(export(results(), "csv", command="0.5 A"))
+    refused(export(replace(plain, tested=None), "csv"))
+    refused(export(replace(plain, model="bingham"), "opensees"))
+    assert not out.exists()
+
+
+def test_a_file_that_is_there_is_replaced_only_where_that_is_said(
+    fit: Fit, tmp_path: Path, refused: Refused
+) -> None:
+    place = tmp_path / "fit.mat"
+    place.write_text("mine")
+    refused(lambda: mr.export(fit, "mat", place))
+    refused(lambda: mr.export(fit, "mat", tmp_path, replace=True))
+    assert place.read_text() == "mine"
+    mr.export(fit, "mat", place, replace=True)
+    assert read_back(place)["model"] == MODEL
+    assert [each.name for each in tmp_path.iterdir()] == ["fit.mat"]
