@@ -1,9 +1,9 @@
 """Figures of results by their attribute `plot`: `fit.plot.loops()` is `mr.plots.loops(fit)`.
 
-Figures know every result and load Matplotlib, so they stand above all: they are named here, and loaded when one is
-asked for. A class for each kind of result lists the figures that take it, in `plots/fit_forms` and
-`plots/building_forms`, which load what their wing needs; `tests/plots` checks the lists against the annotations of the
-functions.
+Figures know every result and load Matplotlib, so they stand above all: they are named here alone, for checkers of
+types, too, and loaded when one is asked for. A class for each kind of result lists the figures that take it, in
+`plots/fit_forms` and `plots/building_forms`, which load what their wing needs; `tests/plots` checks the lists against
+the annotations of the functions.
 """
 
 from __future__ import annotations
@@ -11,7 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
+
+if TYPE_CHECKING:
+    from mrwork.plots import DrawsPlots as DrawsPlots
+    from mrwork.plots import FitPlots as FitPlots
+    from mrwork.plots import FrontPlots as FrontPlots
+    from mrwork.plots import HistoryPlots as HistoryPlots
+    from mrwork.plots import MotionPlots as MotionPlots
+    from mrwork.plots import PredictionPlots as PredictionPlots
+    from mrwork.plots import ProfilesPlots as ProfilesPlots
+    from mrwork.plots import ResponsesPlots as ResponsesPlots
+    from mrwork.plots import RunPlots as RunPlots
+    from mrwork.plots import SpectrumPlots as SpectrumPlots
+    from mrwork.plots import TestPlots as TestPlots
 
 P = ParamSpec("P")
 ReturnT = TypeVar("ReturnT")

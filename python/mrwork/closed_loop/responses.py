@@ -24,7 +24,7 @@ from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, lea
 from mrwork.errors import SettingError, UnknownNameError
 
 if TYPE_CHECKING:
-    from mrwork.plots.building_forms import HistoryPlots, ResponsesPlots
+    from mrwork.base.plotted import HistoryPlots, ResponsesPlots
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""

@@ -27,7 +27,7 @@ from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
 
 if TYPE_CHECKING:
-    from mrwork.plots.fit_forms import FitPlots
+    from mrwork.base.plotted import FitPlots
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]

@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import RecordError, SettingError
 
 if TYPE_CHECKING:
-    from mrwork.plots.building_forms import MotionPlots
+    from mrwork.base.plotted import MotionPlots
 
 
 @checked

@@ -20,7 +20,7 @@ from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
 
 if TYPE_CHECKING:
-    from mrwork.plots.building_forms import SpectrumPlots
+    from mrwork.base.plotted import SpectrumPlots
 
 Complexes = NDArray[np.complex128]
 

@@ -33,7 +33,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.records.motion import cycle_lengths
 
 if TYPE_CHECKING:
-    from mrwork.plots.fit_forms import TestPlots
+    from mrwork.base.plotted import TestPlots
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),

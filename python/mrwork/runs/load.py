@@ -33,7 +33,7 @@ from mrwork.uncertainty.planning import CheckedPlan
 from mrwork.uncertainty.posterior.draws import Draws, read_draws
 
 if TYPE_CHECKING:
-    from mrwork.plots.fit_forms import RunPlots
+    from mrwork.base.plotted import RunPlots
     from mrwork.study.folder import StoredStudy
     from mrwork.tuning.results import TuningResults
 

@@ -31,7 +31,7 @@ from mrwork.study.study import Kind, MotionOfStudy, Row
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
-    from mrwork.plots.building_forms import ResponsesPlots
+    from mrwork.base.plotted import ResponsesPlots
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""

@@ -48,7 +48,7 @@ from mrwork.tuning.space import (
 )
 
 if TYPE_CHECKING:
-    from mrwork.plots.building_forms import FrontPlots
+    from mrwork.base.plotted import FrontPlots
 
 _MARGIN = 0.01
 _SAME = 5e-4

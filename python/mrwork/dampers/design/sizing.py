@@ -26,7 +26,7 @@ from mrwork.search.peers import run_front, select_nondominated
 from mrwork.search.registry import ALL_OPTIMISERS
 
 if TYPE_CHECKING:
-    from mrwork.plots.building_forms import FrontPlots
+    from mrwork.base.plotted import FrontPlots
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.

@@ -26,7 +26,7 @@ from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 
 if TYPE_CHECKING:
-    from mrwork.plots.fit_forms import PredictionPlots
+    from mrwork.base.plotted import PredictionPlots
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""

@@ -54,7 +54,7 @@ from mrwork.uncertainty.identifiability.verdicts import (
 )
 
 if TYPE_CHECKING:
-    from mrwork.plots.fit_forms import ProfilesPlots
+    from mrwork.base.plotted import ProfilesPlots
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"

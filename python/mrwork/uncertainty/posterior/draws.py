@@ -34,7 +34,7 @@ from mrwork.uncertainty.posterior.target import NOISE
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from mrwork.plots.fit_forms import DrawsPlots
+    from mrwork.base.plotted import DrawsPlots
 
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
