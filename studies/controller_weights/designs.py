@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,8 @@ from mrwork.control import (
     soil_cases,
     stiffness_cases,
 )
-from mrwork.dampers import damper
 from mrwork.motions import CloughPenzien, KanaiTajimi
+from studies.common.frame import pair
 
 STOREYS = (3, 5, 8, 20)
 BUDGET = 0.03
@@ -111,20 +112,11 @@ def _program_error(found: DesignedWeights) -> float | None:
     return None if check.program_ratio is None else abs(check.program_ratio**2 / check.bound**2 - 1.0)
 
 
-def pair(*, draws: int = 0) -> Device:
-    """Two RD-1005-3 in opposition at the first storey, with draws of 5 % on every parameter if asked for."""
-    preset, bare = damper("static_hysteretic").preset("kwok2006"), frame(5)
-    theta = np.array(preset.theta)
-    if draws:
-        theta = theta * (1.0 + 0.05 * np.random.default_rng(SEED).standard_normal((draws, len(theta))))
-    return Device(
-        name="pair",
-        spec=preset.spec,
-        theta=theta,
-        row=bare.storeys[0],
-        largest_command=1.88,
-        differential=True,
-    )
+def drawn_pair(draws: int) -> Device:
+    """Two RD-1005-3 in opposition at the first storey, with draws of 5 % on every parameter."""
+    nominal = pair(lagged=False)
+    scatter = np.random.default_rng(SEED).standard_normal((draws, np.size(nominal.theta)))
+    return replace(nominal, theta=np.array(nominal.theta) * (1.0 + 0.05 * scatter))
 
 
 def extensions(*, quick: bool) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -139,7 +131,7 @@ def extensions(*, quick: bool) -> Iterator[tuple[str, dict[str, Any]]]:
         "plain": {},
         "stiffness +-25 %": {"cases": stiffness_cases(bare)},
         "three soils": {"cases": soil_cases(bare, soils)},
-        "draws of the dampers": {"cases": damper_cases(bare, [pair(draws=5)], amplitude=4e-3, frequency=3.0)},
+        "draws of the dampers": {"cases": damper_cases(bare, [drawn_pair(5)], amplitude=4e-3, frequency=3.0)},
         "Clough-Penzien": {"spectrum": CloughPenzien()},
         "sampled, 1 ms": {"timing": LoopTiming()},
         "driver 190 1/s": {"timing": LoopTiming(driver_rate=190.0)},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, simulate_loop, values
+from mrwork.closed_loop import SCORE, STANDARD_GRAVITY
 from mrwork.control import (
     ControlLaw,
     DesignedWeights,
@@ -21,31 +21,21 @@ from mrwork.control import (
     regulator_of_outputs,
     stiffness_cases,
 )
-from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
-from studies.controller_weights.designs import frame, limits_of
+from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
+from studies.common.scores import constant_commands, criteria
+from studies.controller_weights.designs import limits_of
 
 Floats = NDArray[np.float64]
 
-LEVELS = (0.1, 0.3)
-"""Peaks of the ground motions [g]."""
 CURRENTS = {0.1: 1.2, 0.3: 1.88}
 """Largest current at each level [A], those of the tuned clipped-optimal law."""
 BUDGETS = {0.1: 1500.0, 0.3: 1000.0}
 """Rms desired force for the default spectrum, of peaks about 0.3 g [N]: 500 N at 0.1 g and 1000 N at 0.3 g."""
-TRAINING = (
-    "el_centro_1940_ns.csv",
-    "hachinohe_1968_ns.csv",
-    "kobe_1995_jma_ns.csv",
-    "northridge_1994_sylmar_ns.csv",
-)
 SCALES = (10.0, 3.16, 1.0, 0.316, 0.1, 0.0316, 0.01, 1e-3, 1e-4)
 """Sizes of R over that of the design."""
 EQUAL = (1e-10, 3.16e-11, 1e-11, 3.16e-12, 1e-12, 3.16e-13, 1e-13, 1e-14, 1e-15)
 """Sizes of R [1/N2] with a weight of 1/m2 on every drift."""
-HARDWARE = Hardware(sample_time=1e-3, step=5e-4)
-LONGEST = 50.0
-DRIVER_RATE = 190.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,51 +48,26 @@ class Motions:
 
     def scores(self, law: ControlLaw) -> tuple[Floats, Floats]:
         """Score of each candidate and motion, and its four ratios, shapes (n, n_motions), (n, n_motions, 4)."""
-        none = ControlLaw(name="passive", gains={"command": np.zeros((1, 1))})
-        passive = self._values(none)
-        found = self._values(law)
-        ratios = np.stack([found[name] / passive[name] for name in SCORE], axis=-1)
+        ratios = self._criteria(law) / self._criteria(constant_commands([0.0]))
         return ratios.mean(axis=-1), ratios
 
-    def _values(self, law: ControlLaw) -> Mapping[str, Floats]:
-        bare = frame(5)
-        responses = simulate_loop(
-            bare, [lagged_pair(CURRENTS[self.level])], law, self.motions, HARDWARE, threads=self.threads
-        )
-        found = values(responses, weight=bare.total_mass * STANDARD_GRAVITY)
-        return {name: found[name].reshape(-1, len(self.motions)) for name in SCORE}
-
-
-def lagged_pair(largest: float) -> Device:
-    """Two RD-1005-3 in opposition at the first storey behind a driver of 190 1/s."""
-    preset, bare = damper("static_hysteretic").preset("kwok2006"), frame(5)
-    assert preset.spec.current is not None
-    laws = {plain.name: law for plain, law in zip(preset.spec.plain, preset.spec.current.laws, strict=True)}
-    spec = damper("static_hysteretic").with_current_laws(laws, unit="A", lagged=True)
-    return Device(
-        name="pair",
-        spec=spec,
-        theta=np.append(preset.theta, DRIVER_RATE),
-        row=bare.storeys[0],
-        largest_command=largest,
-        differential=True,
-    )
+    def _criteria(self, law: ControlLaw) -> Floats:
+        device = pair(CURRENTS[self.level])
+        return criteria(FRAME, [device], law, self.motions, HARDWARE, threads=self.threads)
 
 
 def read(files: Sequence[Path], level: float) -> tuple[GroundMotion, ...]:
     """Records of a level, at most 50 s of each."""
-    whole = [read_motion(file) for file in files]
-    cut = [trimmed(each, end=min(LONGEST, each.duration)) for each in whole]
-    return tuple(scaled_to_peak(each, level * STANDARD_GRAVITY) for each in cut)
+    cut = [trimmed(read_motion(file), end=LONGEST) for file in files]
+    return tuple(scaled_to_peak(motion, level * STANDARD_GRAVITY) for motion in cut)
 
 
 def shapes(level: float, *, quick: bool) -> dict[str, DesignedWeights]:
     """Designed weights by name."""
-    bare = frame(5)
-    limits = limits_of(bare)
-    device, budget = bare.storeys[:1], BUDGETS[level]
+    limits = limits_of(FRAME)
+    device, budget = FRAME.storeys[:1], BUDGETS[level]
     drift = {"rms_drift": limits["rms_drift"]}
-    found = {"drift and acceleration": design_weights(bare, device, limits=limits, budget=budget)}
+    found = {"drift and acceleration": design_weights(FRAME, device, limits=limits, budget=budget)}
     if quick:
         return found
     conditions = {
@@ -111,16 +76,18 @@ def shapes(level: float, *, quick: bool) -> dict[str, DesignedWeights]:
     return (
         found
         | {
-            "drift": design_weights(bare, device, limits=drift, budget=budget),
+            "drift": design_weights(FRAME, device, limits=drift, budget=budget),
             "both, stiffness +-25 %": design_weights(
-                bare, device, limits=limits, budget=budget, cases=stiffness_cases(bare)
+                FRAME, device, limits=limits, budget=budget, cases=stiffness_cases(FRAME)
             ),
             "drift, semi-active b = 0.1": design_weights(
-                bare, device, limits=drift, budget=budget, semi_active=SemiActiveCondition(share=0.1)
+                FRAME, device, limits=drift, budget=budget, semi_active=SemiActiveCondition(share=0.1)
             ),
         }
         | {
-            f"both, {name}": design_weights(bare, device, limits=limits, budget=budget, semi_active=condition)
+            f"both, {name}": design_weights(
+                FRAME, device, limits=limits, budget=budget, semi_active=condition
+            )
             for name, condition in conditions.items()
         }
     )
@@ -128,10 +95,9 @@ def shapes(level: float, *, quick: bool) -> dict[str, DesignedWeights]:
 
 def scanned(level: float, records: Path, *, quick: bool, threads: int) -> dict[str, dict[str, Any]]:
     """Each shape with R scanned under the four records, and the best, and R as designed, under the sixteen others."""
-    bare = frame(5)
-    plant = plant_of(bare, bare.storeys[:1])
-    names = TRAINING[1:2] if quick else TRAINING
-    training = Motions(motions=read([records / name for name in names], level), level=level, threads=threads)
+    plant = plant_of(FRAME, FRAME.storeys[:1])
+    files = [records / file for _, file in (RECORDS[1:2] if quick else RECORDS)]
+    training = Motions(motions=read(files, level), level=level, threads=threads)
     others = sorted((records / "real").glob("*.AT2"))
     test = None if quick or not others else Motions(motions=read(others, level), level=level, threads=threads)
     scales, equal = ((1.0, 0.1), EQUAL[::4]) if quick else (SCALES, EQUAL)
@@ -167,12 +133,12 @@ def scanned(level: float, records: Path, *, quick: bool, threads: int) -> dict[s
 
 
 def _constant(training: Motions, test: Motions | None) -> dict[str, Any]:
-    commands = np.linspace(0.0, CURRENTS[training.level], 21)[:, None]
-    own = training.scores(ControlLaw(name="passive", gains={"command": commands}))[0].mean(axis=1)
+    commands = np.linspace(0.0, CURRENTS[training.level], 21)
+    own = training.scores(constant_commands(commands))[0].mean(axis=1)
     best = int(own.argmin())
-    found: dict[str, Any] = {"best": float(commands[best, 0]), "training": float(own[best])}
+    found: dict[str, Any] = {"best": float(commands[best]), "training": float(own[best])}
     if test is not None:
-        found |= _on_test(test, ControlLaw(name="passive", gains={"command": commands[best : best + 1]}))
+        found |= _on_test(test, constant_commands(commands[best]))
     return found
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mrwork.report import numbers, panel, style, write_study_page
+from mrwork.report import numbers, style
+from studies.common import level_page
 from studies.controller_weights.tables import tables
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
@@ -16,20 +17,20 @@ _DASHES = ("-", "--")
 
 def write_page(found: dict[str, Any], path: Path) -> None:
     """Write the tables, the words on wishes out of reach, and a figure for each level."""
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    level_page.write_page(
         path,
-        scans=[
-            panel(
-                f"scan-{number}",
-                f"Score over the size of R, {level} g",
-                scan_figure(shapes),
-                f"Score of each shape of weights over the size of R at {level} g, with the best constant current",
-            )
-            for number, (level, shapes) in enumerate(found.get("true_loop", {}).items())
-        ],
-        tables=list(tables(found)),
-        unreachable=found["unreachable"],
+        title="Weights by convex design",
+        subject="Limits on rms responses and a budget of force become LQR weights; one number more is scanned in the "
+        "true loop",
+        panels=level_page.level_panels(
+            "scan",
+            "Score over the size of R",
+            "Score of each shape of weights over the size of R, with the best constant current,",
+            {f"{level} g": shapes for level, shapes in found.get("true_loop", {}).items()},
+            scan_figure,
+        ),
+        tables=tables(found),
+        notes={f"A wish out of reach: {name}": wish["words"] for name, wish in found["unreachable"].items()},
     )
 
 

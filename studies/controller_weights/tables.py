@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mrwork.report import Table
+from studies.common.scores import TITLES
 from studies.common.table import table_of
 from studies.controller_weights.loop import CURRENTS
 
@@ -58,10 +59,7 @@ def tables(found: dict[str, Any]) -> Iterator[Table]:
                 "four records",
                 "sixteen others",
                 "spread",
-                "peak drift",
-                "peak acc.",
-                "rms drift",
-                "rms acc.",
+                *TITLES.values(),
             ),
             rows=tuple(
                 (

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw, values
+from mrwork.closed_loop import UserLaw
+from studies.common.scores import constant_commands, criteria
 
 N_LEVELS = 17
-
-
-def constant_commands(commands: ArrayLike) -> mr.ControlLaw:
-    """A passive law for each command [A or V]."""
-    return mr.ControlLaw(name="passive", gains={"command": np.reshape(commands, (-1, 1))})
 
 
 def training_scores(
@@ -26,15 +22,8 @@ def training_scores(
     hardware: mr.Hardware,
 ) -> NDArray[np.float64]:
     """Mean of the four ratios to i = 0 over the motions, of each candidate, shape (n_candidates,)."""
-    weight = building.total_mass * STANDARD_GRAVITY
-
-    def criteria(law: mr.ControlLaw | UserLaw) -> NDArray[np.float64]:
-        """Shape (n_criteria, n_candidates, n_motions)."""
-        responses = mr.simulate_loop(building, [damper], law, motions, hardware)
-        found = values(responses, weight=weight)
-        return np.stack([found[name].reshape(-1, len(motions)) for name in SCORE])
-
-    scores = (criteria(law) / criteria(constant_commands([0.0]))).mean(axis=(0, 2))
+    off = criteria(building, [damper], constant_commands([0.0]), motions, hardware)
+    scores = (criteria(building, [damper], law, motions, hardware) / off).mean(axis=(1, 2))
     return np.where(np.isfinite(scores), scores, np.inf)
 
 

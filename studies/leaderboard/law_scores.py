@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw, values
+from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw
 from mrwork.errors import SettingError
 from mrwork.motions import scaled_to_peak, suite, trimmed
 from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
-from studies.leaderboard.best_constant import best_constant, constant_commands
+from studies.common.scores import PEAKS, constant_commands, criteria
+from studies.leaderboard.best_constant import best_constant
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.entries import Entry
 from studies.leaderboard.measured import MOTIONS, measured_files
@@ -25,7 +26,6 @@ PEAK = 0.1 * STANDARD_GRAVITY
 N_TRAINING, N_SYNTHETIC = 12, 18
 # The motions of one seed do not return in the suite of the other.
 _TRAINING_SEED, _TEST_SEED = 11, 404
-PEAKS = ("peak_drift", "peak_acceleration")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,12 +108,10 @@ def _criteria(
     law: mr.ControlLaw | UserLaw, motions: Sequence[mr.GroundMotion], threads: int
 ) -> dict[str, Floats]:
     """Criteria of the one candidate of a law under each motion, shape (n_motions,)."""
-    responses = mr.simulate_loop(FRAME, [pair()], law, motions, HARDWARE, threads=threads)
-    if responses.shape[0] != 1:
-        raise SettingError(f"the law has {responses.shape[0]} candidates; return the best of them alone")
-    found = values(responses, weight=FRAME.total_mass * STANDARD_GRAVITY)
-    numbers = {name: found[name].reshape(len(motions)) for name in SCORE}
-    for number, motion in enumerate(motions):
-        if not all(np.isfinite(each[number]) for each in numbers.values()):
+    judged = criteria(FRAME, [pair()], law, motions, HARDWARE, threads=threads)
+    if len(judged) != 1:
+        raise SettingError(f"the law has {len(judged)} candidates; return the best of them alone")
+    for motion, figures in zip(motions, judged[0], strict=True):
+        if not np.isfinite(figures).all():
             raise SettingError(f"the run under {motion.name} did not finish; return a law that is stable")
-    return numbers
+    return dict(zip(SCORE, judged[0].T, strict=True))

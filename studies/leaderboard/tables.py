@@ -9,9 +9,10 @@ import numpy as np
 
 from mrwork.closed_loop import SCORE
 from mrwork.report import Table
+from studies.common.scores import PEAKS, TITLES
 from studies.leaderboard.damper_scores import DamperScore
 from studies.leaderboard.entries import Row
-from studies.leaderboard.law_scores import PEAKS, MotionScore
+from studies.leaderboard.law_scores import MotionScore
 
 if TYPE_CHECKING:
     from studies.leaderboard.benchmark_score import BenchmarkScore
@@ -45,13 +46,12 @@ def law_table(title: str, rows: Sequence[Row[LawScore]], *, absent: str = "") ->
     def ratio_to_off(name: str) -> Callable[[LawScore], str]:
         return lambda score: f"{np.mean([each.to_passive_off[name] for each in score.values()]):.3f}"
 
-    said = dict(zip(SCORE, ("peak drift", "peak acc.", "rms drift", "rms acc."), strict=True))
     return _table(
         title,
         rows,
         {
-            **{f"{said[name]} / optimal passive": ratio_to_best(name) for name in PEAKS},
-            **{f"{said[name]} / passive-off": ratio_to_off(name) for name in SCORE},
+            **{f"{TITLES[name]} / optimal passive": ratio_to_best(name) for name in PEAKS},
+            **{f"{TITLES[name]} / passive-off": ratio_to_off(name) for name in SCORE},
             "mean of four": lambda score: f"{mean_score(score):.3f}",
             "worst motion": lambda score: worst_motion(score),
             "its mean": lambda score: f"{score[worst_motion(score)].score:.3f}",

@@ -10,9 +10,9 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, ClairvoyantSettings, clairvoyant
+from studies.common.scores import PEAKS
 
 CLAIRVOYANT = "clairvoyant"
-PEAKS = ("peak_drift", "peak_acceleration")
 # Iterations that leave some percent to be found, in minutes instead of hours.
 _SEARCH = ClairvoyantSettings(interval=0.02, explore=15, finish=45)
 
@@ -60,9 +60,14 @@ def _clairvoyants(study: mr.Study, count: int, threads: int, say: Callable[[str]
     scores, ratios = {}, []
     for motion in motions:
         say(f"{study.title}: clairvoyant under {motion.name}")
-        found = clairvoyant(
-            study.building, study.devices, motion, study.hardware, settings=_SEARCH, threads=threads
-        )
-        scores[motion.name] = found.score
-        ratios.append([found.ratios[name] for name in SCORE])
+        scores[motion.name], under = clairvoyant_under(study, motion, threads)
+        ratios.append(under)
     return {"motions": scores, "ratios": dict(zip(SCORE, np.mean(ratios, axis=0).tolist(), strict=True))}
+
+
+def clairvoyant_under(study: mr.Study, motion: mr.GroundMotion, threads: int) -> tuple[float, list[float]]:
+    """Score and criteria of the best command history under a motion, a local optimum of several starts."""
+    best = clairvoyant(
+        study.building, study.devices, motion, study.hardware, settings=_SEARCH, threads=threads
+    )
+    return best.score, [best.ratios[name] for name in SCORE]

@@ -7,40 +7,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mrwork.report import panel, style, write_study_page
+from mrwork.report import style
+from studies.common import level_page
 from studies.robust_control.tables import tables
 
 
 def write_page(found: Mapping[str, Any], path: Path) -> None:
     """Write a figure for each level, and the tables."""
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    level_page.write_page(
         path,
-        panels=[
-            panel(
-                f"scores-{number}",
-                f"Scores on the test motions, {level}",
-                score_figure(figures["laws"]),
-                f"Score of each law under each test motion at {level}, with the mean over them",
-            )
-            for number, (level, figures) in enumerate(found.items())
-        ],
-        tables=list(tables(found)),
+        title="Laws on motions they were not tuned on",
+        subject="Five storeys with a pair of magnetorheological dampers: tuned on synthetic motions, judged on "
+        "measured ones",
+        panels=level_page.level_panels(
+            "scores",
+            "Scores on the test motions",
+            "Score of each law under each test motion, with the mean over them,",
+            {level: figures["laws"] for level, figures in found.items()},
+            score_figure,
+        ),
+        tables=tables(found),
     )
 
 
 def score_figure(laws: Mapping[str, Any]) -> Figure:
     """A row for each law: a point for each test motion, and the mean."""
-    ranked = sorted(laws.items(), key=lambda each: -each[1]["test"])
-    with style.drawn_in_style():
-        figure = Figure(figsize=(7.0, 0.4 * len(ranked) + 0.8), layout="constrained")
-        axes = figure.add_subplot()
-        for place, (_, row) in enumerate(ranked):
-            scores = np.array(list(row["motions"].values()))
-            axes.plot(scores, np.full(scores.size, place), "o", color=style.DATA, markersize=3, alpha=0.6)
-            axes.plot(row["test"], place, "|", color=style.MODEL, markersize=14, markeredgewidth=2.5)
-        axes.set_yticks(range(len(ranked)), [label for label, _ in ranked])
-        axes.set_xlabel("score under each test motion, and the mean")
-    return figure
+
+    def mark(axes: Axes, row: Mapping[str, Any], place: int) -> None:
+        scores = list(row["motions"].values())
+        axes.plot(scores, np.full(len(scores), place), "o", color=style.DATA, markersize=3, alpha=0.6)
+        axes.plot(row["test"], place, "|", color=style.MODEL, markersize=14, markeredgewidth=2.5)
+
+    label = "score under each test motion, and the mean"
+    return level_page.ranked_figure(laws, lambda row: row["test"], mark, label)

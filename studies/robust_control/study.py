@@ -10,11 +10,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import json
 from argparse import Namespace
 
 import mrwork as mr
-from studies.common.command import Command, Findings, Say
+from studies.common.command import Findings, Say
+from studies.common.levels import levels_command, write_numbers
 from studies.common.records import ROOT
 from studies.robust_control.findings import level_found
 from studies.robust_control.runs import identified, tuned
@@ -54,21 +54,17 @@ def find(options: Namespace, say: Say) -> Findings | int:
         from studies.robust_control.page import write_page
 
         write_page(found, OUT / "report.html")
-        (OUT / "found.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+        write_numbers(OUT / "found.json", found)
     return Findings(numbers=found, text=tables(found), judged={} if options.quick else found)
 
 
 if __name__ == "__main__":
-    command = Command(
-        __file__, __doc__, quick="a few candidates of one law, no clairvoyant", threads=True, out=False
+    command = levels_command(
+        __file__,
+        __doc__,
+        LEVELS,
+        quick="a few candidates of one law, no clairvoyant",
+        clairvoyants=4,
+        resume="continue tunings that were begun, or read them",
     )
-    add = command.parser.add_argument
-    add("--level", action="append", choices=LEVELS, help="one level of the motions; repeat for more")
-    add(
-        "--clairvoyants",
-        type=int,
-        default=4,
-        help="test motions with a clairvoyant, minutes each; 0 for none",
-    )
-    add("--resume", action="store_true", help="continue tunings that were begun, or read them")
     sys.exit(command.run(find))

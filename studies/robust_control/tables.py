@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from mrwork.study import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
+from studies.common.scores import TITLES
 from studies.robust_control.findings import CLAIRVOYANT
 
 # A fifth of the test motions, as the risk of the robust law takes.
@@ -18,7 +19,6 @@ _WORST = 4
 # A law that is nearly the constant command may be better by nothing that matters.
 _CLEARLY = 0.01
 ANY = "best of them, by motion"
-_RATIOS = ("peak drift", "peak acc.", "rms drift", "rms acc.")
 Floats = NDArray[np.float64]
 # Records of the benchmarks, by the names of their files; the other test motions are the sixteen measured ones.
 RECORDS = ("el_centro", "hachinohe", "kobe", "northridge")
@@ -72,7 +72,7 @@ def _scores(level: str, laws: Mapping[str, Any]) -> Table:
             "sixteen",
             "middle half",
             "worst four",
-            *_RATIOS,
+            *TITLES.values(),
             "current [A]",
             "stroke [mm]",
         ),

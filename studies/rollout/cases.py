@@ -11,6 +11,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import Hardware
 from mrwork.control import ControlLaw, DesignProblem, ReferencePeaks, RolloutSettings, design_law
+from studies.common.scores import constant_commands
 from studies.rollout.loop import TRAINING, Bench, Plant
 
 LAW = "predictive_rollout"
@@ -124,7 +125,7 @@ CHANGES = {
 def sensor_peaks(bench: Bench) -> dict[str, float]:
     """Mean peaks of what the sensors measure on the training motions, under their best constant command."""
     study = bench.study
-    law = ControlLaw(name="passive", gains={"command": [reference_peaks(bench).command]})
+    law = constant_commands(reference_peaks(bench).command)
     motions = bench.motions[TRAINING]
     found = mr.simulate_loop(
         study.building, study.devices, law, motions, study.hardware, threads=bench.threads

@@ -12,16 +12,14 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from mrwork.closed_loop import ClairvoyantSettings, clairvoyant
 from mrwork.control import ControlLaw
 from mrwork.dampers import flops_per_step
-from studies.robust_control.findings import CLAIRVOYANT
+from studies.common.command import Say
+from studies.common.scores import constant_commands
+from studies.robust_control.findings import CLAIRVOYANT, clairvoyant_under
 from studies.rollout.cases import CHANGES, LOOPS, Case, sensor_peaks
 from studies.rollout.loop import SIXTEEN, TRAINING, Bench, Plant, strongest
 
-Say = Callable[[str], None]
-# Iterations that leave some percent to be found, in minutes instead of hours.
-_SEARCH = ClairvoyantSettings(interval=0.02, explore=15, finish=45)
 _QUICK = ("observer, noise, 2 ms", "no forecast")
 # The law tries 16 commands in steps of 2.5 ms of the classical Runge-Kutta method.
 _TRIALS, _STEP, _STAGES = 16, 2.5e-3, 4
@@ -107,14 +105,11 @@ def _clairvoyant(bench: Bench, name: str) -> dict[str, Any]:
     (motion,) = (each for each in study.grounds if each.name == name)
     under = _on(bench, motion)
     constants = under.constants(SIXTEEN, Plant())
-    best = clairvoyant(
-        study.building, study.devices, motion, study.hardware, settings=_SEARCH, threads=bench.threads
-    )
     ours = under.run(Case().law(bench), SIXTEEN, Plant())[0, 0]
     return {
         "best constant": float((constants / constants[0]).mean(axis=(1, 2)).min()),
         "rollout": float((ours / constants[0, 0]).mean()),
-        CLAIRVOYANT: best.score,
+        CLAIRVOYANT: clairvoyant_under(study, motion, bench.threads)[0],
     }
 
 
@@ -126,8 +121,7 @@ def cost_found(bench: Bench) -> dict[str, float]:
     shortest = min(motions, key=lambda each: each.duration)
     together = _seconds(lambda: one.run(law, SIXTEEN, Plant()))
     alone = _seconds(lambda: _on(one, shortest).run(law, SIXTEEN, Plant()))
-    off = ControlLaw(name="passive", gains={"command": [0.0]})
-    without = _seconds(lambda: one.run(off, SIXTEEN, Plant()))
+    without = _seconds(lambda: one.run(constant_commands([0.0]), SIXTEEN, Plant()))
     duration = sum(each.duration for each in motions)
     steps = duration * bench.study.hardware.steps / bench.study.hardware.sample_time
     return {

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Hardware, values
+from mrwork.closed_loop import SCORE, Hardware
 from mrwork.control import ControlLaw
 from mrwork.motions import trimmed
+from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.robust_control.tables import is_record
 
 Floats = NDArray[np.float64]
-PEAKS = ("peak_drift", "peak_acceleration")
 TRAINING, FOUR, SIXTEEN, UNSEEN = "training", "four", "sixteen", "unseen"
 # Of the names of synthetic test motions, in the study file.
 _OF_UNSEEN = "Unseen"
@@ -58,7 +58,7 @@ class Bench:
     def run(self, law: ControlLaw, group: str, plant: Plant, devices: Sequence[mr.Device] = ()) -> Floats:
         """The four criteria of the score under the motions of a group, shape (n_candidates, n_motions, 4)."""
         of = self.study.building
-        responses = mr.simulate_loop(
+        return criteria(
             replace(of, stiffness=plant.stiffness * of.stiffness),
             [replace(each, count=plant.damper * each.count) for each in devices or self.study.devices],
             law,
@@ -67,14 +67,12 @@ class Bench:
             nominal=of if plant.hardware.feedback == "observer" else None,
             threads=self.threads,
         )
-        found = values(responses, weight=of.total_mass * STANDARD_GRAVITY)
-        return np.stack([found[name] for name in SCORE], axis=1).reshape(-1, len(self.motions[group]), 4)
 
     def constants(self, group: str, plant: Plant) -> Floats:
         """Criteria of all constant commands, of which the first is i = 0, with true sensors."""
         key = plant.stiffness, plant.damper, group
         if key not in self.constants_by_plant:
-            law = ControlLaw(name="passive", gains={"command": _CONSTANTS[:, None]})
+            law = constant_commands(_CONSTANTS)
             ideal = replace(plant, hardware=self.study.hardware)
             self.constants_by_plant[key] = self.run(law, group, ideal)
         return self.constants_by_plant[key]
@@ -90,17 +88,17 @@ class Bench:
         found = self.constants(group, Plant())
         return {"command": float(_CONSTANTS[best]), **judged(found[best], found[0], found[best])}
 
-    def judge(self, criteria: Floats, group: str, plant: Plant) -> dict[str, Any]:
+    def judge(self, figures: Floats, group: str, plant: Plant) -> dict[str, Any]:
         """Figures of one candidate: the best constant command is that of the group in the nominal loop."""
         constants = self.constants(group, plant)
-        return judged(criteria, constants[0], constants[self.best_constant(group)])
+        return judged(figures, constants[0], constants[self.best_constant(group)])
 
 
-def judged(criteria: Floats, off: Floats, constant: Floats) -> dict[str, Any]:
+def judged(figures: Floats, off: Floats, constant: Floats) -> dict[str, Any]:
     """Score over i = 0 and peaks over those of the constant command, of arrays of shape (n_motions, 4)."""
-    ratios = criteria / off
+    ratios = figures / off
     chosen = [SCORE.index(name) for name in PEAKS]
-    peaks = (criteria / constant)[:, chosen]
+    peaks = (figures / constant)[:, chosen]
     larger = peaks.max(axis=1)
     return {
         "score": float(ratios.mean()),

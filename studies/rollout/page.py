@@ -6,40 +6,39 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mrwork.report import panel, style, write_study_page
+from mrwork.report import style
+from studies.common import level_page
 from studies.rollout.loop import SIXTEEN
 from studies.rollout.tables import tables
 
 
 def write_page(found: Mapping[str, Any], path: Path) -> None:
     """Write a figure for each level, and the tables."""
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    level_page.write_page(
         path,
-        panels=[
-            panel(
-                f"peaks-{number}",
-                f"Sixteen motions, {level}",
-                peak_figure(figures["laws"]),
-                f"Mean of the larger ratio of both peaks to the best constant command at {level}, for each law",
-            )
-            for number, (level, figures) in enumerate(found["levels"].items())
-        ],
-        tables=list(tables(found)),
+        title="A predictive rollout beside other laws",
+        subject="Five storeys with a pair of magnetorheological dampers: chosen on synthetic motions, judged on "
+        "measured ones",
+        panels=level_page.level_panels(
+            "peaks",
+            "Sixteen motions",
+            "Mean of the larger ratio of both peaks to the best constant command, for each law,",
+            {level: figures["laws"] for level, figures in found["levels"].items()},
+            peak_figure,
+        ),
+        tables=tables(found),
     )
 
 
 def peak_figure(laws: Mapping[str, Any]) -> Figure:
     """A row for each law: the mean larger ratio of its peaks to those of the best constant command."""
-    ranked = sorted(laws.items(), key=lambda each: -each[1][SIXTEEN]["larger"])
-    with style.drawn_in_style():
-        figure = Figure(figsize=(7.0, 0.4 * len(ranked) + 0.8), layout="constrained")
-        axes = figure.add_subplot()
-        for place, (_, row) in enumerate(ranked):
-            axes.plot(row[SIXTEEN]["larger"], place, "o", color=style.DATA)
+
+    def mark(axes: Axes, row: Mapping[str, Any], place: int) -> None:
+        axes.plot(row[SIXTEEN]["larger"], place, "o", color=style.DATA)
         axes.axvline(1.0, color=style.MODEL)
-        axes.set_yticks(range(len(ranked)), [label for label, _ in ranked])
-        axes.set_xlabel("mean of the larger peak ratio to the best constant command")
-    return figure
+
+    label = "mean of the larger peak ratio to the best constant command"
+    return level_page.ranked_figure(laws, lambda row: row[SIXTEEN]["larger"], mark, label)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import json
 from argparse import Namespace
 from functools import partial
 
 import mrwork as mr
-from studies.common.command import Command, Findings, Say
+from studies.common.command import Findings, Say
+from studies.common.levels import levels_command, write_numbers
 from studies.common.records import ROOT, absent, ground_motions
 from studies.rollout.findings import cost_found, kept_in, level_found
 from studies.rollout.loop import bench_of, shortened
@@ -53,25 +53,17 @@ def find(options: Namespace, say: Say) -> Findings | int:
         from studies.rollout.page import write_page
 
         write_page(figures, OUT / "report.html")
-        (OUT / "found.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        write_numbers(OUT / "found.json", figures)
     return Findings(numbers=figures, text=tables(figures), judged={} if options.quick else figures)
 
 
 if __name__ == "__main__":
-    command = Command(
+    command = levels_command(
         __file__,
         __doc__,
+        LEVELS,
         quick="the first seconds of two motions at 0.1 g, two wrong loops and parts, no clairvoyant",
-        threads=True,
-        out=False,
+        clairvoyants=len(CLAIRVOYANTS),
+        resume="continue a study that was ended",
     )
-    add = command.parser.add_argument
-    add("--level", action="append", choices=LEVELS, help="one level of the motions; repeat for more")
-    add(
-        "--clairvoyants",
-        type=int,
-        default=len(CLAIRVOYANTS),
-        help="test motions with a clairvoyant, minutes each; 0 for none",
-    )
-    add("--resume", action="store_true", help="continue a study that was ended")
     sys.exit(command.run(find))

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from mrwork.closed_loop import SCORE
 from mrwork.report import Table
+from studies.common.scores import TITLES
 from studies.common.table import Cell, table_of
 from studies.robust_control.findings import CLAIRVOYANT
 from studies.rollout.loop import CLEARLY, FOUR, SIXTEEN, TRAINING, UNSEEN
 
 _LARGER = "mean of the larger ratio"
-_RATIOS = ("peak drift", "peak acc.", "rms drift", "rms acc.")
 _NOTE = (
     "Larger ratio: the larger one of peak drift and peak acceleration to those of the constant command that is best on "
     "the same motions."
@@ -75,7 +74,7 @@ def _law_columns(figures: Mapping[str, Any]) -> dict[str, Cell]:
     columns = {
         group: of(group, "{score:.3f}") for group in (TRAINING, FOUR, UNSEEN, SIXTEEN) if group in groups
     }
-    for title, name in zip(_RATIOS, SCORE, strict=True):
+    for name, title in TITLES.items():
         columns[title] = of(SIXTEEN, lambda row, name=name: f"{row['ratios'][name]:.3f}")
     columns |= {title: of(SIXTEEN, cell) for title, cell in list(_columns().items())[1:]}
     for group in (FOUR, UNSEEN):

@@ -122,6 +122,8 @@ class Contender:
 class AttemptResult:
     """Result of one attempt; `gap_points` is the difference in fit from the best known one [points]."""
 
+    method: str
+    objective: str
     evaluations: int
     seconds: float
     success: bool
@@ -143,6 +145,8 @@ def attempted(
     with suppress(AttemptEnded):
         contender.method(attempt, seed)
     return AttemptResult(
+        method=contender.name,
+        objective=contender.objective,
         evaluations=attempt.evaluations,
         seconds=attempt.seconds,
         success=attempt.success,

@@ -2,24 +2,64 @@
 
 from __future__ import annotations
 
-import json
+import importlib.util
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import numpy as np
+
 from mrwork.errors import SettingError
-from studies.speed.attempt import AttemptResult
-from studies.speed.bars import USUAL, Bar, bars_of
-from studies.speed.early_abort import EarlyAbort
-from studies.speed.identify_worker import IdentifySettings, Setup
-from studies.speed.processes import cores_for, run_worker
-from studies.speed.search_rows import SearchRow, TestRow, extrapolated, row_of, test_row_of
-from studies.speed.usual_way import UsualWay
+from studies.common.table import table_of
+from studies.speed.attempt import (
+    NEAR,
+    Attempt,
+    AttemptEnded,
+    AttemptResult,
+    BatchObjective,
+    Contender,
+    RustObjective,
+    attempted,
+)
+from studies.speed.bars import Bar
+from studies.speed.contenders import contenders
+from studies.speed.own_searches import EarlyAbort, attempted_at_once, contenders_at_once, early_aborts
+from studies.speed.search_job import ALL_TESTS, REFERENCE, SearchJob, record
+from studies.speed.search_peers import UsualWay, measure_usual_way, multistart_least_squares
+from studies.speed.search_rows import USUAL, SearchRow, TestRow, bars_of, extrapolated, row_of
+from studies.speed.timing import rotated, timed
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+
+# The compile of a method and the loading of its library, which no time includes, take this many simulations.
+_WARMING = 150
+# Seeds below chose the settings of the contenders.
+_FIRST_SEED = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SearchBenchmark:
+class Setup:
+    """Values measured before the turns began; `missing` libraries are left out."""
+
+    test: str
+    synthetic: bool
+    n_time: int
+    free: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    best_known_percent: float
+    known_simulations: int
+    threads: int
+    contenders: tuple[tuple[str, str, str], ...]
+    missing: tuple[str, ...]
+    numba_variant: str
+    first_call_seconds: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchBenchmark(Benchmark):
     """All that one run found; `interrupted` before all seeds had their turn."""
 
     rows: tuple[SearchRow, ...]
@@ -31,44 +71,84 @@ class SearchBenchmark:
     seconds: float
     interrupted: bool
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self) | {"bars": [asdict(bar) | {"met": bar.met} for bar in self.bars]}
+    @property
+    def exit_status(self) -> int:
+        """Of an interrupted run, 130."""
+        return 130 if self.interrupted else 0
+
+    def text(self) -> Iterator[str]:
+        """Medians over the attempts that came near, their share, the aims."""
+        if not self.setups:
+            yield "interrupted before anything was measured"
+            return
+        setup = self.setups[0]
+        kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
+        yield (
+            f"searches of non_symmetric_bouc_wen on {setup.test} ({kind}), {setup.n_time} samples, {len(setup.free)} "
+            "free parameters:"
+        )
+        yield f"simulations and seconds to within 0.2 points of the best known fit, {setup.best_known_percent:.2f} %"
+        yield f"(multistart of least squares, {setup.known_simulations} simulations, in the same box)"
+        yield ""
+        yield from table_of(
+            "",
+            "method",
+            ((row.method, row) for row in self.rows),
+            {
+                "objective": lambda row: row.objective,
+                "threads": lambda row: str(row.threads),
+                "simulations": lambda row: _number(row.evaluations, ".0f"),
+                "seconds": lambda row: ("~" if row.extrapolated else "") + _number(row.seconds, ".3g"),
+                "success": lambda row: f"{row.success:.0%}",
+                "seeds": lambda row: str(row.n_seeds),
+                "s/success": lambda row: _number(row.expected_seconds, ".3g"),
+                "gap, points": lambda row: f"{row.gap_points:.2f}",
+            },
+        ).lines()
+        yield ""
+        yield "Medians over the attempts that came near; s/success counts what failures spent. Compiling and loading"
+        yield "are not counted; of seeds run at once each has its share. ~ extrapolated. identify is its whole run, and"
+        yield "may leave the box: its gap can be negative. A simulation with its derivatives counts as one, as in the"
+        yield "local minimisations of identify and multistart; for the difference quotients of SciPy a column counts."
+        yield ""
+        for abort in self.early_abort:
+            same = "the same to the last bit" if abort.identical else "NOT THE SAME RESULT"
+            yield (
+                f"early abort, {abort.method}, {abort.threads} thread(s), {abort.generations} generations: "
+                f"{abort.steps_share_done:.0%} of the steps, {abort.seconds_ratio:.0%} of the time, {same}"
+            )
+        for test in self.tests:
+            yield (
+                f"identify on {test.test}: {test.success:.0%} of {test.n_seeds} seeds near "
+                f"{test.best_known_percent:.2f} %, {test.evaluations:.0f} simulations, {test.seconds:.2f} s"
+            )
+        yield ""
+        yield from map(str, self.bars)
+        yield ""
+        yield from dict.fromkeys(f"{row.method}: {row.settings}" for row in self.rows)
+        for setup in self.setups:
+            if setup.numba_variant:
+                yield f"fastest numba, {setup.threads} thread(s): {setup.numba_variant}"
+        first = ", ".join(f"{name} {seconds:.1f}" for name, seconds in setup.first_call_seconds.items())
+        yield f"first calls, with loading and compiling [s]: {first}"
+        if setup.missing:
+            yield f"not installed: {', '.join(setup.missing)}; to compare, run: pip install 'mrwork[bench]'"
+        if self.interrupted:
+            yield "interrupted: the rows hold the attempts made until then"
 
 
-@dataclass(slots=True, kw_only=True)
-class _Received:
-    """Messages of the workers so far."""
-
-    setups: list[Setup]
-    outcomes: dict[tuple[int, str, str], list[AttemptResult]]
-    on_tests: dict[tuple[str, float], list[AttemptResult]]
-    early_abort: list[EarlyAbort]
-    usual_way: UsualWay | None = None
-
-    def take(self, kind: str, content: Any) -> None:
-        if kind == "setup":
-            self.setups.append(Setup(**content))
-        elif kind == "outcome":
-            key = content.pop("threads"), content.pop("method"), content.pop("objective")
-            self.outcomes.setdefault(key, []).append(AttemptResult(**content))
-        elif kind == "on_test":
-            about = content.pop("test"), content.pop("best_known_percent")
-            self.on_tests.setdefault(about, []).append(AttemptResult(**content))
-        elif kind == "early_abort":
-            self.early_abort.append(EarlyAbort(**content))
-        elif kind == "usual_way":
-            self.usual_way = UsualWay(**content)
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
 
 
 def bench_identify(
     *,
-    seeds: int = 20,
-    threads: tuple[int, ...] = (),
-    budget: int = 5000,
+    seeds: int | None = None,
+    threads: Sequence[int] = (),
+    budget: int | None = None,
     quick: bool = False,
     all_tests: bool = False,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> SearchBenchmark:
     """Let our searches and those of other libraries look for the same fit, in turns, seed by seed.
 
@@ -78,150 +158,166 @@ def bench_identify(
 
     Parameters
     ----------
-    seeds : attempts of each method.
+    seeds : attempts of each method; by default 20, 2 if `quick`.
     threads : numbers of threads, none above the cores of this machine; without any, 1 and all.
-    budget : simulations after which an attempt has failed.
+    budget : simulations after which an attempt has failed; by default 5000, 1000 if `quick`.
     quick : a rough look: smaller allowances, one thread unless set otherwise, the first numba that comes.
     all_tests : also the default of `identify` on the five currents of the reference test.
-    on_progress : called with one line of text: what runs, and about how long it will take.
     """
+    seeds = (2 if quick else 20) if seeds is None else seeds
+    budget = (1000 if quick else 5000) if budget is None else budget
     if min(seeds, budget, *threads, 1) < 1:
         raise SettingError("`seeds`, `budget` and `threads` must be 1 or more; give positive numbers")
     cores = cores_for(threads or (1,))
     counts = threads or ((1,) if quick else tuple(dict.fromkeys((1, len(cores)))))
-    settings = IdentifySettings(
-        seeds=seeds,
-        budget=budget,
-        known_budget=1000 if quick else 10_000,
-        abort_generations=10 if quick else 60,
-        abort_seeds=1 if quick else 5,
-        usual_candidates=2 if quick else 20,
-        choose_variant=not quick,
-        all_tests=all_tests,
-        last=False,
-    )
-    received = _Received(setups=[], outcomes={}, on_tests={}, early_abort=[])
+    settings: dict[str, Any] = {
+        "seeds": seeds,
+        "budget": budget,
+        "known_budget": 1000 if quick else 10_000,
+        "abort_generations": 10 if quick else 60,
+        "abort_seeds": 1 if quick else 5,
+        "choose_variant": not quick,
+    }
+    # What needs only one number of threads.
+    last = {"usual_candidates": 2 if quick else 20, "tests": ALL_TESTS if all_tests else ()}
+    received: dict[int, list[Any]] = {count: [] for count in counts}
     began = time.perf_counter()
     interrupted = False
     try:
-        for place, count in enumerate(counts):
-            arguments = [json.dumps(asdict(replace(settings, last=place == len(counts) - 1)))]
-            turns_began = 0.0
-            for kind, content in run_worker("studies.speed.identify_worker", cores[:count], arguments):
-                if kind == "setup":
-                    turns_began = time.perf_counter()
-                if kind != "progress":
-                    received.take(kind, content)
-                elif on_progress is not None:
-                    left = _time_left(received, count, seeds, turns_began)
-                    on_progress(f"{count} thread(s), {content}{left}")
+        for count in counts:
+            extras = last if count == counts[-1] else {"usual_candidates": 0, "tests": ()}
+            for row in rows_of(measure, cores[:count], settings | extras, say):
+                received[count].append(row)
     except KeyboardInterrupt:
         interrupted = True
-    rows = _rows(received)
-    tests = tuple(test_row_of(about, outcomes) for about, outcomes in received.on_tests.items())
+    everything = [row for rows in received.values() for row in rows]
+    usual = next((row for row in everything if isinstance(row, UsualWay)), None)
+    rows = [row for count, own in received.items() for row in _search_rows(own, count)]
+    if usual is not None:
+        swarms = [row for row in rows if row.method == USUAL and row.threads == counts[-1]]
+        rows += [row for swarm in swarms[:1] for row in extrapolated(swarm, usual)]
+    tests = [row for row in everything if isinstance(row, TestRow)]
+    aborts = [row for row in everything if isinstance(row, EarlyAbort)]
     return SearchBenchmark(
-        rows=rows,
-        early_abort=tuple(received.early_abort),
-        tests=tests,
-        bars=tuple(bars_of(rows, tests, received.early_abort)),
-        setups=tuple(received.setups),
-        usual_way=received.usual_way,
+        rows=tuple(rows),
+        early_abort=tuple(aborts),
+        tests=tuple(tests),
+        bars=bars_of(rows, tests, aborts),
+        setups=tuple(row for row in everything if isinstance(row, Setup)),
+        usual_way=usual,
         seconds=time.perf_counter() - began,
         interrupted=interrupted,
     )
 
 
-def _time_left(received: _Received, threads: int, seeds: int, began: float) -> str:
-    """How long the turns of this number of threads go on; empty before their first and after their last."""
-    done = sum(len(outcomes) for (count, *_), outcomes in received.outcomes.items() if count == threads)
-    if not done:
-        return ""
-    total = len(received.setups[-1].contenders) * seeds
-    left = (time.perf_counter() - began) * (total - done) / done
-    return f"; about {left:.0f} s of {total - done} attempts left" if done < total else ""
-
-
-def _rows(received: _Received) -> tuple[SearchRow, ...]:
-    rows: list[SearchRow] = []
-    for setup in received.setups:
+def _search_rows(received: Sequence[Any], threads: int) -> Iterator[SearchRow]:
+    outcomes = [row for row in received if isinstance(row, AttemptResult)]
+    for setup in (row for row in received if isinstance(row, Setup)):
         for method, objective, settings in setup.contenders:
-            outcomes = received.outcomes.get((setup.threads, method, objective), [])
-            if outcomes:
-                rows.append(row_of(method, objective, setup.threads, settings, outcomes))
-    usual = received.usual_way
-    if usual is not None:
-        threads = received.setups[-1].threads
-        swarms = [row for row in rows if row.method == USUAL and row.threads == threads]
-        rows += [row for swarm in swarms[:1] for row in extrapolated(swarm, usual)]
-    return tuple(rows)
+            own = [row for row in outcomes if (row.method, row.objective) == (method, objective)]
+            if own:
+                yield row_of(own, threads=threads, settings=settings)
 
 
-def format_identify(benchmark: SearchBenchmark) -> str:
-    """Return the benchmark as aligned text: medians over the attempts that came near, their share, the aims."""
-    return "\n".join(_lines(benchmark))
+def measure(
+    *,
+    threads: int,
+    seeds: int,
+    budget: int,
+    known_budget: int,
+    abort_generations: int,
+    abort_seeds: int,
+    choose_variant: bool,
+    usual_candidates: int,
+    tests: Sequence[str],
+) -> Iterator[Setup | AttemptResult | EarlyAbort | UsualWay | TestRow | str]:
+    """Every contender tries on one number of threads, seed by seed, in turns."""
+    job = SearchJob.of(record(REFERENCE), threads)
+    yield "looking for the best known fit"
+    best_known, simulated = best_known_misfit(job, known_budget)
+    objectives: dict[str, BatchObjective] = {}
+    objectives["rust"] = objectives["rust, early abort"] = RustObjective(objective=job.objective)
+    first_calls: dict[str, float] = {}
+    variant = ""
+    if importlib.util.find_spec("numba") is not None:
+        from studies.speed.numba_objective import fastest_numba
 
-
-def _lines(benchmark: SearchBenchmark) -> Iterator[str]:
-    if not benchmark.setups:
-        yield "interrupted before anything was measured"
-        return
-    setup = benchmark.setups[0]
-    kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
-    yield (
-        f"searches of non_symmetric_bouc_wen on {setup.test} ({kind}), {setup.n_time} samples, {len(setup.free)} free "
-        "parameters:"
-    )
-    yield f"simulations and seconds to within 0.2 points of the best known fit, {setup.best_known_percent:.2f} %"
-    yield f"(multistart of least squares, {setup.known_simulations} simulations, in the same box)"
-    yield ""
-    yield (
-        f"{'method':<29} {'objective':<19} {'threads':>7} {'simulations':>11} {'seconds':>9} {'success':>8} "
-        f"{'seeds':>6} {'s/success':>9} {'gap, points':>11}"
-    )
-    for row in benchmark.rows:
-        yield _line(row)
-    yield ""
-    yield "Medians over the attempts that came near; s/success counts what failures spent. Compiling and loading are"
-    yield "not counted; of seeds run at once each has its share. ~ extrapolated. identify is its whole run, and may"
-    yield "leave the box: its gap can be negative. A simulation with its derivatives counts as one, as in the local"
-    yield "minimisations of identify and multistart; for the difference quotients of SciPy each column counts."
-    yield ""
-    for abort in benchmark.early_abort:
-        same = "the same to the last bit" if abort.identical else "NOT THE SAME RESULT"
-        yield (
-            f"early abort, {abort.method}, {abort.threads} thread(s), {abort.generations} generations: "
-            f"{abort.steps_share_done:.0%} of the steps, {abort.seconds_ratio:.0%} of the time, {same}"
+        yield "choosing the fastest numba"
+        objectives["numba"], variant, first_calls["numba"] = fastest_numba(
+            job, threads, choose=choose_variant
         )
-    for test in benchmark.tests:
-        yield (
-            f"identify on {test.test}: {test.success:.0%} of {test.n_seeds} seeds near "
-            f"{test.best_known_percent:.2f} %, {test.evaluations:.0f} simulations, {test.seconds:.2f} s"
-        )
-    yield ""
-    for bar in benchmark.bars:
-        measured = "never near" if bar.measured is None else f"{bar.measured:.3g}"
-        met = "met" if bar.met else "NOT MET"
-        yield f"{met:<8} {bar.claim}, {bar.threads} thread(s): {measured}, aim {bar.aim:g}"
-    yield ""
-    for each in dict.fromkeys((row.method, row.settings) for row in benchmark.rows):
-        yield f"{each[0]}: {each[1]}"
-    for setup in benchmark.setups:
-        if setup.numba_variant:
-            yield f"fastest numba, {setup.threads} thread(s): {setup.numba_variant}"
-    first = ", ".join(f"{name} {seconds:.1f}" for name, seconds in setup.first_call_seconds.items())
-    yield f"first calls, with loading and compiling [s]: {first}"
-    if setup.missing:
-        yield f"not installed: {', '.join(setup.missing)}; to compare, run: pip install 'mrwork[bench]'"
-    if benchmark.interrupted:
-        yield "interrupted: the rows hold the attempts made until then"
+
+    def attempt(contender: Contender, best_known: float, budget: int, seed: int) -> AttemptResult:
+        objective = objectives[contender.objective]
+        return attempted(contender, job, objective, best_known=best_known, budget=budget, seed=seed)
+
+    everyone, missing = contenders()
+    for contender in everyone:
+        yield f"warming up: {contender.name} on {contender.objective}"
+        _, seconds = timed(partial(attempt, contender, 0.0, _WARMING, 10**6))
+        first_calls.setdefault(contender.name, seconds)
+    named = ((contender.name, contender.objective, contender.settings) for contender in everyone)
+    setup = Setup(
+        test=job.test.name,
+        synthetic=job.test.synthetic,
+        n_time=job.test.n_time,
+        free=tuple(job.box.names[index] for index in job.box.free),
+        lower=tuple(job.box.lower[index] for index in job.box.free),
+        upper=tuple(job.box.upper[index] for index in job.box.free),
+        best_known_percent=100.0 * (1.0 - best_known),
+        known_simulations=simulated,
+        threads=threads,
+        contenders=(*named, *contenders_at_once()),
+        missing=tuple(missing),
+        numba_variant=variant,
+        first_call_seconds=first_calls,
+    )
+    yield setup
+    began = time.perf_counter()
+    for seed in range(seeds):
+        left = f", about {(time.perf_counter() - began) * (seeds - seed) / seed:.0f} s left" if seed else ""
+        for contender in rotated(everyone, seed):
+            yield f"seed {seed + 1} of {seeds}: {contender.name} on {contender.objective}{left}"
+            yield attempt(contender, best_known, budget, _FIRST_SEED + seed)
+    yield "all seeds at once"
+    yield from attempted_at_once(
+        job, best_known=best_known, budget=budget, first_seed=_FIRST_SEED, seeds=seeds
+    )
+    yield "early abort"
+    yield from early_aborts(job, generations=abort_generations, seeds=abort_seeds, threads=threads)
+    if usual_candidates and importlib.util.find_spec("pyswarms") is not None:
+        yield "the usual way: a few candidates by solve_ivp"
+        yield measure_usual_way(job, target=best_known + NEAR, budget=budget, candidates=usual_candidates)
+    for name in tests:
+        yield f"{everyone[0].name} on {name}, {seeds} seeds"
+        test = record(name)
+        if test.synthetic:
+            yield f"{name} is not here"
+        else:
+            yield _on_test(SearchJob.of(test, threads), everyone[0], known_budget, budget, seeds)
 
 
-def _line(row: SearchRow) -> str:
-    mark = "~" if row.extrapolated else ""
-    evaluations = "-" if row.evaluations is None else f"{row.evaluations:.0f}"
-    seconds = "-" if row.seconds is None else f"{mark}{row.seconds:.3g}"
-    expected = "-" if row.expected_seconds is None else f"{row.expected_seconds:.3g}"
-    return (
-        f"{row.method:<29} {row.objective:<19} {row.threads:>7} {evaluations:>11} {seconds:>9} {row.success:>8.0%} "
-        f"{row.n_seeds:>6} {expected:>9} {row.gap_points:>11.2f}"
+def best_known_misfit(job: SearchJob, budget: int) -> tuple[float, int]:
+    """The least misfit of a long multistart of least squares in the same box, and its simulations."""
+    attempt = Attempt(job=job, objective=RustObjective(objective=job.objective), target=0.0, budget=budget)
+    with suppress(AttemptEnded):
+        multistart_least_squares(attempt, 2007)
+    return attempt.least, attempt.evaluations
+
+
+def _on_test(job: SearchJob, default: Contender, known_budget: int, budget: int, seeds: int) -> TestRow:
+    """Medians over all attempts of `default` on a test."""
+    objective = RustObjective(objective=job.objective)
+    best_known, _ = best_known_misfit(job, known_budget)
+    outcomes = [
+        attempted(default, job, objective, best_known=best_known, budget=budget, seed=_FIRST_SEED + seed)
+        for seed in range(seeds)
+    ]
+    return TestRow(
+        test=job.test.name,
+        best_known_percent=100.0 * (1.0 - best_known),
+        evaluations=float(np.median([outcome.evaluations for outcome in outcomes])),
+        seconds=float(np.median([outcome.seconds for outcome in outcomes])),
+        success=float(np.mean([outcome.success for outcome in outcomes])),
+        n_seeds=seeds,
     )

@@ -1,8 +1,9 @@
-"""The workload in jax: one `lax.scan` over the samples, jitted, in float64, for the whole batch at once.
+"""The workload of kernels in jax, and what all peers in jax share.
 
-Varied: `vmap` of a scalar scan or arrays of candidates in one scan, the scan's unrolling, the vector width
-XLA aims at (it stops at 256 bits unless set otherwise), and whether the batch is split over one XLA device
-per core (XLA runs a loop of small kernels on one thread, however many it owns).
+One `lax.scan` over the samples, jitted, in float64, for the whole batch at once. Varied: `vmap` of a scalar scan or
+arrays of candidates in one scan, the scan's unrolling, the vector width XLA aims at (it stops at 256 bits unless set
+otherwise), and whether the batch is split over one XLA device per core (XLA runs a loop of small kernels on one thread,
+however many it owns).
 """
 
 from __future__ import annotations
@@ -26,31 +27,52 @@ jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JaxVariant:
-    """One way to lay out and compile the workload; `vector_bits` 0 leaves the width to XLA."""
+    """One way to lay out and compile a batch; `vector_bits` 0 leaves the width to XLA."""
 
-    layout: Literal["vmap", "arrays"] = "vmap"
+    layout: Literal["simulate", "vmap", "arrays"] = "vmap"
     unroll: int = 1
     vector_bits: int = 0
     split: bool = True
 
     def describe(self) -> str:
         """In a few words, for the table."""
-        layout = "vmap(scan)" if self.layout == "vmap" else "scan of arrays"
+        layout = {
+            "simulate": "vmap(simulate)",
+            "vmap": f"vmap(scan), unroll {self.unroll}",
+            "arrays": f"scan of arrays, unroll {self.unroll}",
+        }
         width = f", {self.vector_bits}-bit vectors" if self.vector_bits else ""
         split = ", batch split over devices" if self.split and len(jax.devices()) > 1 else ""
-        return f"{layout}, unroll {self.unroll}{width}{split}"
+        return f"{layout[self.layout]}{width}{split}"
+
+    @property
+    def options(self) -> dict[str, str | bool] | None:
+        """Of XLA's compiler."""
+        return {"xla_cpu_prefer_vector_width": str(self.vector_bits)} if self.vector_bits else None
+
+
+def wider(variant: JaxVariant) -> JaxVariant:
+    """With vectors of 512 bits."""
+    return replace(variant, vector_bits=512)
+
+
+def unrolled_further(variant: JaxVariant) -> JaxVariant:
+    """With twice the unrolling: tried as long as it pays, for then more is only slower, and slow to compile."""
+    return replace(variant, unroll=2 * variant.unroll)
+
+
+def as_arrays(variant: JaxVariant) -> JaxVariant:
+    """With arrays of candidates in one scan."""
+    return replace(variant, layout="arrays")
+
+
+def on_one_device(variant: JaxVariant) -> JaxVariant:
+    """Without a split over devices, if there are several."""
+    return replace(variant, split=variant.split and len(jax.devices()) == 1)
 
 
 START = JaxVariant()
-CHANGES: tuple[Callable[[JaxVariant], JaxVariant], ...] = (
-    lambda variant: replace(variant, vector_bits=512),
-    # Doubled as long as it pays: once it stops paying, more is only slower, and slow to compile.
-    lambda variant: replace(variant, unroll=2 * variant.unroll),
-    lambda variant: replace(variant, unroll=2 * variant.unroll),
-    lambda variant: replace(variant, unroll=2 * variant.unroll),
-    lambda variant: replace(variant, layout="arrays"),
-    lambda variant: replace(variant, split=variant.split and len(jax.devices()) == 1),
-)
+CHANGES = (wider, unrolled_further, unrolled_further, unrolled_further, as_arrays, on_one_device)
 
 
 def prepare(workload: Workload, form: PowerForm, variant: JaxVariant) -> Run:
@@ -83,31 +105,20 @@ def prepare(workload: Workload, form: PowerForm, variant: JaxVariant) -> Run:
         return total
 
     batched = jax.vmap(misfit, in_axes=(0, None, None)) if variant.layout == "vmap" else misfit
-    return compiled_run(
-        batched,
-        workload.theta,
-        workload.stages,
-        workload.force,
-        vector_bits=variant.vector_bits,
-        split=variant.split,
-    )
+    return compiled_run(variant, batched, workload.theta, workload.stages, workload.force)
 
 
 def compiled_run(
+    variant: JaxVariant,
     misfits: Callable[..., Array],
     theta: NDArray[np.float64],
     *shared: NDArray[np.float64],
-    vector_bits: int,
-    split: bool,
 ) -> Run:
     """Place the inputs, compile `misfits(theta, *shared)`, (n_batch,), and return the call to be timed."""
-    width: dict[str, str | bool] | None = None
-    if vector_bits:
-        width = {"xla_cpu_prefer_vector_width": str(vector_bits)}
-    compiled = jax.jit(misfits, compiler_options=width)
+    compiled = jax.jit(misfits, compiler_options=variant.options)
 
     devices = jax.devices()
-    if not split or len(theta) % len(devices) != 0:
+    if not variant.split or len(theta) % len(devices) != 0:
         devices = devices[:1]
     mesh = Mesh(np.array(devices), ("candidates",))
     rows = NamedSharding(mesh, PartitionSpec("candidates"))  # type: ignore[no-untyped-call] # jax leaves it unannotated

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import importlib.util
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
-from mrwork.errors import SettingError
-from studies.speed.processes import cores_for, run_worker
-from studies.speed.worker import Measurement
-from studies.speed.workload import MODEL, N_TIME
+import numpy as np
+
+from mrwork import kernels as core
+from mrwork.errors import MrworkError, SettingError
+from studies.common.table import table_of
+from studies.speed.timing import TURN_SECONDS, TimedPeer, fastest_variant, speed_figures, time_in_turns
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+from studies.speed.workload import (
+    DT,
+    MODEL,
+    N_TIME,
+    PowerForm,
+    Run,
+    Workload,
+    candidates,
+    displacement_record,
+    measured_force,
+)
+
+PEERS = ("jax", "numba")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,18 +44,23 @@ class KernelRow:
     threads: int
     general_exponent: bool
     ours: float
-    jax: float | None
-    numba: float | None
-    ratio_jax: float | None
-    ratio_numba: float | None
-    jax_exp_log: float | None
-    numba_exp_log: float | None
-    ratio_jax_exp_log: float | None
-    ratio_numba_exp_log: float | None
+    jax: float | None = None
+    numba: float | None = None
+    ratio_jax: float | None = None
+    ratio_numba: float | None = None
+    jax_exp_log: float | None = None
+    numba_exp_log: float | None = None
+    ratio_jax_exp_log: float | None = None
+    ratio_numba_exp_log: float | None = None
     peak_fraction: float
     flops_per_step: float
     fma_peak: float
     variants: dict[str, str]
+
+    @property
+    def where(self) -> str:
+        """What was measured, for the text."""
+        return f"batch {self.batch}, {self.threads} thread(s), {_exponent(self.general_exponent)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +74,7 @@ class ThreadScaling:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KernelBenchmark:
+class KernelBenchmark(Benchmark):
     """All rows of one run.
 
     `peak_fraction` is that of the largest batch with a general exponent on the most threads: floating-point
@@ -66,9 +89,57 @@ class KernelBenchmark:
     n_time: int
     rounds: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self)
+    def text(self) -> Iterator[str]:
+        """Speeds in million steps/s, ratios, the peers' variants."""
+        yield f"RK4 steps of {MODEL}, record of {self.n_time} samples, misfit only, {self.instruction_set};"
+        yield f"medians of {self.rounds} rounds, in million steps/s"
+        yield ""
+        yield from table_of(
+            "",
+            "batch",
+            (line for row in self.rows for line in _lines(row)),
+            {
+                "threads": "{threads}",
+                "|w|^n": "{form}",
+                **{name: partial(_million, name) for name in ("ours", *PEERS)},
+                **{f"ours/{name}": partial(_ratio, f"ratio_{name}") for name in PEERS},
+                "of FMA peak": "{peak_fraction:.1%}",
+            },
+        ).lines()
+        yield ""
+        yield "exp(n ln|w|): the peers with a faster, less accurate power; ours unchanged."
+        yield ""
+        for item in self.thread_scaling:
+            exponent = _exponent(item.general_exponent)
+            yield f"{item.threads} threads over 1, batch {item.batch}, {exponent}: {item.scaling:.2f}"
+        yield ""
+        for row in self.rows:
+            for name, variant in row.variants.items():
+                yield f"fastest {name}, {row.where}: {variant}"
+        missing = [name for name in PEERS if all(name not in row.variants for row in self.rows)]
+        if missing:
+            yield f"not installed: {', '.join(missing)}; to compare, run: pip install 'mrwork[bench]'"
+
+
+def _lines(row: KernelRow) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Lines of the table: one with our form of the power, and one with the peers' faster form."""
+    cells = asdict(row)
+    yield str(row.batch), cells | {"form": "power" if row.general_exponent else "w w (n = 2)"}
+    if row.general_exponent:
+        faster = {key: cells[f"{key}_exp_log"] for name in PEERS for key in (name, f"ratio_{name}")}
+        yield str(row.batch), cells | faster | {"form": "exp(n ln|w|)"}
+
+
+def _million(name: str, cells: Mapping[str, Any]) -> str:
+    return "-" if cells[name] is None else f"{cells[name] / 1e6:.1f}"
+
+
+def _ratio(name: str, cells: Mapping[str, Any]) -> str:
+    return "-" if cells[name] is None else f"{cells[name]:.1f}"
+
+
+def _exponent(general: bool) -> str:
+    return "general exponent" if general else "n = 2"
 
 
 def bench_kernels(
@@ -76,7 +147,7 @@ def bench_kernels(
     batches: Sequence[int] = (64, 1024),
     threads: Sequence[int] = (1, 2),
     rounds: int = 7,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> KernelBenchmark:
     """Misfits of a batch of normalised Bouc-Wen candidates: ours, jitted jax and parallel numba, in turns.
 
@@ -88,126 +159,88 @@ def bench_kernels(
     batches : numbers of candidates.
     threads : numbers of threads, none above the cores of this machine.
     rounds : turns of each contender, of which the median counts.
-    on_progress : called with one line of text whenever something new is measured.
     """
     if not batches or not threads or min(*batches, *threads, rounds, 1) < 1:
         raise SettingError("`batches`, `threads` and `rounds` must be 1 or more; give positive numbers")
     cores = cores_for(threads)
-    total = len(threads) * len(batches) * 2
-    measurements: list[Measurement] = []
-    for count in threads:
-        arguments = [",".join(map(str, batches)), str(rounds)]
-        for kind, content in run_worker("studies.speed.worker", cores[:count], arguments):
-            if kind == "measurement":
-                measurements.append(Measurement(**content))
-            elif on_progress is not None:
-                on_progress(f"[{len(measurements) + 1} of {total}] {content}")
-    return summarise(measurements, rounds)
+    settings = {"batches": list(batches), "rounds": rounds}
+    rows = [row for count in threads for row in rows_of(measure, cores[:count], settings, say)]
+    return summarise(rows, rounds)
 
 
-def summarise(measurements: Sequence[Measurement], rounds: int) -> KernelBenchmark:
-    """Ratios, share of the machine's peak and thread scaling from what the workers measured."""
-    rows = tuple(_row(measurement) for measurement in measurements)
-    headline = max(rows, key=lambda row: (row.general_exponent, row.batch, row.threads))
-    return KernelBenchmark(
-        rows=rows,
-        peak_fraction=headline.peak_fraction,
-        thread_scaling=tuple(_scalings(rows)),
-        instruction_set=measurements[0].instruction_set,
-        n_time=N_TIME,
-        rounds=rounds,
-    )
+def measure(*, threads: int, batches: Sequence[int], rounds: int) -> Iterator[KernelRow | str]:
+    """Every batch with a general exponent and with n = 2: our kernel and the fastest variant of each peer, in turns."""
+    for batch in batches:
+        for general_exponent in (True, False):
+            yield from _measured(batch, threads, rounds, general_exponent=general_exponent)
 
 
-def format_table(benchmark: KernelBenchmark) -> str:
-    """Return the benchmark as aligned text: speeds in million steps/s, ratios, the peers' variants."""
-    lines = [
-        f"RK4 steps of {MODEL}, record of {benchmark.n_time} samples, misfit only, "
-        f"{benchmark.instruction_set}; medians of {benchmark.rounds} rounds, in million steps/s",
-        "",
-        f"{'batch':>6} {'threads':>7} {'|w|^n':>12} {'ours':>9} {'jax':>9} {'numba':>9} "
-        f"{'ours/jax':>9} {'ours/numba':>10} {'of FMA peak':>11}",
-    ]
-    for row in benchmark.rows:
-        power = "power" if row.general_exponent else "w w (n = 2)"
-        measured = _line(row, power, row.jax, row.numba, row.ratio_jax, row.ratio_numba)
-        lines.append(f"{measured} {row.peak_fraction:>11.1%}")
-        if row.general_exponent:
-            ratios = row.ratio_jax_exp_log, row.ratio_numba_exp_log
-            lines.append(_line(row, "exp(n ln|w|)", row.jax_exp_log, row.numba_exp_log, *ratios))
-    lines += ["", "exp(n ln|w|): the peers with a faster, less accurate power; ours unchanged.", ""]
-    for item in benchmark.thread_scaling:
-        exponent = _exponent(item.general_exponent)
-        lines.append(f"{item.threads} threads over 1, batch {item.batch}, {exponent}: {item.scaling:.2f}")
-    lines.append("")
-    for row in benchmark.rows:
-        for name, variant in row.variants.items():
-            where = f"batch {row.batch}, {row.threads} thread(s), {_exponent(row.general_exponent)}"
-            lines.append(f"fastest {name}, {where}: {variant}")
-    missing = [name for name in ("jax", "numba") if all(name not in row.variants for row in benchmark.rows)]
-    if missing:
-        lines.append(f"not installed: {', '.join(missing)}; to compare, run: pip install 'mrwork[bench]'")
-    return "\n".join(lines)
+def _measured(batch: int, threads: int, rounds: int, *, general_exponent: bool) -> Iterator[KernelRow | str]:
+    displacement = displacement_record()
+    force = measured_force(displacement)
+    theta = candidates(batch, general_exponent=general_exponent, rng=np.random.default_rng(2007))
+    loading = core.LoadingHistory(DT, displacement, None)
+    workload = Workload(theta=theta, stages=np.ascontiguousarray(loading.stages(1)), force=force, dt=DT)
+    label = f"batch {batch}, {_exponent(general_exponent)}"
 
+    def ours() -> tuple[Any, Any, Any]:
+        return core.misfits(MODEL, theta, loading, force, threads=threads)[:3]
 
-def _exponent(general: bool) -> str:
-    return "general exponent" if general else "n = 2"
-
-
-def _line(
-    row: KernelRow,
-    power: str,
-    jax: float | None,
-    numba: float | None,
-    ratio_jax: float | None,
-    ratio_numba: float | None,
-) -> str:
-    speeds = " ".join(
-        "-".rjust(9) if speed is None else f"{speed / 1e6:>9.1f}" for speed in (row.ours, jax, numba)
-    )
-    ratios = " ".join(
-        "-".rjust(width) if ratio is None else f"{ratio:>{width}.1f}"
-        for ratio, width in ((ratio_jax, 9), (ratio_numba, 10))
-    )
-    return f"{row.batch:>6} {row.threads:>7} {power:>12} {speeds} {ratios}"
-
-
-def _row(measurement: Measurement) -> KernelRow:
-    speeds = measurement.speeds
-    ours = speeds["ours"]
-
-    def ratio(name: str) -> float | None:
-        return ours / speeds[name] if name in speeds else None
-
-    return KernelRow(
+    expected, _, substeps = ours()
+    if int(substeps.max()) != 1:
+        raise MrworkError(
+            "expected one step per sample for every candidate, the stiffness rule asks for "
+            f"{int(substeps.max())}; use a milder candidate box in workload.py"
+        )
+    runs: dict[str, Run] = {"ours": ours}
+    variants: dict[str, str] = {}
+    forms: dict[str, PowerForm] = {"": "power", "_exp_log": "exp_log"} if general_exponent else {"": "square"}
+    for suffix, form in forms.items():
+        for name in PEERS:
+            if importlib.util.find_spec(name) is not None:
+                yield f"{label}: choosing the fastest {name}{suffix}"
+                peer = _peer(name, workload, form)
+                runs[name + suffix], variants[name + suffix] = fastest_variant(name + suffix, peer, expected)
+    yield f"{label}: timing {', '.join(runs)} in {rounds} rounds"
+    seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
+    yield KernelRow(
         model=MODEL,
-        batch=measurement.batch,
-        threads=measurement.threads,
-        general_exponent=measurement.general_exponent,
-        ours=ours,
-        jax=speeds.get("jax"),
-        numba=speeds.get("numba"),
-        ratio_jax=ratio("jax"),
-        ratio_numba=ratio("numba"),
-        jax_exp_log=speeds.get("jax_exp_log"),
-        numba_exp_log=speeds.get("numba_exp_log"),
-        ratio_jax_exp_log=ratio("jax_exp_log"),
-        ratio_numba_exp_log=ratio("numba_exp_log"),
-        peak_fraction=ours * measurement.flops_per_step / measurement.fma_peak,
-        flops_per_step=measurement.flops_per_step,
-        fma_peak=measurement.fma_peak,
-        variants=measurement.variants,
+        batch=batch,
+        threads=threads,
+        general_exponent=general_exponent,
+        variants=variants,
+        **speed_figures(
+            {name: workload.steps / value for name, value in seconds.items()},
+            flops_per_step=float(core.flops_per_step(MODEL, theta[0])),
+            fma_peak=fma_peak,
+        ),
     )
 
 
-def _scalings(rows: Sequence[KernelRow]) -> Iterator[ThreadScaling]:
+def _peer(name: str, workload: Workload, form: PowerForm) -> TimedPeer[Any]:
+    module = importlib.import_module(f"studies.speed.{name}_peer")
+    return TimedPeer(
+        start=module.START, changes=module.CHANGES, prepare=partial(module.prepare, workload, form)
+    )
+
+
+def summarise(rows: Sequence[KernelRow], rounds: int) -> KernelBenchmark:
+    """Thread scaling, and the share of the peak that counts."""
     alone = {(row.batch, row.general_exponent): row.ours for row in rows if row.threads == 1}
-    for row in rows:
-        key = row.batch, row.general_exponent
-        if row.threads > 1 and key in alone:
-            yield ThreadScaling(
+    return KernelBenchmark(
+        rows=tuple(rows),
+        peak_fraction=max(rows, key=lambda row: (row.general_exponent, row.batch, row.threads)).peak_fraction,
+        thread_scaling=tuple(
+            ThreadScaling(
                 batch=row.batch,
                 general_exponent=row.general_exponent,
                 threads=row.threads,
-                scaling=row.ours / alone[key],
+                scaling=row.ours / alone[row.batch, row.general_exponent],
             )
+            for row in rows
+            if row.threads > 1 and (row.batch, row.general_exponent) in alone
+        ),
+        instruction_set=core.instruction_set().used,
+        n_time=N_TIME,
+        rounds=rounds,
+    )

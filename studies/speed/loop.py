@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 import importlib.util
-import json
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import numpy as np
 
-from mrwork.errors import MrworkError, SettingError
-from studies.speed.loop_worker import LoopMeasurement, LoopSettings
-from studies.speed.loop_workload import STEP, Floats
-from studies.speed.processes import cores_for, run_worker
+from mrwork.errors import SettingError
+from studies.common.table import table_of
+from studies.speed.loop_workload import STEP, Floats, LoopWorkload, loop_workload
+from studies.speed.timing import require_agreement, timed
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+
+Prepare = Callable[[LoopWorkload], Callable[[], Floats]]
 
 OURS = "mrwork"
-# Each with the package it needs. The series is numba with a tanh of its own, fit for vectors.
-_PACKAGES = {"numba": "numba", "numba_series": "numba", "jax": "jax"}
 # One run, the rest extrapolated.
-_ALONE = {"solve_ivp": "scipy", "python_control": "control"}
+_ALONE = ("solve_ivp", "python_control")
+# Contenders with the package that each needs. The series is numba with a tanh of its own, fit for vectors.
+_TOOLS = {
+    OURS: "mrwork",
+    "numba": "numba",
+    "numba_series": "numba",
+    "jax": "jax",
+    "solve_ivp": "scipy",
+    "python_control": "control",
+}
 # Runs of 30 000 steps in double precision whose sums are formed in different orders, against the largest of a column.
 AGREEMENT = 1e-9
 # A method of another order on the same loop.
 _LOOSE_AGREEMENT = 1e-2
+# Variants are compared on this part of the record, best of three.
+_TRIAL_STEPS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +63,7 @@ class LoopRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopBenchmark:
+class LoopBenchmark(Benchmark):
     """All rows of one run; `left_out` names contenders that are not installed."""
 
     rows: tuple[LoopRow, ...]
@@ -65,9 +74,49 @@ class LoopBenchmark:
     step: float
     rounds: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self)
+    def text(self) -> Iterator[str]:
+        """Seconds of all runs, and how many times ours they are."""
+        yield (
+            f"{self.candidates} candidates x {self.motions} motions of {self.seconds:g} s: clipped-optimal "
+            f"control of a five-storey building, command and step {1e3 * self.step:g} ms; medians of "
+            f"{self.rounds} rounds, compilation apart"
+        )
+        yield ""
+        yield from table_of(
+            "",
+            "tool",
+            ((row.tool, asdict(row)) for row in self.rows),
+            {
+                "threads": "{threads}",
+                "seconds": lambda row: (
+                    f"{row['seconds']:.2f}" if row["seconds"] < 1000 else f"{row['seconds'] / 3600:.1f} h"
+                ),
+                "ours x": lambda row: "-" if row["ratio"] is None else f"{row['ratio']:.1f}",
+                "compiled": "{compile_seconds:.1f} s",
+                "differs": "{difference:.0e}",
+            },
+        ).lines()
+        yield ""
+        for row in self.rows:
+            mark = ", one run extrapolated" if row.extrapolated else ""
+            yield f"{row.tool}, {row.threads} thread(s): {row.variant}{mark}"
+        yield ""
+        yield "numba_series: numba with a tanh written out for vectors instead of the library's."
+        if self.left_out:
+            yield f"not installed: {', '.join(self.left_out)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """Median seconds of the runs of one contender, what compiling took, and the way it was laid out.
+
+    `kept` is what it keeps of the runs, nested lists of shape (n_motions, n_candidates, N_REDUCTIONS).
+    """
+
+    kept: list[list[list[float]]]
+    seconds: float
+    compile_seconds: float
+    variant: str
 
 
 def bench_loop(
@@ -77,7 +126,7 @@ def bench_loop(
     seconds: float = 30.0,
     threads: Sequence[int] = (1, 2),
     rounds: int = 3,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> LoopBenchmark:
     """Clipped-optimal control of a five-storey building, candidates under motions; see `loop_workload`.
 
@@ -90,40 +139,27 @@ def bench_loop(
     candidates, motions, seconds : rows of gains, ground motions, and how long each lasts [s].
     threads : numbers of threads, none above the cores of this machine.
     rounds : passes of each contender, of which the median counts; those that are extrapolated make one.
-    on_progress : called with one line of text for each contender.
     """
     if not threads or min(*threads, candidates, motions, rounds) < 1 or not seconds >= STEP:
         raise SettingError(
             "`candidates`, `motions`, `threads` and `rounds` must be 1 or more, `seconds` a step or more"
         )
     cores = cores_for(threads)
-    tools = {OURS: "mrwork", **_PACKAGES, **_ALONE}
-    present = [tool for tool, package in tools.items() if importlib.util.find_spec(package) is not None]
+    present = [tool for tool, package in _TOOLS.items() if importlib.util.find_spec(package) is not None]
     rows: list[LoopRow] = []
-    with tempfile.TemporaryDirectory() as folder:
-        for count in threads:
-            measurements: dict[str, LoopMeasurement] = {}
-            found: dict[str, Floats] = {}
-            for tool in present:
-                alone = tool in _ALONE
-                file = Path(folder) / f"{tool}.npy"
-                settings = LoopSettings(
-                    tool=tool,
-                    candidates=1 if alone else candidates,
-                    motions=1 if alone else motions,
-                    seconds=seconds,
-                    rounds=1 if alone else rounds,
-                    results=str(file),
-                )
-                measurements[tool] = _measured(settings, cores[: 1 if alone else count])
-                if on_progress is not None:
-                    item = measurements[tool]
-                    on_progress(f"{count} thread(s): {tool}, {item.runs} run(s) in {item.seconds:.2f} s")
-                found[tool] = np.load(file)
-            rows += summarise(measurements, found, runs=candidates * motions, threads=count)
+    whole = {"candidates": candidates, "motions": motions, "rounds": rounds}
+    for count in threads:
+        measured: dict[str, Measured] = {}
+        for tool in present:
+            size = dict.fromkeys(whole, 1) if tool in _ALONE else whole
+            own = cores[: 1 if tool in _ALONE else count]
+            settings = {"tool": tool, "seconds": seconds, **size}
+            (measured[tool],) = rows_of(measure, own, settings, say)
+            say(f"{count} thread(s): {tool}, {measured[tool].seconds:.2f} s")
+        rows += summarise(measured, runs=candidates * motions, threads=count)
     return LoopBenchmark(
         rows=tuple(rows),
-        left_out=tuple(tool for tool in tools if tool not in present),
+        left_out=tuple(tool for tool in _TOOLS if tool not in present),
         candidates=candidates,
         motions=motions,
         seconds=seconds,
@@ -132,32 +168,28 @@ def bench_loop(
     )
 
 
-def summarise(
-    measurements: dict[str, LoopMeasurement], found: dict[str, Floats], *, runs: int, threads: int
-) -> list[LoopRow]:
-    """Rows of one number of threads."""
-    whole = {
-        tool: item.seconds if item.runs == runs else item.seconds * runs / item.runs / threads
-        for tool, item in measurements.items()
-    }
-    reference = next(iter(found))
-    rows = []
-    for tool, item in measurements.items():
-        difference = _difference(found[tool], found[reference])
+def summarise(measured: Mapping[str, Measured], *, runs: int, threads: int) -> list[LoopRow]:
+    """Rows of one number of threads, of contenders that agree with the first one."""
+    reference, first = next(iter(measured.items()))
+    expected = np.array(first.kept)
+    rows: list[LoopRow] = []
+    for tool, item in measured.items():
+        kept = np.array(item.kept)
+        n_motions, n_candidates = kept.shape[:2]
+        against = expected[:n_motions, :n_candidates]
+        difference = float(np.max(np.abs(kept - against) / np.abs(against).max(axis=(0, 1))))
         allowed = _LOOSE_AGREEMENT if tool == "solve_ivp" else AGREEMENT
-        if not difference <= allowed:
-            raise MrworkError(
-                f"{tool} and {reference} were expected to agree on every run to {allowed:g}, they differ by "
-                f"{difference:.2e} (relative); do not trust the times, find which one is wrong"
-            )
+        require_agreement(f"{tool} and {reference}", "run", difference, allowed)
+        extrapolated = n_motions * n_candidates != runs
+        seconds = item.seconds * runs / threads if extrapolated else item.seconds
         rows.append(
             LoopRow(
                 tool=tool,
                 threads=threads,
                 runs=runs,
-                seconds=whole[tool],
-                ratio=whole[tool] / whole[OURS] if OURS in whole else None,
-                extrapolated=item.runs != runs,
+                seconds=seconds,
+                ratio=seconds / measured[OURS].seconds if OURS in measured else None,
+                extrapolated=extrapolated,
                 compile_seconds=item.compile_seconds,
                 variant=item.variant,
                 difference=difference,
@@ -166,36 +198,58 @@ def summarise(
     return rows
 
 
-def format_loop(benchmark: LoopBenchmark) -> str:
-    """Return the benchmark as aligned text."""
-    lines = [
-        f"{benchmark.candidates} candidates x {benchmark.motions} motions of {benchmark.seconds:g} s: clipped-optimal "
-        f"control of a five-storey building, command and step {1e3 * benchmark.step:g} ms; medians of "
-        f"{benchmark.rounds} rounds, compilation apart",
-        "",
-        f"{'tool':<15} {'threads':>7} {'seconds':>10} {'ours x':>7} {'compiled':>9} {'differs':>8}  variant",
-    ]
-    for row in benchmark.rows:
-        seconds = f"{row.seconds:.2f}" if row.seconds < 1000 else f"{row.seconds / 3600:.1f} h"
-        ratio = "-" if row.ratio is None else f"{row.ratio:.1f}"
-        mark = ", one run extrapolated" if row.extrapolated else ""
-        lines.append(
-            f"{row.tool:<15} {row.threads:>7} {seconds:>10} {ratio:>7} {row.compile_seconds:>7.1f} s "
-            f"{row.difference:>8.0e}  {row.variant}{mark}"
-        )
-    lines += ["", "numba_series: numba with a tanh written out for vectors instead of the library's."]
-    if benchmark.left_out:
-        lines.append(f"not installed: {', '.join(benchmark.left_out)}")
-    return "\n".join(lines)
+def measure(
+    *, threads: int, tool: str, candidates: int, motions: int, seconds: float, rounds: int
+) -> Iterator[Measured]:
+    """Find the fastest variant of a contender on a short piece, then time it on the whole."""
+    workload = loop_workload(candidates, motions, seconds)
+    n_steps = min(_TRIAL_STEPS, workload.n_steps)
+    piece = workload.cut(candidates=candidates, motions=motions, n_steps=n_steps)
+    choices = [(name, prepare, *_trial(prepare, piece)) for name, prepare in _ways(tool, threads)]
+    name, prepare, _, compiling = min(choices, key=lambda choice: choice[2])
+    run = prepare(workload)
+    if rounds > 1:
+        run()  # compiles what is compiled for these shapes
+    passes = [timed(run) for _ in range(rounds)]
+    yield Measured(
+        kept=passes[-1][0].tolist(),
+        seconds=float(np.median([spent for _, spent in passes])),
+        compile_seconds=compiling,
+        variant=name,
+    )
 
 
-def _measured(settings: LoopSettings, cores: Sequence[int]) -> LoopMeasurement:
-    received = run_worker("studies.speed.loop_worker", cores, [json.dumps(asdict(settings))])
-    (measurement,) = [LoopMeasurement(**content) for kind, content in received if kind == "measurement"]
-    return measurement
+def _ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
+    """The variants of a contender, each with its name."""
+    match tool:
+        case "mrwork":
+            from mrwork import kernels as core
+            from studies.speed.loop_ours import prepare
+
+            yield f"simulate_loop, {core.instruction_set().used}", partial(prepare, threads=threads)
+        case "numba" | "numba_series":
+            from studies.speed import loop_numba
+
+            for way in loop_numba.LIBRARY if tool == "numba" else loop_numba.SERIES:
+                yield way.describe(), partial(loop_numba.prepare, variant=way)
+        case "jax":
+            from studies.speed import loop_jax
+
+            for form in loop_jax.VARIANTS:
+                yield form.describe(), partial(loop_jax.prepare, variant=form)
+        case "solve_ivp":
+            from studies.speed.loop_plain import by_solve_ivp
+
+            yield "RK45, called anew every control sample", by_solve_ivp
+        case "python_control":
+            from studies.speed.loop_plain import by_python_control
+
+            yield "input_output_response, our step as its update", by_python_control
 
 
-def _difference(found: Floats, expected: Floats) -> float:
-    motions, candidates = found.shape[:2]
-    against = expected[:motions, :candidates]
-    return float(np.max(np.abs(found - against) / np.abs(against).max(axis=(0, 1))))
+def _trial(prepare: Prepare, piece: LoopWorkload) -> tuple[float, float]:
+    """Seconds of the piece, and what the first pass took beyond that."""
+    run, preparing = timed(lambda: prepare(piece))
+    first = preparing + timed(run)[1]
+    best = min(timed(run)[1] for _ in range(3))
+    return best, max(0.0, first - best)

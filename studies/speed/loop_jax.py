@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from studies.speed.jax_peer import compiled_run
+from studies.speed.jax_peer import JaxVariant, compiled_run
 from studies.speed.loop_workload import (
     LAG,
     LARGEST_COMMAND,
@@ -71,7 +71,7 @@ def prepare(workload: LoopWorkload, variant: LoopJaxVariant) -> Callable[[], Flo
 
     steps = [workload.ground[:, :-1:2], workload.ground[:, 1::2], workload.ground[:, 2::2]]
     ground = np.stack(steps, axis=-1)
-    run = compiled_run(all_runs, workload.gains, ground, vector_bits=variant.vector_bits, split=True)
+    run = compiled_run(JaxVariant(vector_bits=variant.vector_bits), all_runs, workload.gains, ground)
     return lambda: averaged(np.swapaxes(np.asarray(run()), 0, 1), workload.n_steps)
 
 

@@ -1,11 +1,21 @@
-"""The loop in plain NumPy, one run, one step after another: what the other ways are checked with, and built on."""
+"""The loop in plain NumPy, one run, one step after another: what other ways are checked with, and two are built on.
+
+`solve_ivp` is called anew at every control sample, as its command is held. Its tolerances are loose and a step is the
+whole interval, so that none is rejected: 5th order where the others have 4th, and as few evaluations as it can do with.
+python-control simulates a sampled nonlinear system, whose update is our step: a continuous plant with a sampled
+controller it does not take.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from studies.speed.loop_workload import LAG, LARGEST_COMMAND, N_STOREYS, STEP, Floats, LoopWorkload
 
@@ -13,6 +23,8 @@ from studies.speed.loop_workload import LAG, LARGEST_COMMAND, N_STOREYS, STEP, F
 # the device.
 N_STATE = 2 * N_STOREYS + 4
 _CURRENT = 2 * N_STOREYS
+# No error estimate of `solve_ivp` reaches it: the step is what the control sample prescribes.
+_ANY_ERROR = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,3 +127,54 @@ class PlainLoop:
         for k in range(self.workload.n_steps):
             states[k + 1] = self.step(states[k], self.command(states[k]), ground[2 * k : 2 * k + 3])
         return self.reductions(states)
+
+
+def by_solve_ivp(workload: LoopWorkload) -> Callable[[], Floats]:
+    """Return the call: the first candidate under the first motion, shape (1, 1, N_REDUCTIONS)."""
+    loop = PlainLoop.of(workload, 0)
+    ground = workload.ground[0]
+
+    def interval(state: Floats, before: float, after: float) -> Floats:
+        command = loop.command(state)
+
+        def rate(time: float, now: Floats) -> Floats:
+            slope = loop.rate(now, float(now[_CURRENT]), before + (after - before) * time / STEP)
+            slope[_CURRENT] = -LAG * (now[_CURRENT] - command)
+            return slope
+
+        solution = solve_ivp(
+            rate, (0.0, STEP), state, method="RK45", first_step=STEP, rtol=_ANY_ERROR, atol=_ANY_ERROR
+        )
+        end: Floats = solution.y[:, -1]
+        return end
+
+    def run() -> Floats:
+        states = np.zeros((workload.n_steps + 1, N_STATE))
+        for k in range(workload.n_steps):
+            states[k + 1] = interval(states[k], ground[2 * k], ground[2 * k + 2])
+        return loop.reductions(states)[None, None]
+
+    return run
+
+
+def by_python_control(workload: LoopWorkload) -> Callable[[], Floats]:
+    """Return the call: the first candidate under the first motion, shape (1, 1, N_REDUCTIONS)."""
+    control: Any = import_module("control")
+    loop = PlainLoop.of(workload, 0)
+    ground = workload.ground[0]
+
+    def update(time: float, state: Floats, inputs: Floats, parameters: object) -> Floats:
+        return loop.step(state, loop.command(state), inputs)
+
+    # Without an output function the outputs are the states.
+    system = control.nlsys(update, inputs=3, states=N_STATE, dt=STEP)
+    inputs = np.stack([ground[:-1:2], ground[1::2], ground[2::2]])
+    # One sample more, whose input changes nothing: its state is the end.
+    inputs = np.concatenate([inputs, inputs[:, -1:]], axis=1)
+    times = STEP * np.arange(workload.n_steps + 1)
+
+    def run() -> Floats:
+        response = control.input_output_response(system, times, inputs, np.zeros(N_STATE))
+        return loop.reductions(response.states.T)[None, None]
+
+    return run

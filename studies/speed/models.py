@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
+from mrwork import kernels as core
 from mrwork.dampers import damper, damper_models
 from mrwork.errors import SettingError
-from studies.speed.model_worker import ModelMeasurement
-from studies.speed.processes import cores_for, run_worker
-from studies.speed.workload import N_TIME
+from studies.common.table import table_of
+from studies.speed.timing import (
+    TURN_SECONDS,
+    TimedPeer,
+    V,
+    fastest_variant,
+    speed_figures,
+    time_in_turns,
+)
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+from studies.speed.workload import N_TIME, SUBSTEPS, ModelWorkload, Run, model_workload
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +28,7 @@ class ModelRow:
     Attributes
     ----------
     substeps : Runge-Kutta steps per sample, the same for both.
-    dt : sampling step of the record [s].
+    dt : sampling step of the record [s], at which one step per sample resolves the batch.
     ours, jax, jax_scan : Runge-Kutta steps per second; without a state, evaluations of the force per second. `jax`
         is the twin as users run it, `jax_scan` its equations rewritten for misfits alone; see `twin_peer`.
     variants : the fastest layout and compilation of each, which was timed.
@@ -45,7 +53,7 @@ class ModelRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelBenchmark:
+class ModelBenchmark(Benchmark):
     """All rows of one run."""
 
     rows: tuple[ModelRow, ...]
@@ -53,9 +61,40 @@ class ModelBenchmark:
     n_time: int
     rounds: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self)
+    def text(self) -> Iterator[str]:
+        """Speeds in million steps/s, ratios, share of the peak."""
+        yield (
+            f"models beside their twins in jax: batch {self.rows[0].batch}, {self.n_time} samples, {SUBSTEPS} step "
+            f"per sample, misfit only, {self.instruction_set};"
+        )
+        yield f"medians of {self.rounds} rounds, in million steps/s"
+        yield ""
+        ranked = sorted(self.rows, key=lambda row: (row.threads, row.n_states == 0))
+        yield from table_of(
+            "",
+            "model",
+            ((row.model, asdict(row)) for row in ranked),
+            {
+                "states": "{n_states}",
+                "threads": "{threads}",
+                "ours": lambda row: f"{row['ours'] / 1e6:.1f}",
+                "jax": lambda row: f"{row['jax'] / 1e6:.1f}",
+                "jax_scan": lambda row: f"{row['jax_scan'] / 1e6:.1f}",
+                "ours/jax": "{ratio_jax:.1f}",
+                "ours/jax_scan": "{ratio_jax_scan:.1f}",
+                "of FMA peak": "{peak_fraction:.1%}",
+            },
+        ).lines()
+        yield ""
+        yield "jax: vmap of the twin's simulate. jax_scan: its equations in one scan that keeps the misfit alone."
+        if any(row.n_states == 0 for row in self.rows):
+            yield "A model without a state has no step to take, only a force to evaluate: XLA makes one loop of that,"
+            yield "which runs in vectors as ours does. The share of the peak limits what is left to gain."
+        yield ""
+        for row in self.rows:
+            for name, variant in row.variants.items():
+                where = f"{row.model}, {row.threads} thread(s), samples {row.dt:.3g} s apart"
+                yield f"fastest {name} of {where}: {variant}"
 
 
 def bench_models(
@@ -65,7 +104,7 @@ def bench_models(
     threads: Sequence[int] = (1,),
     n_time: int = N_TIME,
     rounds: int = 7,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> ModelBenchmark:
     """Misfits of a batch of candidates of each model: our kernel and the model's twin, in turns.
 
@@ -79,79 +118,54 @@ def bench_models(
     threads : numbers of threads, none above the cores of this machine.
     n_time : samples of the record.
     rounds : turns of each contender, of which the median counts.
-    on_progress : called with one line of text for each model and number of threads.
     """
     names = [damper(name).name for name in models] or [spec.name for spec in damper_models()]
     if not threads or min(*threads, batch, rounds) < 1 or n_time < 4:
         raise SettingError("`batch`, `threads` and `rounds` must be 1 or more, `n_time` 4 or more")
     cores = cores_for(threads)
-    measurements: list[ModelMeasurement] = []
-    for count in threads:
-        arguments = [",".join(names), str(batch), str(n_time), str(rounds)]
-        for kind, content in run_worker("studies.speed.model_worker", cores[:count], arguments):
-            if kind == "measurement":
-                measurements.append(ModelMeasurement(**content))
-            elif on_progress is not None:
-                on_progress(f"[{len(measurements) + 1} of {len(names) * len(threads)}] {content}")
+    settings = {"models": names, "batch": batch, "n_time": n_time, "rounds": rounds}
     return ModelBenchmark(
-        rows=tuple(row_of(measurement) for measurement in measurements),
-        instruction_set=measurements[0].instruction_set,
+        rows=tuple(row for count in threads for row in rows_of(measure, cores[:count], settings, say)),
+        instruction_set=core.instruction_set().used,
         n_time=n_time,
         rounds=rounds,
     )
 
 
-def row_of(measurement: ModelMeasurement) -> ModelRow:
-    """Ratio to the twin and share of the machine's peak."""
-    ours, jax, jax_scan = (measurement.speeds[name] for name in ("ours", "jax", "jax_scan"))
+def measure(
+    *, threads: int, models: Sequence[str], batch: int, n_time: int, rounds: int
+) -> Iterator[ModelRow | str]:
+    """Every model and its twin, in turns."""
+    from studies.speed.twin_peer import twins_of
+
+    for number, name in enumerate(models, start=1):
+        yield f"[{number} of {len(models)}] {name}"
+        workload = model_workload(damper(name), batch, n_time)
+        yield measured(workload, twins_of(workload), threads, rounds)
+
+
+def measured(
+    workload: ModelWorkload, peers: Mapping[str, TimedPeer[V]], threads: int, rounds: int
+) -> ModelRow:
+    """Time our kernel and the fastest variant of each peer in turns, once they agree."""
+    spec = workload.spec
+    expected, _, _ = workload.misfits(threads)
+    runs: dict[str, Run] = {"ours": lambda: workload.misfits(threads)}
+    variants: dict[str, str] = {}
+    for name, peer in peers.items():
+        runs[name], variants[name] = fastest_variant(f"{spec.name} as {name}", peer, expected)
+    seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
     return ModelRow(
-        model=measurement.model,
-        n_states=measurement.n_states,
-        batch=measurement.batch,
-        threads=measurement.threads,
-        substeps=measurement.substeps,
-        dt=measurement.dt,
-        ours=ours,
-        jax=jax,
-        jax_scan=jax_scan,
-        ratio_jax=ours / jax,
-        ratio_jax_scan=ours / jax_scan,
-        peak_fraction=ours * measurement.flops_per_step / measurement.fma_peak,
-        flops_per_step=measurement.flops_per_step,
-        fma_peak=measurement.fma_peak,
-        variants=measurement.variants,
+        model=spec.name,
+        n_states=spec.n_states,
+        batch=len(workload.theta),
+        threads=threads,
+        substeps=SUBSTEPS,
+        dt=workload.loading.dt,
+        variants=variants,
+        **speed_figures(
+            {name: workload.steps / value for name, value in seconds.items()},
+            flops_per_step=float(core.flops_per_step(spec.name, workload.theta[0])),
+            fma_peak=fma_peak,
+        ),
     )
-
-
-def format_models(benchmark: ModelBenchmark) -> str:
-    """Return the benchmark as aligned text: speeds in million steps/s, ratios, share of the peak."""
-    first = benchmark.rows[0]
-    lines = [
-        f"models beside their twins in jax: batch {first.batch}, {benchmark.n_time} samples, {first.substeps} step "
-        f"per sample, misfit only, {benchmark.instruction_set};",
-        f"medians of {benchmark.rounds} rounds, in million steps/s",
-        "",
-        f"{'model':<36} {'states':>6} {'threads':>7} {'ours':>8} {'jax':>8} {'jax_scan':>8} {'ours/jax':>8} "
-        f"{'ours/jax_scan':>13} {'of FMA peak':>11}",
-    ]
-    lines += [
-        f"{row.model:<36} {row.n_states:>6} {row.threads:>7} {row.ours / 1e6:>8.1f} {row.jax / 1e6:>8.1f} "
-        f"{row.jax_scan / 1e6:>8.1f} {row.ratio_jax:>8.1f} {row.ratio_jax_scan:>13.1f} {row.peak_fraction:>11.1%}"
-        for row in sorted(benchmark.rows, key=lambda row: (row.threads, row.n_states == 0))
-    ]
-    lines += [
-        "",
-        "jax: vmap of the twin's simulate. jax_scan: the twin's equations in one scan that keeps the misfit alone.",
-    ]
-    if any(row.n_states == 0 for row in benchmark.rows):
-        lines += [
-            "A model without a state has no step to take, only a force to evaluate: XLA makes one loop of that, which",
-            "runs in vectors as ours does. The share of the peak limits what is left to gain.",
-        ]
-    lines.append("")
-    lines += [
-        f"fastest {name} of {row.model}, {row.threads} thread(s), samples {row.dt:.3g} s apart: {variant}"
-        for row in benchmark.rows
-        for name, variant in row.variants.items()
-    ]
-    return "\n".join(lines)

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from studies.speed.search_job import SearchJob
+from studies.speed.timing import TimedPeer, fastest_variant, timed
+from studies.speed.workload import Run
 
 Array = NDArray[np.float64]
 RESOLUTION = 1.4
@@ -120,24 +122,38 @@ class NumbaObjective:
         return squared
 
 
-def _substeps(
-    theta: Array, dt: float, peak_velocity: float, reversal_acceleration: float
-) -> NDArray[np.int64]:
-    """Sub-steps per sample of each candidate, shape (m,), 0 where it is too stiff: the rule of `integrate.rs`."""
+def _steps(
+    rho: float,
+    sigma: float,
+    n: float,
+    mu: float,
+    w_s: float,
+    dt: float,
+    peak_velocity: float,
+    reversal: float,
+) -> int:
+    """Sub-steps per sample, 0 for a candidate that is too stiff: the rule of `integrate.rs`."""
+    peak = peak_velocity + mu
+    excess = abs(2.0 * sigma - 1.0)
+    travel = min(math.log(1.0 + excess), 0.25 / (n - 1.0)) / (excess * rho)
+    unloading = min(peak, math.sqrt(2.0 * reversal * travel))
+    wanted = dt * (n * rho * max(peak, excess * unloading) + rho * mu / w_s) / RESOLUTION
+    steps = 1
+    while steps < wanted and steps <= MAX_SUBSTEPS:
+        steps *= 2
+    return steps if steps <= MAX_SUBSTEPS and math.isfinite(wanted) else 0
+
+
+# Any: numba's annotations lose the signature.
+steps_of: Any = numba.njit(error_model="numpy")(_steps)
+
+
+def _substeps(theta: Array, dt: float, peak_velocity: float, reversal: float) -> NDArray[np.int64]:
+    """Sub-steps per sample of each candidate, shape (m,)."""
     count = np.zeros(theta.shape[0], np.int64)
     for row in range(theta.shape[0]):
         rho, sigma, n, mu, w_s = theta[row, 4], theta[row, 5], theta[row, 6], theta[row, 7], theta[row, 9]
-        peak = peak_velocity + mu
-        excess = abs(2.0 * sigma - 1.0)
-        travel = min(math.log(1.0 + excess), 0.25 / (n - 1.0)) / (excess * rho)
-        unloading = min(peak, math.sqrt(2.0 * reversal_acceleration * travel))
-        bound = n * rho * max(peak, excess * unloading) + rho * mu / w_s
-        wanted = dt * bound / RESOLUTION
-        steps = 1
-        while steps < wanted and steps <= MAX_SUBSTEPS:
-            steps *= 2
-        if steps <= MAX_SUBSTEPS and math.isfinite(wanted):
-            count[row] = steps
+        count[row] = steps_of(rho, sigma, n, mu, w_s, dt, peak_velocity, reversal)
     return count
 
 
@@ -153,7 +169,6 @@ def _block_starts(count: NDArray[np.int64], block: int) -> NDArray[np.int64]:
     return starts[: n_blocks + 1]
 
 
-# Any: numba's annotations lose the signature.
 substeps_of: Any = numba.njit(error_model="numpy")(_substeps)
 block_starts: Any = numba.njit(_block_starts)
 
@@ -254,3 +269,27 @@ def _tanh_by_exp(w: float) -> float:
 
 
 FORMS: dict[str, tuple[Any, Any]] = {"power": (_power, _tanh), "exp_log": (_exp_log, _tanh_by_exp)}
+
+
+def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[NumbaObjective, str, float]:
+    """The fastest numba objective that agrees with ours, what it is, and the seconds of its first two calls.
+
+    Half of the candidates of the trial are scattered over the box, half lie close together, as in a search.
+    """
+    numba.set_num_threads(threads)
+    unit = np.random.default_rng(1).random((60, job.n_params))
+    unit[30:] = 0.5 + 0.05 * (unit[30:] - 0.5)
+    theta = job.theta(unit)
+    expected = job.objective(theta)
+    theta = theta[np.isfinite(expected)]
+    built: dict[str, NumbaObjective] = {}
+
+    def prepare(variant: ObjectiveVariant) -> Run:
+        objective = built[variant.describe()] = NumbaObjective.of(job, variant)
+        return lambda: objective.misfits(theta)
+
+    _, compiling = timed(lambda: (prepare(START)(), built[START.describe()].residuals(theta[:2])))
+    changes = CHANGES if choose else ()
+    peer = TimedPeer(start=START, changes=changes, prepare=prepare)
+    _, described = fastest_variant("numba", peer, expected[np.isfinite(expected)])
+    return built[described], described, compiling

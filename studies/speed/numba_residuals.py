@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from studies.speed.numba_objective import FASTMATH, FORMS, MAX_SUBSTEPS, RESOLUTION
+from studies.speed.numba_objective import FASTMATH, FORMS, steps_of
 from studies.speed.refine_job import RefineJob
 
 Array = NDArray[np.float64]
@@ -122,18 +122,11 @@ def _compiled(block: int, liberties: bool, form: str) -> Any:
     fastmath = FASTMATH if liberties else False
     power = numba.njit(inline="always", fastmath=fastmath)(FORMS[form][0])
 
-    def _substeps(p: Array, dt: float, peak: float, reversal: float) -> int:
-        rho, sigma, n = p[4], p[5], p[6]
-        excess = abs(2.0 * sigma - 1.0)
-        travel = min(math.log(1.0 + excess), 0.25 / (n - 1.0)) / (excess * rho)
-        unloading = min(peak, math.sqrt(2.0 * reversal * travel))
-        wanted = dt * n * rho * max(peak, excess * unloading) / RESOLUTION
-        steps = 1
-        while steps < wanted and steps <= MAX_SUBSTEPS:
-            steps *= 2
-        return steps if steps <= MAX_SUBSTEPS and wanted < 1e9 else 0
-
-    substeps = numba.njit(error_model="numpy")(_substeps)
+    @numba.njit(error_model="numpy")
+    def substeps(p: Array, dt: float, peak: float, reversal: float) -> int:
+        # Without the offset of the velocity, which is that of another model.
+        steps: int = steps_of(p[4], p[5], p[6], 0.0, 1.0, dt, peak, reversal)
+        return steps
 
     def _rate(v: float, w: float, rho: float, sigma: float, n: float) -> float:
         opposing = sigma * math.copysign(abs(v), w) + (1.0 - sigma) * v

@@ -2,63 +2,137 @@
 
 from __future__ import annotations
 
-import json
+import importlib.util
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
+import numpy as np
+
 from mrwork.errors import SettingError
-from studies.speed.bars import Bar
-from studies.speed.posterior_job import PosteriorSettings, SamplerRow, Setup
-from studies.speed.processes import cores_for, run_worker
+from mrwork.uncertainty import Ensemble, convergence, select_kept_rows
+from studies.common.table import table_of
+from studies.speed.bars import Bar, ratio_bar
+from studies.speed.posterior_job import Density, PosteriorJob, Rows, density_of
+from studies.speed.timing import require_agreement, rotated, timed
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
 
 _AIM = 5.0
 _OURS = "mrwork"
 # With fewer there is no effective size, and fewer walkers than twice the dimensions do not fill the space.
 _FEWEST_STEPS, _FEWEST_DRAWS, _FEWEST_WALKERS = 20, 10, 18
+# Number of turns in which each chain is advanced, so that the load of the machine affects all alike.
+_TURNS = 10
+# Densities that the contenders and we compute may differ by rounding, and by the rounding of another power function.
+_AGREEMENT = 1e-6
+_MOVES = {
+    "de": "our move, differences of the past",
+    "stretch": "the stretch move, emcee's default",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PosteriorBenchmark:
+class Setup:
+    """Values measured before the turns began; `missing` libraries are left out."""
+
+    test: str
+    synthetic: bool
+    n_time: int
+    n_dim: int
+    fit_percent: float
+    temper: float
+    threads: int
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SamplerRow:
+    """One sampler: `seconds` without `compile_seconds`; the least bulk ESS of all parameters, after the burn-in.
+
+    `simulating_share` is the part of the seconds spent in densities; those of NUTS have no such part.
+    """
+
+    sampler: str
+    threads: int
+    seconds: float
+    compile_seconds: float
+    ess_min: float
+    ess_per_second: float
+    rhat: float
+    evaluations: int
+    simulating_share: float | None
+    settings: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PosteriorBenchmark(Benchmark):
     """All that one run found; `interrupted` before all were done."""
 
     rows: tuple[SamplerRow, ...]
     setups: tuple[Setup, ...]
+    bars: tuple[Bar, ...]
     seconds: float
     interrupted: bool
 
     @property
-    def bars(self) -> tuple[Bar, ...]:
-        """Effective draws per second, times those of the best peer, on each number of threads."""
-        bars = []
-        for threads in dict.fromkeys(row.threads for row in self.rows):
-            rows = [row for row in self.rows if row.threads == threads]
-            ours = [row.ess_per_second for row in rows if row.sampler == _OURS]
-            peers = [row.ess_per_second for row in rows if row.sampler != _OURS]
-            bars.append(
-                Bar(
-                    claim="effective draws per second, times those of the best peer",
-                    threads=threads,
-                    aim=_AIM,
-                    measured=ours[0] / max(peers) if ours and peers else None,
-                )
-            )
-        return tuple(bars)
+    def exit_status(self) -> int:
+        """Of an interrupted run, 130."""
+        return 130 if self.interrupted else 0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self) | {"bars": [asdict(bar) | {"met": bar.met} for bar in self.bars]}
+    def text(self) -> Iterator[str]:
+        """Effective draws per second of each sampler, and the aims."""
+        if not self.setups:
+            yield "interrupted before anything was measured"
+            return
+        setup = self.setups[0]
+        kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
+        yield (
+            f"posterior of non_symmetric_bouc_wen and its noise, {setup.n_dim} dimensions, on {setup.test} ({kind}), "
+            f"{setup.n_time} samples, fit {setup.fit_percent:.2f} %, log-likelihood times {setup.temper:.3f}"
+        )
+        yield ""
+        yield from table_of(
+            "",
+            "sampler",
+            ((row.sampler, asdict(row)) for row in self.rows),
+            {
+                "threads": "{threads}",
+                "seconds": "{seconds:.1f}",
+                "compile": "{compile_seconds:.1f}",
+                "ESS": "{ess_min:.0f}",
+                "ESS/s": "{ess_per_second:.2f}",
+                "R-hat": "{rhat:.3f}",
+                "densities": "{evaluations}",
+                "in them": lambda row: (
+                    "-" if row["simulating_share"] is None else f"{row['simulating_share']:.0%}"
+                ),
+            },
+        ).lines()
+        yield ""
+        yield "ESS is the least bulk one of all parameters, walkers as chains, without the first quarter. Seconds are"
+        yield "without loading and compiling."
+        yield ""
+        yield from map(str, self.bars)
+        yield ""
+        for row in self.rows:
+            yield f"{row.sampler}: {row.settings}"
+        missing = sorted({name for setup in self.setups for name in setup.missing})
+        if missing:
+            yield f"not installed: {', '.join(missing)}; to compare, run: pip install 'mrwork[bench,nuts]'"
+        if self.interrupted:
+            yield "interrupted: the rows are those measured until then"
 
 
 def bench_posterior(
     *,
     steps: int = 2000,
     walkers: int = 64,
-    threads: tuple[int, ...] = (1,),
+    threads: Sequence[int] = (1,),
     nuts_draws: int = 100,
     quick: bool = False,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> PosteriorBenchmark:
     """Let all sample the same posterior from the same walkers, in turns.
 
@@ -72,7 +146,6 @@ def bench_posterior(
     threads : numbers of threads, none above the cores of this machine.
     nuts_draws : draws of NUTS, after as many of warm-up; 0 leaves it out.
     quick : the first variant of each peer that comes.
-    on_progress : called with one line of text: what runs.
     """
     few_draws = nuts_draws != 0 and nuts_draws < _FEWEST_DRAWS
     if min(*threads, 1) < 1 or steps < _FEWEST_STEPS or few_draws or walkers < _FEWEST_WALKERS or walkers % 2:
@@ -81,76 +154,242 @@ def bench_posterior(
             f"`threads` of 1 or more, and 0 or at least {_FEWEST_DRAWS} `nuts_draws`"
         )
     cores = cores_for(threads)
-    settings = PosteriorSettings(
-        steps=steps,
-        walkers=walkers,
-        nuts_warmup=nuts_draws,
-        nuts_draws=nuts_draws,
-        choose_variant=not quick,
-    )
-    rows: list[SamplerRow] = []
-    setups: list[Setup] = []
+    settings = {"steps": steps, "walkers": walkers, "nuts_draws": nuts_draws, "choose_variant": not quick}
+    received: list[SamplerRow | Setup] = []
     began = time.perf_counter()
     interrupted = False
     try:
         for count in threads:
-            arguments = [json.dumps(asdict(settings))]
-            for kind, content in run_worker("studies.speed.posterior_worker", cores[:count], arguments):
-                if kind == "setup":
-                    setups.append(Setup(**content))
-                elif kind == "row":
-                    rows.append(SamplerRow(**content))
-                elif on_progress is not None:
-                    on_progress(f"{count} thread(s), {content}")
+            for row in rows_of(measure, cores[:count], settings, say):
+                received.append(row)  # noqa: PERF402 # what came before an interruption stays
     except KeyboardInterrupt:
         interrupted = True
+    rows = tuple(row for row in received if isinstance(row, SamplerRow))
     return PosteriorBenchmark(
-        rows=tuple(rows),
-        setups=tuple(setups),
+        rows=rows,
+        setups=tuple(row for row in received if isinstance(row, Setup)),
+        bars=bars_of(rows),
         seconds=time.perf_counter() - began,
         interrupted=interrupted,
     )
 
 
-def format_posterior(benchmark: PosteriorBenchmark) -> str:
-    """Return the benchmark as aligned text."""
-    return "\n".join(_lines(benchmark))
+def bars_of(rows: Sequence[SamplerRow]) -> tuple[Bar, ...]:
+    """Effective draws per second, times those of the best peer, on each number of threads."""
 
-
-def _lines(benchmark: PosteriorBenchmark) -> Iterator[str]:
-    if not benchmark.setups:
-        yield "interrupted before anything was measured"
-        return
-    setup = benchmark.setups[0]
-    kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
-    yield (
-        f"posterior of non_symmetric_bouc_wen and its noise, {setup.n_dim} dimensions, on {setup.test} ({kind}), "
-        f"{setup.n_time} samples, fit {setup.fit_percent:.2f} %, log-likelihood times {setup.temper:.3f}"
-    )
-    yield ""
-    yield (
-        f"{'sampler':<24} {'threads':>7} {'seconds':>8} {'compile':>8} {'ESS':>7} {'ESS/s':>8} {'R-hat':>6} "
-        f"{'densities':>9} {'in them':>7}"
-    )
-    for row in benchmark.rows:
-        share = "-" if row.simulating_share is None else f"{row.simulating_share:.0%}"
-        yield (
-            f"{row.sampler:<24} {row.threads:>7} {row.seconds:>8.1f} {row.compile_seconds:>8.1f} {row.ess_min:>7.0f} "
-            f"{row.ess_per_second:>8.2f} {row.rhat:>6.3f} {row.evaluations:>9} {share:>7}"
+    def best(threads: int, *, ours: bool) -> float | None:
+        speeds = (
+            row.ess_per_second for row in rows if row.threads == threads and (row.sampler == _OURS) is ours
         )
-    yield ""
-    yield "ESS is the least bulk one of all parameters, walkers as chains, without the first quarter. Seconds are"
-    yield "without loading and compiling."
-    yield ""
-    for bar in benchmark.bars:
-        measured = "no peer" if bar.measured is None else f"{bar.measured:.3g}"
-        met = "met" if bar.met else "NOT MET"
-        yield f"{met:<8} {bar.claim}, {bar.threads} thread(s): {measured}, aim {bar.aim:g}"
-    yield ""
-    for row in benchmark.rows:
-        yield f"{row.sampler}: {row.settings}"
-    missing = sorted({name for each in benchmark.setups for name in each.missing})
-    if missing:
-        yield f"not installed: {', '.join(missing)}; to compare, run: pip install 'mrwork[bench,nuts]'"
-    if benchmark.interrupted:
-        yield "interrupted: the rows are those measured until then"
+        return max(speeds, default=None)
+
+    return tuple(
+        ratio_bar(
+            "effective draws per second, times those of the best peer",
+            threads,
+            _AIM,
+            best(threads, ours=True),
+            best(threads, ours=False),
+        )
+        for threads in dict.fromkeys(row.threads for row in rows)
+    )
+
+
+class _Clock:
+    """A density that counts its evaluations and their time."""
+
+    def __init__(self, density: Density) -> None:
+        self.density = density
+        self.seconds, self.evaluations = 0.0, 0
+
+    def __call__(self, position: Rows) -> Rows:
+        result, seconds = timed(lambda: self.density(position))
+        self.seconds += seconds
+        self.evaluations += len(position)
+        return result
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Contender:
+    """An ensemble on one implementation of the density; `advance` takes steps and returns the chain so far."""
+
+    name: str
+    settings: str
+    compile_seconds: float
+    advance: Callable[[int], Rows]
+    clock: _Clock
+    seconds: float = 0.0
+    chain: Rows | None = None
+
+
+def measure(
+    *, threads: int, steps: int, walkers: int, nuts_draws: int, choose_variant: bool
+) -> Iterator[Setup | SamplerRow | str]:
+    """All samplers on one number of threads."""
+    yield "fitting the reference test"
+    job = PosteriorJob.of(threads=threads, n_walkers=walkers)
+    missing = [name for name in ("numba", "numpyro") if importlib.util.find_spec(name) is None]
+    yield Setup(
+        test=job.search.test.name,
+        synthetic=job.search.test.synthetic,
+        n_time=job.search.test.n_time,
+        n_dim=job.target.space.n_dim,
+        fit_percent=100.0 * (1.0 - float(job.search.objective(job.start[None])[0])),
+        temper=job.target.temper,
+        threads=threads,
+        missing=tuple(missing),
+    )
+    yield "compiling the twin"
+    everyone = [_contender(_OURS, "de", job.target, 0.0, "Rust core", job)]
+    everyone += _on_peer("jax", *_fastest_jax(job, choose=choose_variant), job)
+    if "numba" not in missing:
+        yield "choosing the fastest numba"
+        everyone += _on_peer("numba", *_fastest_numba(job, threads, choose=choose_variant), job)
+    for turn in range(_TURNS):
+        share = steps * (turn + 1) // _TURNS - steps * turn // _TURNS
+        for contender in rotated(everyone, turn):
+            yield f"turn {turn + 1} of {_TURNS}: {contender.name}"
+            contender.chain, seconds = timed(partial(contender.advance, share))
+            contender.seconds += seconds
+    for contender in everyone:
+        yield _row(contender, job, steps, threads)
+    if "numpyro" not in missing and nuts_draws:
+        yield f"NUTS: {nuts_draws} + {nuts_draws} draws, twice"
+        yield _nuts(job, nuts_draws, threads)
+
+
+def _fastest_jax(job: PosteriorJob, *, choose: bool) -> tuple[Density, float, str]:
+    """The fastest layout of the twin on half and whole ensembles, with the seconds that its own compiling took."""
+    from studies.speed.posterior_jax import VARIANTS, density_on_twin
+
+    half = job.walkers[: len(job.walkers) // 2]
+    expected = job.target(half)
+
+    # Stretch moves ask for halves, ours for the whole, which is another shape.
+    def both(density: Density) -> tuple[Rows, Rows]:
+        return density(half), density(job.walkers)
+
+    choices: list[tuple[float, float, Density, str]] = []
+    for variant in VARIANTS if choose else VARIANTS[2:3]:
+        density = density_on_twin(job, variant)
+        (values, _), compiling = timed(partial(both, density))
+        _agree("jax", values, expected, job)
+        seconds = min(timed(partial(both, density))[1] for _ in range(5))
+        choices.append((seconds, compiling, density, variant.describe()))
+    _, compiling, density, described = min(choices, key=lambda choice: choice[0])
+    return density, compiling, f"jit, {described}"
+
+
+def _fastest_numba(job: PosteriorJob, threads: int, *, choose: bool) -> tuple[Density, float, str]:
+    from studies.speed.numba_objective import fastest_numba
+
+    objective, described, compiling = fastest_numba(job.search, threads, choose=choose)
+    density = density_of(job.target, objective)
+    half = job.walkers[: len(job.walkers) // 2]
+    _agree("numba", density(half), job.target(half), job)
+    return density, compiling, described
+
+
+def _on_peer(
+    name: str, density: Density, compiling: float, described: str, job: PosteriorJob
+) -> list[_Contender]:
+    """Emcee on the density of a peer, with our move and with its own."""
+    return [
+        _contender(f"emcee on {name}, {move}", move, density, compiling, described, job) for move in _MOVES
+    ]
+
+
+def _contender(
+    name: str, move: str, density: Density, compiling: float, described: str, job: PosteriorJob
+) -> _Contender:
+    """An ensemble with our move, as `mrwork.sample` runs it, or with emcee's default, as emcee runs it."""
+    clock = _Clock(density)
+    return _Contender(
+        name=name,
+        settings=f"{_MOVES[move]}; {described}",
+        compile_seconds=compiling,
+        advance=_with_ours(job, clock) if move == "de" else _with_stretch(job, clock),
+        clock=clock,
+    )
+
+
+def _with_ours(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
+    ensemble = Ensemble.begin(clock, job.walkers, rng=1)
+
+    def advance(steps: int) -> Rows:
+        ensemble.advance(ensemble.n_steps + steps, lambda _: None)
+        return ensemble.positions
+
+    return advance
+
+
+def _with_stretch(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
+    import emcee
+
+    np.random.seed(1)  # noqa: NPY002 # emcee's stream begins where NumPy's stands
+    sampler = emcee.EnsembleSampler(*job.walkers.shape, clock, vectorize=True)
+    state: list[Any] = [job.walkers]
+
+    def advance(steps: int) -> Rows:
+        state[0] = sampler.run_mcmc(state[0], steps, skip_initial_state_check=True)
+        return np.concatenate([job.walkers[None], sampler.get_chain()])
+
+    return advance
+
+
+def _row(contender: _Contender, job: PosteriorJob, steps: int, threads: int) -> SamplerRow:
+    assert contender.chain is not None
+    space = job.target.space
+    values, _ = space.values(contender.chain[select_kept_rows(steps)])
+    ess, rhat = _mixing(np.moveaxis(values[..., np.array(space.box.free)], 0, 1))
+    return SamplerRow(
+        sampler=contender.name,
+        threads=threads,
+        seconds=contender.seconds,
+        compile_seconds=contender.compile_seconds,
+        ess_min=ess,
+        ess_per_second=ess / contender.seconds,
+        rhat=rhat,
+        evaluations=contender.clock.evaluations,
+        simulating_share=contender.clock.seconds / contender.seconds,
+        settings=f"{len(job.walkers)} walkers, {steps} steps; {contender.settings}",
+    )
+
+
+def _nuts(job: PosteriorJob, draws: int, threads: int) -> SamplerRow:
+    """NUTS twice, with two seeds: what the first run took longer than the second was compiling."""
+    from mrwork.uncertainty import nuts_of
+
+    sample = nuts_of(job.target, job.start, warmup=draws, draws=draws, chains=1)
+    _, first = timed(lambda: sample(1))
+    result, seconds = timed(lambda: sample(2))
+    ess, rhat = _mixing(result.values[..., np.array(job.target.space.box.free)])
+    return SamplerRow(
+        sampler="numpyro NUTS",
+        threads=threads,
+        seconds=seconds,
+        compile_seconds=max(first - seconds, 0.0),
+        ess_min=ess,
+        ess_per_second=ess / seconds,
+        rhat=rhat,
+        evaluations=result.evaluations,
+        simulating_share=None,
+        settings=f"{draws} + {draws} draws, dense mass, forward derivatives of the twin; "
+        f"{result.diverged} diverged; gradients of the draws alone are counted",
+    )
+
+
+def _mixing(chains: Rows) -> tuple[float, float]:
+    """Least bulk ESS and largest R-hat of chains, (n_chains, n_draws, n_params)."""
+    judged = [convergence(np.ascontiguousarray(chains[..., index])) for index in range(chains.shape[-1])]
+    return min(verdict.ess_bulk for verdict in judged), max(verdict.rhat for verdict in judged)
+
+
+def _agree(name: str, values: Rows, expected: Rows, job: PosteriorJob) -> None:
+    """Compare those walkers that take the sub-steps of the start; the twin has no others."""
+    theta, _ = job.target.space.values(job.walkers[: len(values)])
+    (run,) = job.search.objective.misfits(np.ascontiguousarray(theta[:, : job.target.space.n_params]))
+    (start,) = job.search.objective.misfits(job.start[None])
+    same = run.substeps == start.substeps[0]
+    difference = float(np.max(np.abs(values[same] / expected[same] - 1.0), initial=0.0))
+    require_agreement(f"{name} and the compiled kernel", "density", difference, _AGREEMENT)

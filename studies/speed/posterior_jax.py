@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -13,54 +12,30 @@ from jax import Array, lax
 
 from mrwork.twins import twin_of
 from mrwork.uncertainty import Target, substeps_at, twin_log_posterior
-from studies.speed.posterior_job import PosteriorJob, Rows
+from studies.speed.jax_peer import JaxVariant
+from studies.speed.posterior_job import Density, PosteriorJob
+from studies.speed.twin_peer import step
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JaxVariant:
-    """A way to lay out the twin: `unroll` 0 is `vmap` of all that it keeps, else a scan that keeps the misfit alone."""
-
-    unroll: int = 0
-    vector_bits: int = 0
-
-    def describe(self) -> str:
-        """In a few words, for the table."""
-        layout = f"scan of arrays, misfit only, unroll {self.unroll}" if self.unroll else "vmap(simulate)"
-        return f"jit, {layout}{f', {self.vector_bits}-bit vectors' if self.vector_bits else ''}"
-
-
-JAX_VARIANTS = (
-    JaxVariant(),
-    JaxVariant(unroll=1),
-    JaxVariant(unroll=2),
-    JaxVariant(unroll=4),
-    JaxVariant(unroll=2, vector_bits=512),
+# XLA compiles for batches, without a split over devices.
+VARIANTS = (
+    JaxVariant(layout="simulate", split=False),
+    JaxVariant(layout="arrays", unroll=1, split=False),
+    JaxVariant(layout="arrays", unroll=2, split=False),
+    JaxVariant(layout="arrays", unroll=4, split=False),
+    JaxVariant(layout="arrays", unroll=2, vector_bits=512, split=False),
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JaxTarget:
-    """The target on the twin, compiled for batches, with the sub-steps that the start has."""
-
-    compiled: jax.stages.Wrapped
-
-    @classmethod
-    def of(cls, job: PosteriorJob, variant: JaxVariant) -> JaxTarget:
-        """Compile on the first call."""
-        substeps = substeps_at(job.target, job.start)
-        batched: Callable[[Array], Array]
-        if variant.unroll:
-            batched = partial(_scan_log_posterior, job.target, substeps[0], variant.unroll)
-        else:
-            batched = jax.vmap(twin_log_posterior(job.target, substeps))
-        options: dict[str, str | bool] | None = None
-        if variant.vector_bits:
-            options = {"xla_cpu_prefer_vector_width": str(variant.vector_bits)}
-        return cls(compiled=jax.jit(batched, compiler_options=options))
-
-    def __call__(self, position: Rows) -> Rows:
-        """Log posterior of each row."""
-        return np.asarray(self.compiled(position))
+def density_on_twin(job: PosteriorJob, variant: JaxVariant) -> Density:
+    """The target on the twin with the sub-steps that the start has, compiled on the first call."""
+    substeps = substeps_at(job.target, job.start)
+    batched: Callable[[Array], Array]
+    if variant.layout == "arrays":
+        batched = partial(_scan_log_posterior, job.target, substeps[0], variant.unroll)
+    else:
+        batched = jax.vmap(twin_log_posterior(job.target, substeps))
+    compiled = jax.jit(batched, compiler_options=variant.options)
+    return lambda position: np.asarray(compiled(position))
 
 
 def _scan_log_posterior(target: Target, substeps: int, unroll: int, position: Array) -> Array:
@@ -83,12 +58,7 @@ def _scan_log_posterior(target: Target, substeps: int, unroll: int, position: Ar
         state, total = carry
         motions, measured, counts = inputs
         for begin in range(0, 2 * substeps, 2):
-            (x0, v0), (x1, v1), (x2, v2) = motions[begin], motions[begin + 1], motions[begin + 2]
-            first = twin.rate(p, state, x0, v0)
-            second = twin.rate(p, state + 0.5 * h * first, x1, v1)
-            third = twin.rate(p, state + 0.5 * h * second, x1, v1)
-            fourth = twin.rate(p, state + h * third, x2, v2)
-            state = state + h / 6.0 * (first + 2.0 * (second + third) + fourth)
+            state = step(twin, p, state, motions[begin : begin + 3], h)
         return (state, total + squared(state, motions[-1], measured, counts)), None
 
     rest = jnp.zeros((objective.spec.n_states, len(position)))

@@ -6,6 +6,7 @@ independent Gaussian noise of unknown size, so 9 dimensions. The likelihood is t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,54 +15,12 @@ from numpy.typing import NDArray
 from mrwork import identify
 from mrwork.identification import identifiable_form
 from mrwork.uncertainty import Iid, Target, first_walkers
+from studies.speed.attempt import BatchObjective
 from studies.speed.search_job import REFERENCE, SearchJob, record
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PosteriorSettings:
-    """How much is measured; `choose_variant` looks for the fastest way to compile the peers."""
-
-    steps: int
-    walkers: int
-    nuts_warmup: int
-    nuts_draws: int
-    choose_variant: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setup:
-    """Values measured before the turns began; `missing` libraries are left out."""
-
-    test: str
-    synthetic: bool
-    n_time: int
-    n_dim: int
-    fit_percent: float
-    temper: float
-    threads: int
-    missing: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SamplerRow:
-    """One sampler: `seconds` without `compile_seconds`; the least bulk ESS of all parameters, after the burn-in.
-
-    `simulating_share` is the part of the seconds spent in densities; those of NUTS have no such part.
-    """
-
-    sampler: str
-    threads: int
-    seconds: float
-    compile_seconds: float
-    ess_min: float
-    ess_per_second: float
-    rhat: float
-    evaluations: int
-    simulating_share: float | None
-    settings: str
-
-
 Rows = NDArray[np.float64]
+Density = Callable[[Rows], Rows]
+"""Log posterior of each row."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,3 +46,21 @@ class PosteriorJob:
         target = Target.of(form, search.objective, Iid(), start=start, priors={}, tempering="effective")
         walkers = first_walkers(target, start, n_walkers, np.random.default_rng(1))
         return cls(search=search, target=target, start=start, walkers=walkers)
+
+
+def density_of(target: Target, objective: BatchObjective) -> Density:
+    """The target with misfits from another simulation."""
+    n_params, n_time = target.space.n_params, target.objective.n_time
+
+    def density(position: Rows) -> Rows:
+        values, inside = target.space.values(position)
+        result = np.full(len(position), -np.inf)
+        rows = np.flatnonzero(inside)
+        if rows.size:
+            # The squared misfit is the mean of squared residuals in deviations of the force.
+            squared = n_time * objective.misfits(np.ascontiguousarray(values[rows, :n_params])) ** 2
+            likelihood = target.noise.log_likelihood_of_sum(squared, n_time, values[rows, n_params:])
+            result[rows] = target.temper * likelihood
+        return result
+
+    return density

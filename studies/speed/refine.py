@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import SettingError
+from studies.common.table import table_of
 from studies.speed.bars import Bar
-from studies.speed.refine_engines import Ended, Engine, engines
+from studies.speed.refine_engines import Engine, Refined, engines
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
+from studies.speed.timing import require_agreement, timed
+from studies.speed.workers import Benchmark, Say, silent
 
 # 0.01 points of fit.
 _NEAR = 1e-4
@@ -36,7 +38,7 @@ class RefineRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RefineBenchmark:
+class RefineBenchmark(Benchmark):
     """All that one run found; `best_known_percent` and whether a test was synthetic by job."""
 
     rows: tuple[RefineRow, ...]
@@ -46,9 +48,33 @@ class RefineBenchmark:
     numba_layout: dict[str, str]
     missing: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self) | {"bars": [asdict(bar) | {"met": bar.met} for bar in self.bars]}
+    def text(self) -> Iterator[str]:
+        """Milliseconds and simulations of each engine, and the aims."""
+        yield "from starts near a minimum to the minimum, normalised_bouc_wen; medians over the starts, in turns"
+        yield ""
+        yield from table_of(
+            "",
+            "job",
+            ((row.job, asdict(row)) for row in self.rows),
+            {
+                "engine": "{engine}",
+                "ms": lambda row: f"{1e3 * row['seconds']:.2f}",
+                "simulations": "{simulations:.0f}",
+                "success": "{success:.0%}",
+                "starts": "{n_starts}",
+                "compile s": "{compile_seconds:.2f}",
+            },
+        ).lines()
+        yield ""
+        yield "A simulation of ours brings its exact Jacobian along. Success: within 0.01 points of the best known."
+        for job, percent in self.best_known_percent.items():
+            kind = "SYNTHETIC, the measured record is not here" if self.synthetic[job] else "measured"
+            yield f"{job}: best known {percent:.3f} % ({kind})"
+        for job, layout in self.numba_layout.items():
+            yield f"{job}: fastest numba {layout}"
+        for name in self.missing:
+            yield f"not here: {name}"
+        yield from map(str, self.bars)
 
 
 def bench_refine(
@@ -56,7 +82,7 @@ def bench_refine(
     seeds: int = 20,
     threads: int = 0,
     quick: bool = False,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> RefineBenchmark:
     """Refine the same starts with every engine in turns, start by start.
 
@@ -67,11 +93,9 @@ def bench_refine(
     seeds : starts of each job.
     threads : threads of our simulation, 0 for all; numba has all.
     quick : one record only, without the twin, the first numba that comes.
-    on_progress : called with one line of text.
     """
     if seeds < 1:
         raise SettingError(f"`seeds` is {seeds}; give 1 or more")
-    report = on_progress or (lambda _: None)
     jobs: list[RefineJob] = [reference_job(seeds, threads)]
     missing = []
     joint = None if quick else joint_job(seeds, threads)
@@ -85,21 +109,18 @@ def bench_refine(
     best: dict[str, float] = {}
     layouts: dict[str, str] = {}
     for job in jobs:
-        report(f"{job.name}: {len(job.objective.tests)} test(s), {job.objective.n_time} samples")
+        say(f"{job.name}: {len(job.objective.tests)} test(s), {job.objective.n_time} samples")
         peer = None
         if "numba" not in missing:
             from studies.speed.numba_residuals import LAYOUTS, fastest_layout
 
             peer = fastest_layout(job, LAYOUTS[-1:] if quick else LAYOUTS)
             layouts[job.name] = peer.layout.describe()
-            difference = np.max(np.abs(peer(job.starts) - job.objective.residuals(job.starts)))
-            if difference > _AGREEMENT:
-                raise MrworkError(
-                    f"residuals of numba on the {job.name} job differ from ours by {difference:.2g}"
-                )
+            difference = float(np.max(np.abs(peer(job.starts) - job.objective.residuals(job.starts))))
+            require_agreement("numba and the compiled kernel", "residual", difference, _AGREEMENT)
         # Thirty scans take minutes to compile and differentiate.
         taking_part = engines(job, twin=not quick and job.name == "reference", peer=peer)
-        own, best[job.name] = _rows(job, taking_part, report)
+        own, best[job.name] = _rows(job, taking_part, say)
         rows += own
     return RefineBenchmark(
         rows=tuple(rows),
@@ -111,36 +132,30 @@ def bench_refine(
     )
 
 
-def _rows(
-    job: RefineJob, taking_part: list[Engine], report: Callable[[str], None]
-) -> tuple[list[RefineRow], float]:
+def _rows(job: RefineJob, taking_part: Sequence[Engine], say: Say) -> tuple[list[RefineRow], float]:
     """Rows of one job, and the fit in % of the best minimum that any engine found."""
     first_call: dict[str, float] = {}
     for engine in taking_part:
-        began = time.perf_counter()
-        engine.run(job.starts[: engine.at_once])
-        first_call[engine.name] = time.perf_counter() - began
-        report(f"{job.name}, {engine.name}: first call {first_call[engine.name]:.2f} s")
-    found: dict[str, list[tuple[float, Ended]]] = {engine.name: [] for engine in taking_part}
+        _, first_call[engine.name] = timed(partial(engine.run, job.starts[: engine.at_once]))
+        say(f"{job.name}, {engine.name}: first call {first_call[engine.name]:.2f} s")
+    calls: dict[str, list[tuple[Refined, float]]] = {engine.name: [] for engine in taking_part}
     for index in range(len(job.starts)):
         for engine in taking_part:
-            if index % engine.at_once:
-                continue
-            starts = job.starts[index : index + engine.at_once]
-            began = time.perf_counter()
-            ended = engine.run(starts)
-            found[engine.name].append(((time.perf_counter() - began) / len(starts), ended))
-    misfits = {name: np.concatenate([ended.misfit for _, ended in own]) for name, own in found.items()}
+            if index % engine.at_once == 0:
+                starts = job.starts[index : index + engine.at_once]
+                refined, spent = timed(partial(engine.run, starts))
+                calls[engine.name].append((refined, spent / len(starts)))
+    misfits = {name: np.concatenate([refined.misfit for refined, _ in own]) for name, own in calls.items()}
     least = min(float(own.min()) for own in misfits.values())
     rows = []
     for engine in taking_part:
-        seconds = float(np.median([spent for spent, _ in found[engine.name]]))
+        seconds = float(np.median([spent for _, spent in calls[engine.name]]))
         rows.append(
             RefineRow(
                 engine=engine.name,
                 job=job.name,
                 seconds=seconds,
-                simulations=float(np.median([ended.simulations for _, ended in found[engine.name]])),
+                simulations=float(np.median([refined.simulations for refined, _ in calls[engine.name]])),
                 success=float(np.mean(misfits[engine.name] <= least + _NEAR)),
                 n_starts=len(misfits[engine.name]),
                 compile_seconds=max(first_call[engine.name] - seconds * engine.at_once, 0.0),
@@ -177,32 +192,3 @@ def _bars(rows: list[RefineRow]) -> list[Bar]:
             for row in theirs
         ]
     return bars
-
-
-def format_refine(benchmark: RefineBenchmark) -> str:
-    """Return the benchmark as aligned text."""
-    lines = [
-        "from starts near a minimum to the minimum, normalised_bouc_wen; medians over the starts, in turns",
-        "",
-    ]
-    lines.append(
-        f"{'job':<10} {'engine':<25} {'ms':>9} {'simulations':>11} {'success':>8} {'starts':>6} {'compile s':>9}"
-    )
-    lines += [
-        f"{row.job:<10} {row.engine:<25} {1e3 * row.seconds:>9.2f} {row.simulations:>11.0f} {row.success:>8.0%} "
-        f"{row.n_starts:>6} {row.compile_seconds:>9.2f}"
-        for row in benchmark.rows
-    ]
-    lines += [
-        "",
-        "A simulation of ours brings its exact Jacobian along. Success: within 0.01 points of the best known.",
-    ]
-    for job, percent in benchmark.best_known_percent.items():
-        kind = "SYNTHETIC, the measured record is not here" if benchmark.synthetic[job] else "measured"
-        lines.append(f"{job}: best known {percent:.3f} % ({kind})")
-    lines += [f"{job}: fastest numba {layout}" for job, layout in benchmark.numba_layout.items()]
-    lines += [f"not here: {name}" for name in benchmark.missing]
-    for bar in benchmark.bars:
-        measured = "nothing" if bar.measured is None else f"{bar.measured:.3g}"
-        lines.append(f"{'met' if bar.met else 'NOT MET':<8} {bar.claim}: {measured}, aim {bar.aim:g}")
-    return "\n".join(lines)

@@ -18,7 +18,7 @@ _TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
+class Refined:
     """Misfits of the starts, shape (n_starts,), and simulations of each on average."""
 
     misfit: Array
@@ -30,7 +30,7 @@ class Engine:
     """Refines starts, shape (n_starts, n_params); `at_once` of them in one call, of which each has its share."""
 
     name: str
-    run: Callable[[Array], Ended]
+    run: Callable[[Array], Refined]
     at_once: int = 1
     is_ours: bool = True
 
@@ -39,13 +39,13 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
     """Ours in lanes, the twin if `twin`, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
     objective, box = job.objective, job.box
 
-    def counted(run: Callable[[Array], Array]) -> Callable[[Array], Ended]:
-        def ended(starts: Array) -> Ended:
+    def counted(run: Callable[[Array], Array]) -> Callable[[Array], Refined]:
+        def refined(starts: Array) -> Refined:
             before = objective.tally.simulations
             misfit = run(starts)
-            return Ended(misfit=misfit, simulations=(objective.tally.simulations - before) / len(starts))
+            return Refined(misfit=misfit, simulations=(objective.tally.simulations - before) / len(starts))
 
-        return ended
+        return refined
 
     def scipy_on_rust(starts: Array) -> Array:
         return np.array(
@@ -72,12 +72,12 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
     return found
 
 
-def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array], Ended]:
-    def run(starts: Array) -> Ended:
-        ended = [_descended(job, peer, start) for start in starts]
-        return Ended(
-            misfit=np.array([misfit for misfit, _ in ended]),
-            simulations=float(np.mean([simulations for _, simulations in ended])),
+def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array], Refined]:
+    def run(starts: Array) -> Refined:
+        minima = [_descended(job, peer, start) for start in starts]
+        return Refined(
+            misfit=np.array([misfit for misfit, _ in minima]),
+            simulations=float(np.mean([simulations for _, simulations in minima])),
         )
 
     return run

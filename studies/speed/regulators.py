@@ -2,31 +2,82 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from typing import Any
 
-from mrwork.errors import SettingError
-from studies.speed.processes import cores_for, run_worker
-from studies.speed.regulators_worker import RegulatorRow, RegulatorSettings
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from mrwork.control import regulator_gains
+from mrwork.errors import MrworkError, SettingError
+from studies.common.table import table_of
+from studies.speed.timing import require_agreement, timed
+from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+
+Floats = NDArray[np.float64]
 
 # Equations of a batch by states: about a tenth of a second of ours on one thread.
 _BATCHES = {6: 8192, 10: 4096, 20: 512, 40: 64}
 # SciPy takes its time, and its equations are solved one after another.
 _OF_SCIPY = 64
+# Relative difference of gains that two solvers of a well-scaled equation may have.
+AGREEMENT = 1e-7
+_RANDOM_SEED = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RegulatorBenchmark:
+class RegulatorRow:
+    """Designs per second on one number of threads, medians of the rounds.
+
+    Attributes
+    ----------
+    ours, scipy : designs per second of `regulator_gains` and of `scipy.linalg.solve_continuous_are`.
+    ratio : ours over SciPy's.
+    residual, scipy_residual : largest of the equations `A'P + P A - P B R^-1 B'P + Q`, relative to the norms of their
+        terms, in the coordinates that both are given.
+    difference : largest relative difference of a gain.
+    """
+
+    states: int
+    batch: int
+    threads: int
+    ours: float
+    scipy: float
+    ratio: float
+    residual: float
+    scipy_residual: float
+    difference: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegulatorBenchmark(Benchmark):
     """All rows of one run."""
 
     rows: tuple[RegulatorRow, ...]
     rounds: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self)
+    def text(self) -> Iterator[str]:
+        """Designs per second, their ratio, and how well the equations are solved."""
+        yield "Riccati gains of shear frames with one device, a plant and a weight each; designs per second,"
+        yield f"medians of {self.rounds} rounds"
+        yield ""
+        yield from table_of(
+            "",
+            "states",
+            ((str(row.states), asdict(row)) for row in self.rows),
+            {
+                "batch": "{batch}",
+                "threads": "{threads}",
+                "ours": "{ours:.0f}",
+                "scipy": "{scipy:.0f}",
+                "ratio": "{ratio:.1f}",
+                "residual": "{residual:.1e}",
+                "of scipy": "{scipy_residual:.1e}",
+                "gains differ": "{difference:.0e}",
+            },
+        ).lines()
 
 
 def bench_regulators(
@@ -35,9 +86,9 @@ def bench_regulators(
     threads: Sequence[int] = (1, 2),
     rounds: int = 7,
     batch: int | None = None,
-    on_progress: Callable[[str], None] | None = None,
+    say: Say = silent,
 ) -> RegulatorBenchmark:
-    """Regulators of shear frames, each with its own plant and weight; see `regulators_worker.frames`.
+    """Regulators of shear frames, each with its own plant and weight; see `frames`.
 
     Parameters
     ----------
@@ -49,8 +100,6 @@ def bench_regulators(
         Repetitions, of which the median counts; ours and SciPy take turns.
     batch
         Equations of a batch; by default a number for each size that takes about a tenth of a second.
-    on_progress
-        Called with one line of text for each row.
     """
     if (
         not threads
@@ -64,31 +113,83 @@ def bench_regulators(
     for count in threads:
         for n in states:
             size = batch or _BATCHES.get(n, max(8, 4_000_000 // n**3))
-            settings = RegulatorSettings(
-                states=n, batch=size, scipy_batch=min(size, _OF_SCIPY), rounds=rounds
-            )
-            received = run_worker(
-                "studies.speed.regulators_worker", cores[:count], [json.dumps(asdict(settings))]
-            )
-            (row,) = [RegulatorRow(**content) for kind, content in received if kind == "row"]
+            (row,) = rows_of(measure, cores[:count], {"states": n, "batch": size, "rounds": rounds}, say)
             rows.append(row)
-            if on_progress is not None:
-                on_progress(f"{count} thread(s), {n} states: {row.ours:.0f} designs/s")
+            say(f"{count} thread(s), {n} states: {row.ours:.0f} designs/s")
     return RegulatorBenchmark(rows=tuple(rows), rounds=rounds)
 
 
-def format_regulators(benchmark: RegulatorBenchmark) -> str:
-    """Return the benchmark as aligned text."""
-    lines = [
-        "Riccati gains of shear frames with one device, a plant and a weight each; designs per second, medians of "
-        f"{benchmark.rounds} rounds",
-        "",
-        f"{'states':>6} {'batch':>6} {'threads':>7} {'ours':>9} {'scipy':>8} {'ratio':>7} {'residual':>9} "
-        f"{'of scipy':>9} {'gains differ':>12}",
-    ]
-    lines += [
-        f"{row.states:>6} {row.batch:>6} {row.threads:>7} {row.ours:>9.0f} {row.scipy:>8.0f} {row.ratio:>7.1f} "
-        f"{row.residual:>9.1e} {row.scipy_residual:>9.1e} {row.difference:>12.0e}"
-        for row in benchmark.rows
-    ]
-    return "\n".join(lines)
+def frames(states: int, batch: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Shear frames of 330 kg and 1.45 MN/m a storey, +-10 %, 1 to 3 % of damping, a device across the first storey.
+
+    A, B, Q and R of a batch, shapes (batch, n, n), (batch, n, 1), (n, n), (batch, 1, 1). The coordinates are those in
+    which s's is twice the energy of the frame, so that SciPy meets well-scaled matrices; the energy is weighed, with R
+    from 1e-9 to 1e-5 1/N^2.
+    """
+    rng = np.random.default_rng(_RANDOM_SEED)
+    n = states // 2
+    A, B = np.zeros((batch, states, states)), np.zeros((batch, states, 1))
+    for row in range(batch):
+        stiffness = 1.448e6 * rng.uniform(0.9, 1.1, n)
+        mass = 330.0 * rng.uniform(0.9, 1.1, n)
+        # Each spring is stretched by the difference of two floors: K = E' diag(k) E.
+        stretch = np.sqrt(stiffness)[:, None] * (np.eye(n) - np.eye(n, k=-1)) / np.sqrt(mass)
+        frequencies = np.linalg.svd(stretch, compute_uv=False)
+        damping = 2.0 * rng.uniform(0.01, 0.03) / (frequencies[0] + frequencies[-1])
+        A[row, :n, n:] = stretch
+        A[row, n:, :n] = -stretch.T
+        A[row, n:, n:] = -damping * (stretch.T @ stretch + frequencies[0] * frequencies[-1] * np.eye(n))
+        B[row, n, 0] = -1.0 / np.sqrt(mass[0])
+    R = rng.permutation(np.geomspace(1e-9, 1e-5, batch)).reshape(-1, 1, 1)
+    return A, B, np.eye(states), R
+
+
+def measure(*, threads: int, states: int, batch: int, rounds: int) -> Iterator[RegulatorRow]:
+    """Check that both find the same gains, then time them in turns."""
+    A, B, Q, R = frames(states, batch)
+    few = min(batch, _OF_SCIPY)
+
+    def ours() -> tuple[Floats, Floats]:
+        designed = regulator_gains(A, B, Q, R, scaling=np.eye(states), threads=threads)
+        if not designed.solved.all():
+            missing = int(np.sum(~designed.solved))
+            raise MrworkError(f"{missing} of the regulators of {states} states were not found")
+        return designed.gain, designed.P
+
+    def of_scipy(row: int) -> Floats:
+        return np.asarray(scipy.linalg.solve_continuous_are(A[row], B[row], Q, R[row]), dtype=np.float64)
+
+    with ThreadPoolExecutor(threads) as pool:
+
+        def peer() -> Floats:
+            # LAPACK is called without the interpreter, so threads gain something.
+            rows = range(few)
+            return np.array([of_scipy(row) for row in rows] if threads == 1 else [*pool.map(of_scipy, rows)])
+
+        gain, P = ours()
+        other = peer()
+        gain_of_other = np.swapaxes(B[:few], 1, 2) @ other / R[:few]
+        sizes = np.linalg.norm(gain[:few], axis=(1, 2))
+        difference = float(np.max(np.linalg.norm(gain_of_other - gain[:few], axis=(1, 2)) / sizes))
+        require_agreement("mrwork and SciPy", f"gain of {states} states", difference, AGREEMENT)
+        turns = [(timed(ours)[1], timed(peer)[1]) for _ in range(rounds)]
+    of_ours, of_peer = np.array([batch, few]) / np.median(turns, axis=0)
+    yield RegulatorRow(
+        states=states,
+        batch=batch,
+        threads=threads,
+        ours=float(of_ours),
+        scipy=float(of_peer),
+        ratio=float(of_ours / of_peer),
+        residual=residual(A, B, Q, R, P),
+        scipy_residual=residual(A[:few], B[:few], Q, R[:few], other),
+        difference=difference,
+    )
+
+
+def residual(A: Floats, B: Floats, Q: Floats, R: Floats, P: Floats) -> float:
+    """Largest residual of a batch, relative to the norms of the terms."""
+    PA, PB = P @ A, P @ B
+    terms = (np.swapaxes(PA, 1, 2), PA, -PB @ np.swapaxes(PB, 1, 2) / R, np.broadcast_to(Q, A.shape))
+    norms = [np.linalg.norm(term, axis=(1, 2)) for term in terms]
+    return float(np.max(np.linalg.norm(np.sum(terms, axis=0), axis=(1, 2)) / np.sum(norms, axis=0)))

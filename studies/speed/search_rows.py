@@ -1,13 +1,27 @@
-"""Rows of results of the attempts on the search job."""
+"""Rows of results of the attempts on the search job, and their targets."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from studies.speed.attempt import AttemptResult
-from studies.speed.usual_way import UsualWay
+from studies.speed.bars import Bar, ratio_bar
+from studies.speed.own_searches import EarlyAbort
+from studies.speed.search_peers import SOLVERS, UsualWay
+
+# Whose course the usual way is extrapolated from.
+USUAL = "pyswarms"
+# Ours alone, with or without early abort, and as a study runs them.
+_OURS = {"one seed after another": ("rust", "rust, early abort"), "seeds at once": ("rust, seeds at once",)}
+# Ours and its class of peer.
+_CLASSES = (
+    ("efficient_ga", "pymoo_ga"),
+    ("particle_swarm_constriction", "pyswarms"),
+    ("differential_evolution", "scipy_differential_evolution"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,17 +62,15 @@ class TestRow:
     n_seeds: int
 
 
-def row_of(
-    method: str, objective: str, threads: int, settings: str, outcomes: list[AttemptResult]
-) -> SearchRow:
-    """Medians over the attempts that reached the target."""
+def row_of(outcomes: Sequence[AttemptResult], *, threads: int, settings: str) -> SearchRow:
+    """Medians over the attempts of one method on one objective that reached the target."""
     reached = [outcome for outcome in outcomes if outcome.success]
-    evaluations = _middle([float(outcome.evaluations) for outcome in reached])
-    seconds = _middle([outcome.seconds for outcome in reached])
+    evaluations = _quartiles([float(outcome.evaluations) for outcome in reached])
+    seconds = _quartiles([outcome.seconds for outcome in reached])
     spent = sum(outcome.seconds for outcome in outcomes)
     return SearchRow(
-        method=method,
-        objective=objective,
+        method=outcomes[0].method,
+        objective=outcomes[0].objective,
         threads=threads,
         evaluations=evaluations and evaluations[1],
         seconds=seconds and seconds[1],
@@ -82,33 +94,98 @@ def extrapolated(swarm: SearchRow, usual: UsualWay) -> list[SearchRow]:
             swarm,
             objective=f"solve_ivp, {solver}",
             threads=1,
-            seconds=swarm.evaluations and swarm.evaluations * each,
-            seconds_quartiles=quartiles and (quartiles[0] * each, quartiles[1] * each),
+            seconds=swarm.evaluations and swarm.evaluations * seconds,
+            seconds_quartiles=quartiles and (quartiles[0] * seconds, quartiles[1] * seconds),
             expected_seconds=None,
-            seconds_per_simulation=each,
+            seconds_per_simulation=seconds,
             extrapolated=True,
-            settings=f"with solve_ivp: {usual.candidates} candidates timed, {solver} {each * 1e3:.0f} ms",
+            settings=f"with solve_ivp: {usual.candidates} candidates timed, {solver} {seconds * 1e3:.0f} ms",
         )
-        for solver, each in usual.seconds_by_solver.items()
+        for solver, seconds in usual.seconds_by_solver.items()
     ]
 
 
-def test_row_of(about: tuple[str, float], outcomes: list[AttemptResult]) -> TestRow:
-    """Medians over all attempts on a test; `about` is its name and the best known fit in per cent."""
-    test, best_known_percent = about
-    return TestRow(
-        test=test,
-        best_known_percent=best_known_percent,
-        evaluations=float(np.median([outcome.evaluations for outcome in outcomes])),
-        seconds=float(np.median([outcome.seconds for outcome in outcomes])),
-        success=float(np.mean([outcome.success for outcome in outcomes])),
-        n_seeds=len(outcomes),
-    )
-
-
-def _middle(values: list[float]) -> tuple[float, float, float] | None:
+def _quartiles(values: list[float]) -> tuple[float, float, float] | None:
     """Lower quartile, median, upper quartile."""
     if not values:
         return None
     lower, median, upper = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
     return lower, median, upper
+
+
+def bars_of(
+    rows: Sequence[SearchRow], tests: Sequence[TestRow], aborts: Sequence[EarlyAbort]
+) -> tuple[Bar, ...]:
+    """The targets, each on each number of threads."""
+    bars: list[Bar] = []
+    for threads in dict.fromkeys(row.threads for row in rows if not row.extrapolated):
+        bars += [
+            Bar(
+                claim="share of seeds on which identify is near",
+                threads=threads,
+                aim=0.95,
+                measured=row.success,
+            )
+            for row in rows
+            if (row.method, row.threads) == ("identify", threads)
+        ]
+        for how, objectives in _OURS.items():
+            bars += _bars_of_ours(rows, how, objectives, threads)
+    bars += [
+        Bar(
+            claim=f"{abort.method}: share of steps that an early abort spares",
+            threads=abort.threads,
+            aim=0.5,
+            measured=(1.0 - abort.steps_share_done) if abort.identical else None,
+        )
+        for abort in aborts
+    ]
+    bars += [
+        Bar(
+            claim=f"share of seeds on which identify is near, {test.test}",
+            threads=max(row.threads for row in rows),
+            aim=0.95,
+            measured=test.success,
+        )
+        for test in tests
+    ]
+    return tuple(bars)
+
+
+def _bars_of_ours(
+    rows: Sequence[SearchRow], how: str, objectives: tuple[str, ...], threads: int
+) -> list[Bar]:
+    """Our searches beside their classes of peer on numba, and beside the usual way."""
+
+    def chosen(method: str, objectives: tuple[str, ...], threads: int) -> list[SearchRow]:
+        return [
+            row
+            for row in rows
+            if row.method == method and row.objective in objectives and row.threads == threads
+        ]
+
+    def fastest(chosen: list[SearchRow]) -> float | None:
+        """Seconds to the target."""
+        return min((row.seconds for row in chosen if row.seconds is not None), default=None)
+
+    def per_simulation(chosen: list[SearchRow]) -> float | None:
+        return min((row.seconds_per_simulation for row in chosen), default=None)
+
+    bars: list[Bar] = []
+    slower: list[Bar] = []
+    for ours, theirs in _CLASSES:
+        own, peer = chosen(ours, objectives, threads), chosen(theirs, ("numba",), threads)
+        claim = f"{ours}, {how}: times faster than {theirs} on numba"
+        bars.append(ratio_bar(claim, threads, 8.0, fastest(peer), fastest(own)))
+        # Where ours never came near there is still how fast it simulates.
+        if fastest(own) is None:
+            claim = f"{ours}, {how}: simulations a second, times those of {theirs} on numba"
+            slower.append(ratio_bar(claim, threads, 8.0, per_simulation(peer), per_simulation(own)))
+    bars += slower
+    for ours in ("particle_swarm_constriction", "multistart", "identify"):
+        for solver in SOLVERS:
+            if own := chosen(ours, objectives, threads):
+                usual = chosen(USUAL, (f"solve_ivp, {solver}",), 1)
+                claim = f"{ours}, {how}: times faster than the usual way, {solver}"
+                bars.append(ratio_bar(claim, threads, 1000.0, fastest(usual), fastest(own)))
+    return bars

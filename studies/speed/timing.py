@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -19,6 +19,8 @@ AGREEMENT = 1e-9
 # Long enough that starting and waking threads does not count, short enough for turns to meet the same noise.
 TURN_SECONDS = 0.08
 TRIAL_SECONDS = 0.02
+
+T = TypeVar("T")
 
 
 class Variant(Protocol):
@@ -47,12 +49,7 @@ def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]
     """
     best = peer.start
     run = peer.prepare(best)
-    difference = _disagreement(run(), expected)
-    if not difference <= AGREEMENT:
-        raise MrworkError(
-            f"{name} and the compiled kernel were expected to agree on every misfit to {AGREEMENT:g}, "
-            f"they differ by {difference:.2e} (relative); do not trust the speeds, find which one is wrong"
-        )
+    require_agreement(f"{name} and the compiled kernel", "misfit", _disagreement(run(), expected), AGREEMENT)
     seconds = _trial(run)
     tried = {best}
     for change in peer.changes:
@@ -67,6 +64,15 @@ def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]
         if trial < seconds:
             best, run, seconds = variant, contender, trial
     return run, best.describe()
+
+
+def require_agreement(contenders: str, what: str, difference: float, allowed: float) -> None:
+    """Refuse to time contenders whose results differ by more than is allowed, relative to their size."""
+    if not difference <= allowed:
+        raise MrworkError(
+            f"{contenders} were expected to agree on every {what} to {allowed:g}, they differ by {difference:.2e} "
+            "(relative); do not trust the times, find which one is wrong"
+        )
 
 
 def _disagreement(misfit: object, expected: NDArray[np.float64]) -> float:
@@ -88,6 +94,19 @@ def _seconds_per_call(run: Run, calls: int) -> float:
     return (time.perf_counter() - start) / calls
 
 
+def timed(run: Callable[[], T]) -> tuple[T, float]:
+    """The result of one call, and its seconds."""
+    began = time.perf_counter()
+    result = run()
+    return result, time.perf_counter() - began
+
+
+def rotated(contenders: list[T], turn: int) -> list[T]:
+    """The contenders from another one in every turn: so the same one is not always the first."""
+    first = turn % len(contenders)
+    return contenders[first:] + contenders[:first]
+
+
 def time_in_turns(
     runs: dict[str, Run], rounds: int, fma_peak: Callable[[], float]
 ) -> tuple[dict[str, float], float]:
@@ -97,9 +116,20 @@ def time_in_turns(
     peaks: list[float] = []
     names = list(runs)
     for turn in range(rounds):
-        first = turn % len(names)
-        for name in names[first:] + names[:first]:
+        for name in rotated(names, turn):
             runs[name]()  # wakes this contender's threads and puts the previous one's to sleep
             seconds[name].append(_seconds_per_call(runs[name], calls[name]))
         peaks.append(fma_peak())
     return {name: float(np.median(values)) for name, values in seconds.items()}, float(np.median(peaks))
+
+
+def speed_figures(speeds: Mapping[str, float], *, flops_per_step: float, fma_peak: float) -> dict[str, float]:
+    """Speeds by contender [steps/s], ours over each peer's, and our share of the machine's peak [flop/s]."""
+    ours = speeds["ours"]
+    return {
+        **speeds,
+        **{f"ratio_{name}": ours / speed for name, speed in speeds.items() if name != "ours"},
+        "peak_fraction": ours * flops_per_step / fma_peak,
+        "flops_per_step": flops_per_step,
+        "fma_peak": fma_peak,
+    }

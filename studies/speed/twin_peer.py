@@ -7,76 +7,43 @@ takes the twin's rate and force alone, in one scan that keeps nothing but the mi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
 from mrwork.twins import simulate, twin_of
-from studies.speed.jax_peer import compiled_run
-from studies.speed.model_workload import SUBSTEPS, ModelWorkload
+from studies.speed.jax_peer import (
+    JaxVariant,
+    as_arrays,
+    compiled_run,
+    on_one_device,
+    unrolled_further,
+    wider,
+)
 from studies.speed.timing import TimedPeer
-from studies.speed.workload import Run
+from studies.speed.workload import SUBSTEPS, ModelWorkload, Run
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwinVariant:
-    """One way to lay out and compile the twin; `vector_bits` 0 leaves the width to XLA."""
-
-    layout: Literal["simulate", "vmap", "arrays"]
-    unroll: int = 1
-    vector_bits: int = 0
-    split: bool = True
-
-    def describe(self) -> str:
-        """In a few words, for the table."""
-        layout = {
-            "simulate": "vmap(simulate)",
-            "vmap": f"vmap(scan), unroll {self.unroll}",
-            "arrays": f"scan of arrays, unroll {self.unroll}",
-        }
-        width = f", {self.vector_bits}-bit vectors" if self.vector_bits else ""
-        split = ", batch split over devices" if self.split and len(jax.devices()) > 1 else ""
-        return f"{layout[self.layout]}{width}{split}"
-
-
-def _as_arrays(variant: TwinVariant) -> TwinVariant:
-    return replace(variant, layout="arrays")
-
-
-def _wider(variant: TwinVariant) -> TwinVariant:
-    return replace(variant, vector_bits=512)
-
-
-def _unrolled_further(variant: TwinVariant) -> TwinVariant:
-    return replace(variant, unroll=2 * variant.unroll)
-
-
-def _on_one_device(variant: TwinVariant) -> TwinVariant:
-    return replace(variant, split=variant.split and len(jax.devices()) == 1)
-
-
-def twins_of(workload: ModelWorkload) -> dict[str, TimedPeer[TwinVariant]]:
+def twins_of(workload: ModelWorkload) -> dict[str, TimedPeer[JaxVariant]]:
     """The twin in two forms: `jax`, as users run it, and `jax_scan`, rewritten for this one purpose."""
     return {
         "jax": TimedPeer(
-            start=TwinVariant(layout="simulate"),
-            changes=(_wider, _on_one_device),
+            start=JaxVariant(layout="simulate"),
+            changes=(wider, on_one_device),
             prepare=partial(prepare, workload),
         ),
         "jax_scan": TimedPeer(
-            start=TwinVariant(layout="vmap", unroll=2),
-            # Unrolled further as long as it pays: once it stops paying, more is only slower.
-            changes=(_wider, _as_arrays, _unrolled_further, _unrolled_further, _on_one_device),
+            start=JaxVariant(layout="vmap", unroll=2),
+            changes=(wider, as_arrays, unrolled_further, unrolled_further, on_one_device),
             prepare=partial(prepare, workload),
         ),
     }
 
 
-def prepare(workload: ModelWorkload, variant: TwinVariant) -> Run:
+def prepare(workload: ModelWorkload, variant: JaxVariant) -> Run:
     """Place the inputs, compile `variant` for their shapes and return the call to be timed."""
     spec, dt = workload.spec, workload.loading.dt
     twin = twin_of(spec)
@@ -98,12 +65,7 @@ def prepare(workload: ModelWorkload, variant: TwinVariant) -> Run:
             state, total = carry
             motions, measured = inputs
             for start in range(0, 2 * SUBSTEPS if spec.n_states else 0, 2):
-                (x0, v0), (x1, v1), (x2, v2) = motions[start], motions[start + 1], motions[start + 2]
-                first = twin.rate(p, state, x0, v0)
-                second = twin.rate(p, state + 0.5 * h * first, x1, v1)
-                third = twin.rate(p, state + 0.5 * h * second, x1, v1)
-                fourth = twin.rate(p, state + h * third, x2, v2)
-                state = state + h / 6.0 * (first + 2.0 * (second + third) + fourth)
+                state = step(twin, p, state, motions[start : start + 3], h)
             return (state, total + squared(state, motions[-1], measured)), None
 
         rest = jnp.zeros((spec.n_states, *theta.shape[1:]))
@@ -116,11 +78,15 @@ def prepare(workload: ModelWorkload, variant: TwinVariant) -> Run:
         "vmap": jax.vmap(in_one_scan, in_axes=(0, None, None)),
         "arrays": lambda theta, stages, measured: in_one_scan(theta.T, stages, measured),
     }
-    return compiled_run(
-        layouts[variant.layout],
-        workload.theta,
-        workload.stages,
-        workload.force,
-        vector_bits=variant.vector_bits,
-        split=variant.split,
-    )
+    return compiled_run(variant, layouts[variant.layout], workload.theta, workload.stages, workload.force)
+
+
+def step(twin: Any, p: Any, state: Array, motions: Array, h: float) -> Array:
+    """The state of a twin after one Runge-Kutta step, from the motion at its start, middle and end."""
+    (x0, v0), (x1, v1), (x2, v2) = motions[0], motions[1], motions[2]
+    first = twin.rate(p, state, x0, v0)
+    second = twin.rate(p, state + 0.5 * h * first, x1, v1)
+    third = twin.rate(p, state + 0.5 * h * second, x1, v1)
+    fourth = twin.rate(p, state + h * third, x2, v2)
+    after: Array = state + h / 6.0 * (first + 2.0 * (second + third) + fourth)
+    return after

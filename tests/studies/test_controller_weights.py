@@ -10,7 +10,7 @@ import pytest
 from result_tables import assert_filled
 
 from studies.common.expected import departures
-from studies.controller_weights.findings import found_by
+from studies.controller_weights.study import found_by
 from studies.controller_weights.tables import tables
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"

@@ -25,15 +25,13 @@ from studies.speed.attempt import (
     RustObjective,
     attempted,
 )
-from studies.speed.bars import bars_of
 from studies.speed.command_line import main
 from studies.speed.contenders import OURS, PEERS, contenders
-from studies.speed.early_abort import EarlyAbort, early_aborts
 from studies.speed.identify import bench_identify
+from studies.speed.own_searches import EarlyAbort, attempted_at_once, contenders_at_once, early_aborts
 from studies.speed.search_job import N_TIME, REFERENCE, SearchJob, record
-from studies.speed.search_rows import SearchRow, extrapolated, row_of
-from studies.speed.side_by_side import attempted_at_once, contenders_at_once
-from studies.speed.usual_way import SOLVERS, Solver, UsualWay, misfit_by
+from studies.speed.search_peers import SOLVERS, Solver, UsualWay, misfit_by
+from studies.speed.search_rows import SearchRow, bars_of, extrapolated, row_of
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 
@@ -145,7 +143,7 @@ def test_a_method_that_gives_up_has_failed(job: SearchJob) -> None:
 
 
 def test_an_early_abort_changes_nothing_and_spares_steps(job: SearchJob) -> None:
-    aborts = early_aborts(job, generations=6, seeds=1, threads=1)
+    aborts = list(early_aborts(job, generations=6, seeds=1, threads=1))
     assert {each.method for each in aborts} <= OURS.keys()
     assert all(each.identical and 0.0 < each.steps_share_done < 1.0 for each in aborts)
 
@@ -153,9 +151,9 @@ def test_an_early_abort_changes_nothing_and_spares_steps(job: SearchJob) -> None
 def test_seeds_at_once_end_at_the_target_or_at_the_budget(job: SearchJob) -> None:
     methods = [name for name, _, _ in contenders_at_once()]
     for best_known, success in ((10.0, True), (0.0, False)):
-        found = dict(attempted_at_once(job, best_known=best_known, budget=64, first_seed=3, seeds=2))
-        assert list(found) == methods
-        for first, second in found.values():
+        results = list(attempted_at_once(job, best_known=best_known, budget=64, first_seed=3, seeds=2))
+        assert [result.method for result in results] == [name for name in methods for _ in range(2)]
+        for first, second in zip(results[::2], results[1::2], strict=True):
             assert first.success is second.success is success
             assert first.seconds == second.seconds
             assert 20 <= first.evaluations <= 64
@@ -163,11 +161,18 @@ def test_seeds_at_once_end_at_the_target_or_at_the_budget(job: SearchJob) -> Non
 
 
 def an_outcome(evaluations: int, *, success: bool = True) -> AttemptResult:
-    return AttemptResult(evaluations=evaluations, seconds=evaluations / 1e3, success=success, gap_points=0.1)
+    return AttemptResult(
+        method="",
+        objective="",
+        evaluations=evaluations,
+        seconds=evaluations / 1e3,
+        success=success,
+        gap_points=0.1,
+    )
 
 
 def a_row(method: str, objective: str, outcomes: list[AttemptResult]) -> SearchRow:
-    return row_of(method, objective, 1, "", outcomes)
+    return replace(row_of(outcomes, threads=1, settings=""), method=method, objective=objective)
 
 
 def test_a_failure_counts_in_the_share_and_in_what_a_success_costs() -> None:

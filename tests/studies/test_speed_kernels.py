@@ -11,10 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.errors import MrworkError, SettingError
-from studies.speed.kernels import bench_kernels, format_table, summarise
-from studies.speed.timing import TimedPeer, fastest_variant
-from studies.speed.worker import Measurement
-from studies.speed.workload import DT, PowerForm, Workload, candidates, displacement_record, measured_force
+from studies.speed.kernels import KernelRow, bench_kernels, summarise
+from studies.speed.timing import TimedPeer, fastest_variant, speed_figures
+from studies.speed.workload import (
+    DT,
+    MODEL,
+    PowerForm,
+    Workload,
+    candidates,
+    displacement_record,
+    measured_force,
+)
 
 FORMS: tuple[PowerForm, ...] = ("power", "exp_log", "square")
 
@@ -118,22 +125,20 @@ def test_candidates_yield_and_stay_resolved_by_one_step_per_sample() -> None:
     assert np.mean(rho * np.abs(displacement).max() > 1.0) > 0.5
 
 
-def a_measurement(threads: int, ours: float, speeds: dict[str, float]) -> Measurement:
-    return Measurement(
+def a_row(threads: int, ours: float, speeds: dict[str, float]) -> KernelRow:
+    return KernelRow(
+        model=MODEL,
         batch=64,
         threads=threads,
         general_exponent=True,
-        speeds={"ours": ours} | speeds,
         variants=dict.fromkeys(speeds, "as written"),
-        flops_per_step=100.0,
-        fma_peak=1e11,
-        instruction_set="avx2",
+        **speed_figures({"ours": ours} | speeds, flops_per_step=100.0, fma_peak=1e11),
     )
 
 
 def test_summary_gives_ratios_peak_fraction_and_thread_scaling() -> None:
-    alone = a_measurement(1, 2e8, {"jax": 1e7, "numba": 2e7})
-    both = a_measurement(2, 3.8e8, {"jax": 2e7, "numba": 4e7})
+    alone = a_row(1, 2e8, {"jax": 1e7, "numba": 2e7})
+    both = a_row(2, 3.8e8, {"jax": 2e7, "numba": 4e7})
     benchmark = summarise([alone, both], rounds=7)
     assert benchmark.rows[0].ratio_jax == pytest.approx(20.0)
     assert benchmark.rows[0].ratio_numba == pytest.approx(10.0)
@@ -142,10 +147,10 @@ def test_summary_gives_ratios_peak_fraction_and_thread_scaling() -> None:
 
 
 def test_a_missing_peer_is_null_and_the_table_names_the_extra() -> None:
-    benchmark = summarise([a_measurement(1, 2e8, {"jax": 1e7})], rounds=7)
-    assert benchmark.as_dict()["rows"][0]["numba"] is None
-    assert benchmark.as_dict()["rows"][0]["ratio_numba"] is None
-    assert "pip install 'mrwork[bench]'" in format_table(benchmark)
+    benchmark = summarise([a_row(1, 2e8, {"jax": 1e7})], rounds=7)
+    assert benchmark.rows[0].numba is None
+    assert benchmark.rows[0].ratio_numba is None
+    assert "pip install 'mrwork[bench]'" in "\n".join(benchmark.text())
 
 
 def test_more_threads_than_cores_are_refused() -> None:

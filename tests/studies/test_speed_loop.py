@@ -9,10 +9,9 @@ import pytest
 
 from mrwork.errors import MrworkError, SettingError
 from studies.speed import loop_ours
-from studies.speed.loop import bench_loop, summarise
+from studies.speed.loop import Measured, bench_loop, summarise
 from studies.speed.loop_numba import LIBRARY, SERIES, series_tanh
-from studies.speed.loop_plain import PlainLoop
-from studies.speed.loop_worker import LoopMeasurement
+from studies.speed.loop_plain import PlainLoop, by_python_control, by_solve_ivp
 from studies.speed.loop_workload import LARGEST_COMMAND, N_REDUCTIONS, N_STOREYS, LoopWorkload, loop_workload
 
 # 1500 steps, sums formed in different orders; bang-bang, but no decision is near enough to a tie to be turned.
@@ -67,19 +66,15 @@ def test_jax_finds_what_plain_steps_find(
 
 
 def test_solve_ivp_comes_near_what_our_steps_find(workload: LoopWorkload, reference: Floats) -> None:
-    from studies.speed import loop_scipy
-
     one = workload.cut(candidates=1, motions=1, n_steps=1500)
     # RK45 and RK4 at 1 ms: the loop of the damper turns within 0.1 mm of travel.
-    np.testing.assert_allclose(loop_scipy.prepare(one)()[0, 0], reference[0, 0], rtol=1e-3)
+    np.testing.assert_allclose(by_solve_ivp(one)()[0, 0], reference[0, 0], rtol=1e-3)
 
 
 def test_python_control_finds_what_plain_steps_find(workload: LoopWorkload, reference: Floats) -> None:
     pytest.importorskip("control", reason="python-control is not installed")
-    from studies.speed import loop_control
-
     one = workload.cut(candidates=1, motions=1, n_steps=1500)
-    np.testing.assert_allclose(loop_control.prepare(one)()[0, 0], reference[0, 0], rtol=AGREEMENT)
+    np.testing.assert_allclose(by_python_control(one)()[0, 0], reference[0, 0], rtol=AGREEMENT)
 
 
 def test_what_enters_is_stored_or_dissipated(reference: Floats) -> None:
@@ -108,27 +103,24 @@ def test_the_tanh_by_series_keeps_its_digits() -> None:
         assert series_tanh(x) == pytest.approx(math.tanh(x), rel=1e-13, abs=0.0)
 
 
-def measured(tool: str, runs: int, seconds: float) -> LoopMeasurement:
-    return LoopMeasurement(
-        tool=tool, threads=2, runs=runs, seconds=seconds, compile_seconds=1.0, variant="as written"
-    )
+def measured(kept: Floats, seconds: float) -> Measured:
+    return Measured(kept=kept.tolist(), seconds=seconds, compile_seconds=1.0, variant="as written")
 
 
 def test_one_run_is_extrapolated_to_all_and_shared_among_threads() -> None:
-    measurements = {"mrwork": measured("mrwork", 8, 0.5), "solve_ivp": measured("solve_ivp", 1, 3.0)}
-    found = {"mrwork": np.ones((2, 4, N_REDUCTIONS)), "solve_ivp": np.full((1, 1, N_REDUCTIONS), 1.001)}
-    ours, theirs = summarise(measurements, found, runs=8, threads=2)
+    whole, one = np.ones((2, 4, N_REDUCTIONS)), np.full((1, 1, N_REDUCTIONS), 1.001)
+    contenders = {"mrwork": measured(whole, 0.5), "solve_ivp": measured(one, 3.0)}
+    ours, theirs = summarise(contenders, runs=8, threads=2)
     assert (ours.ratio, ours.extrapolated) == (1.0, False)
     assert (theirs.seconds, theirs.extrapolated) == (12.0, True)
     assert theirs.ratio == pytest.approx(24.0)
 
 
 def test_a_run_that_differs_stops_the_benchmark() -> None:
-    measurements = {tool: measured(tool, 8, 1.0) for tool in ("numba", "jax")}
-    wrong = np.ones((2, 4, N_REDUCTIONS))
+    right, wrong = np.ones((2, 4, N_REDUCTIONS)), np.ones((2, 4, N_REDUCTIONS))
     wrong[1, 2, 7] += 1e-8
     with pytest.raises(MrworkError, match="agree on every run"):
-        summarise(measurements, {"numba": np.ones((2, 4, N_REDUCTIONS)), "jax": wrong}, runs=8, threads=2)
+        summarise({"numba": measured(right, 1.0), "jax": measured(wrong, 1.0)}, runs=8, threads=2)
 
 
 def test_nothing_to_run_is_refused() -> None:
@@ -137,7 +129,5 @@ def test_nothing_to_run_is_refused() -> None:
 
 
 def test_without_us_the_table_has_no_ratio() -> None:
-    (row,) = summarise(
-        {"numba": measured("numba", 8, 2.0)}, {"numba": np.ones((2, 4, N_REDUCTIONS))}, runs=8, threads=1
-    )
+    (row,) = summarise({"numba": measured(np.ones((2, 4, N_REDUCTIONS)), 2.0)}, runs=8, threads=1)
     assert row.ratio is None

@@ -12,19 +12,19 @@ import pytest
 from mrwork.dampers import DamperSpec, damper, damper_models
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from studies.speed.command_line import main
-from studies.speed.model_worker import ModelMeasurement, measure_model
-from studies.speed.model_workload import SUBSTEPS, ModelWorkload, model_workload
-from studies.speed.models import ModelBenchmark, bench_models, format_models, row_of
-from studies.speed.timing import AGREEMENT
-from studies.speed.twin_peer import TwinVariant, prepare, twins_of
+from studies.speed.jax_peer import JaxVariant
+from studies.speed.models import ModelBenchmark, ModelRow, bench_models, measured
+from studies.speed.timing import AGREEMENT, speed_figures
+from studies.speed.twin_peer import prepare, twins_of
+from studies.speed.workload import SUBSTEPS, ModelWorkload, model_workload
 
 # Eleven candidates fill no block; sixty samples are enough for every term of a rate to count.
 BATCH, SAMPLES = 11, 60
 
 LAYOUTS = [
-    TwinVariant(layout="simulate"),
-    TwinVariant(layout="vmap", unroll=2, vector_bits=512),
-    TwinVariant(layout="arrays", unroll=4),
+    JaxVariant(layout="simulate"),
+    JaxVariant(layout="vmap", unroll=2, vector_bits=512),
+    JaxVariant(layout="arrays", unroll=4),
 ]
 
 
@@ -41,7 +41,7 @@ def test_one_step_per_sample_resolves_every_candidate(spec: DamperSpec) -> None:
 
 @pytest.mark.parametrize("variant", LAYOUTS, ids=lambda variant: variant.layout)
 @pytest.mark.parametrize("name", ["static_hysteretic", "normalised_bouc_wen"])
-def test_every_layout_of_the_twin_agrees_with_our_kernel(name: str, variant: TwinVariant) -> None:
+def test_every_layout_of_the_twin_agrees_with_our_kernel(name: str, variant: JaxVariant) -> None:
     workload = model_workload(damper(name), BATCH, SAMPLES)
     expected, _, _ = workload.misfits(threads=1)
     np.testing.assert_allclose(np.asarray(prepare(workload, variant)()), expected, rtol=AGREEMENT)
@@ -81,7 +81,7 @@ def test_a_twin_that_computes_something_else_is_not_timed(
     workload = model_workload(damper(name), BATCH, SAMPLES)
     peers = {form: twins_of(spoil(workload))[form]}
     with pytest.raises(MrworkError, match=f"{name} as {form} .* agree on every misfit"):
-        measure_model(workload, peers, threads=1, rounds=1)
+        measured(workload, peers, threads=1, rounds=1)
 
 
 def test_the_command_line_measures_one_model(capsys: pytest.CaptureFixture[str]) -> None:
@@ -96,37 +96,33 @@ def test_the_command_line_measures_one_model(capsys: pytest.CaptureFixture[str])
     assert 0.0 < row["peak_fraction"] < 1.0
 
 
-def a_measurement(model: str, n_states: int) -> ModelMeasurement:
-    return ModelMeasurement(
+def a_row(model: str, n_states: int) -> ModelRow:
+    return ModelRow(
         model=model,
         n_states=n_states,
         batch=1024,
         threads=1,
         substeps=1,
         dt=1e-3,
-        speeds={"ours": 3e8, "jax": 1e8, "jax_scan": 2e8},
         variants={"jax": "vmap(simulate)", "jax_scan": "vmap(scan), unroll 2"},
-        flops_per_step=100.0,
-        fma_peak=1e11,
-        instruction_set="avx2",
+        **speed_figures({"ours": 3e8, "jax": 1e8, "jax_scan": 2e8}, flops_per_step=100.0, fma_peak=1e11),
     )
 
 
-def a_benchmark(*measurements: ModelMeasurement) -> ModelBenchmark:
-    rows = tuple(row_of(measurement) for measurement in measurements)
-    return ModelBenchmark(rows=rows, instruction_set="avx2", n_time=2000, rounds=7)
+def text_of(row: ModelRow) -> str:
+    return "\n".join(ModelBenchmark(rows=(row,), instruction_set="avx2", n_time=2000, rounds=7).text())
 
 
 def test_a_row_gives_the_ratio_and_the_share_of_the_peak() -> None:
-    row = row_of(a_measurement("dahl", 1))
+    row = a_row("dahl", 1)
     assert row.ratio_jax == pytest.approx(3.0)
     assert row.ratio_jax_scan == pytest.approx(1.5)
     assert row.peak_fraction == pytest.approx(0.3)
 
 
 def test_the_table_explains_a_model_without_a_state() -> None:
-    assert "without a state" in format_models(a_benchmark(a_measurement("bingham", 0)))
-    assert "without a state" not in format_models(a_benchmark(a_measurement("dahl", 1)))
+    assert "without a state" in text_of(a_row("bingham", 0))
+    assert "without a state" not in text_of(a_row("dahl", 1))
 
 
 def test_an_unknown_model_and_too_many_threads_are_refused() -> None:

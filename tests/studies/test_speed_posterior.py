@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from typing import Literal
+
 import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
-from studies.speed.posterior import PosteriorBenchmark, bench_posterior, format_posterior
-from studies.speed.posterior_job import PosteriorJob, SamplerRow, Setup
+from studies.speed.posterior import PosteriorBenchmark, SamplerRow, Setup, bars_of, bench_posterior
+from studies.speed.posterior_job import PosteriorJob, density_of
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +23,11 @@ def test_the_job_has_nine_dimensions_and_walkers_inside(job: PosteriorJob) -> No
     assert np.isfinite(job.target(job.walkers)).all()
 
 
-@pytest.mark.parametrize("unroll", [0, 2])
-def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
+@pytest.mark.parametrize("layout", ["simulate", "arrays"])
+def test_the_density_on_jax_is_ours(job: PosteriorJob, layout: Literal["simulate", "arrays"]) -> None:
     from mrwork.uncertainty import substeps_at
-    from studies.speed.posterior_jax import JaxTarget, JaxVariant
+    from studies.speed.jax_peer import JaxVariant
+    from studies.speed.posterior_jax import density_on_twin
 
     values, _ = job.target.space.values(job.walkers)
     here = substeps_at(job.target, job.start)
@@ -31,7 +35,7 @@ def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
     assert sum(same) > 3
     walkers = job.walkers.copy()
     walkers[0, 0] = 1.5
-    density = JaxTarget.of(job, JaxVariant(unroll=unroll))(walkers)
+    density = density_on_twin(job, JaxVariant(layout=layout, unroll=2))(walkers)
     assert np.isneginf(density[0])
     same[0] = False
     np.testing.assert_allclose(density[same], job.target(walkers)[same], rtol=1e-8)
@@ -40,9 +44,8 @@ def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
 def test_the_density_on_numba_is_ours(job: PosteriorJob) -> None:
     pytest.importorskip("numba", reason="numba is not installed; pip install 'mrwork[bench]'")
     from studies.speed.numba_objective import START, NumbaObjective
-    from studies.speed.posterior_numba import NumbaTarget
 
-    density = NumbaTarget(target=job.target, objective=NumbaObjective.of(job.search, START))
+    density = density_of(job.target, NumbaObjective.of(job.search, START))
     walkers = job.walkers.copy()
     walkers[1, 2] = -0.5
     np.testing.assert_allclose(density(walkers), job.target(walkers), rtol=1e-9)
@@ -75,15 +78,17 @@ def test_the_bar_is_against_the_best_peer() -> None:
         missing=("numpyro",),
     )
     rows = (row("mrwork", 100.0), row("emcee on jax, de", 25.0), row("emcee on numba, de", 5.0))
-    benchmark = PosteriorBenchmark(rows=rows, setups=(setup,), seconds=9.0, interrupted=False)
+    benchmark = PosteriorBenchmark(
+        rows=rows, setups=(setup,), bars=bars_of(rows), seconds=9.0, interrupted=False
+    )
     (bar,) = benchmark.bars
     assert bar.measured == 4.0
     assert not bar.met
-    text = format_posterior(benchmark)
+    text = "\n".join(benchmark.text())
     assert "NOT MET" in text
     assert "SYNTHETIC" in text
     assert "not installed: numpyro" in text
-    assert set(benchmark.as_dict()["rows"][0]) >= {
+    assert set(asdict(benchmark)["rows"][0]) >= {
         "sampler",
         "seconds",
         "compile_seconds",
@@ -95,4 +100,4 @@ def test_the_bar_is_against_the_best_peer() -> None:
 def test_impossible_numbers_are_refused() -> None:
     for settings in ({"steps": 5}, {"walkers": 19}, {"threads": (0,)}, {"nuts_draws": -1}):
         with pytest.raises(SettingError, match="give at least 20 `steps`"):
-            bench_posterior(**settings)  # type: ignore[arg-type] # settings of several kinds by name
+            bench_posterior(**settings)

@@ -11,7 +11,7 @@ import pytest
 from mrwork.errors import SettingError
 from mrwork.identification import find_minima, find_minimum
 from studies.speed.command_line import main
-from studies.speed.refine import bench_refine, format_refine
+from studies.speed.refine import bench_refine
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
@@ -76,7 +76,7 @@ def test_every_engine_has_a_row_with_what_it_took(
 
 def test_the_table_says_what_is_synthetic(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("MRWORK_DATA", str(tmp_path))
-    assert "SYNTHETIC" in format_refine(bench_refine(seeds=1, quick=True))
+    assert "SYNTHETIC" in "\n".join(bench_refine(seeds=1, quick=True).text())
 
 
 def test_no_starts_are_refused() -> None:
