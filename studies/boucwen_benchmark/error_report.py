@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib
 
@@ -11,69 +10,65 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from mrwork.report import Table
+from studies.boucwen_benchmark.assessment import TRUE, BenchmarkResult, InterpolationResult
 from studies.boucwen_benchmark.oscillator import Parameters
-
-if TYPE_CHECKING:
-    from studies.boucwen_benchmark.study import BenchmarkResult
 
 PUBLISHED = 7.5e-6
 _UNITS = {"m": "kg", "c": "N s/m", "k": "N/m", "alpha": "N/m", "g": "1/m", "d": "1/m", "nu": "1"}
 _COLOURS = {"band-limited": "#0072b2", "cubic": "#009e73", "linear": "#d55e00"}
 
 
-def write_report(study: BenchmarkResult, true: Parameters, out: Path) -> str:
+def write_report(study: BenchmarkResult, out: Path) -> str:
     """Write report.md and errors.png to a folder; returns the report."""
     out.mkdir(parents=True, exist_ok=True)
-    text = "\n".join([_errors(study), _parameters(study, true), _starts(study)])
+    text = "\n".join([_errors(study).markdown(), _parameters(study).markdown(), _starts(study)])
     figure = "![Spectra of the displacement, the noise and the errors of the models](errors.png)\n"
     (out / "report.md").write_text(f"# Bouc-Wen benchmark, grey box\n\n{text}\n{figure}")
     _figure(study, out / "errors.png")
     return text
 
 
-def _errors(study: BenchmarkResult) -> str:
-    lines = [
-        "Root mean square errors of free runs [m]. *Record* is a period that was not fitted, with its noise of "
-        f"{study.noise:.2e}; *beyond noise* is what two such periods share of their residuals; *unseen* is another "
-        "multisine, simulated without noise at the true parameters by Newmark's method at 15 kHz.",
-        "",
-        "| force between samples | parameters | record | beyond noise | unseen | seconds |",
-        "| --- | --- | ---: | ---: | ---: | ---: |",
-    ]
-    for name, outcome in study.outcomes.items():
+def _errors(study: BenchmarkResult) -> Table:
+    rows = [
+        (name, kind, f"{error.held_out:.2e}", f"{error.beyond_noise:.1e}", f"{error.unseen:.2e}", seconds)
+        for name, outcome in study.outcomes.items()
         for kind, error, seconds in (
             ("fitted", outcome.error, f"{outcome.seconds:.0f}"),
             ("true", outcome.true_error, ""),
-        ):
-            columns = f"{error.held_out:.2e} | {error.beyond_noise:.1e} | {error.unseen:.2e}"
-            lines.append(f"| {name} | {kind} | {columns} | {seconds} |")
-    lines.append(f"| best black box published | | | | {PUBLISHED:.2e} | |")
+        )
+    ]
     # The product of independent noises of n samples has the standard deviation noise^2/sqrt(n).
     resolution = study.noise / study.held_out.shape[1] ** 0.25
-    lines += [
-        "",
-        f"Errors beyond noise smaller than about {resolution:.0e} cannot be distinguished from zero.",
-        "",
-    ]
-    return "\n".join(lines)
+    return Table(
+        title="Root mean square errors of free runs [m]",
+        columns=("force between samples", "parameters", "record", "beyond noise", "unseen", "seconds"),
+        rows=(*rows, ("best black box published", "", "", "", f"{PUBLISHED:.2e}", "")),
+        note="*Record* is a period that was not fitted, with its noise of "
+        f"{study.noise:.2e}; *beyond noise* is what two such periods share of their residuals; *unseen* is another "
+        "multisine, simulated without noise at the true parameters by Newmark's method at 15 kHz. Errors beyond noise "
+        f"smaller than about {resolution:.0e} cannot be distinguished from zero.",
+    )
 
 
-def _parameters(study: BenchmarkResult, true: Parameters) -> str:
-    names = list(study.outcomes)
-    lines = [
-        "Fitted parameters, standard error, deviation from the true value. "
-        "g and d stand for the products beta gamma and beta delta.",
-        "",
-        f"| | true | {' | '.join(names)} |",
-        "| --- | ---: |" + " ---: |" * len(names),
-    ]
-    for index, name in enumerate(Parameters._fields):
-        cells = []
-        for outcome in study.outcomes.values():
-            value, error = outcome.fit.parameters[index], outcome.fit.standard_errors[index]
-            cells.append(f"{value:.5g} +- {error:.1g} ({100.0 * (value / true[index] - 1.0):+.2f} %)")
-        lines.append(f"| {name} [{_UNITS[name]}] | {true[index]:g} | {' | '.join(cells)} |")
-    return "\n".join([*lines, ""])
+def _parameters(study: BenchmarkResult) -> Table:
+    def cell(outcome: InterpolationResult, index: int) -> str:
+        value, error = outcome.fit.parameters[index], outcome.fit.standard_errors[index]
+        return f"{value:.5g} +- {error:.1g} ({100.0 * (value / TRUE[index] - 1.0):+.2f} %)"
+
+    return Table(
+        title="Fitted parameters, standard error, deviation from the true value",
+        columns=("parameter", "true", *study.outcomes),
+        rows=tuple(
+            (
+                f"{name} [{_UNITS[name]}]",
+                f"{TRUE[index]:g}",
+                *(cell(outcome, index) for outcome in study.outcomes.values()),
+            )
+            for index, name in enumerate(Parameters._fields)
+        ),
+        note="g and d stand for the products beta gamma and beta delta.",
+    )
 
 
 def _starts(study: BenchmarkResult) -> str:

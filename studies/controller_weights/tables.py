@@ -7,7 +7,7 @@ from typing import Any
 
 from mrwork.report import Table
 from studies.common.scores import TITLES
-from studies.common.table import table_of
+from studies.common.table import Cell, table_of
 from studies.controller_weights.loop import CURRENTS
 
 
@@ -50,30 +50,17 @@ def tables(found: dict[str, Any]) -> Iterator[Table]:
         },
     )
     for level, shapes in found.get("true_loop", {}).items():
-        yield Table(
-            title=f"R scanned in the true loop, {level} g, {CURRENTS[float(level)]:g} A at most",
-            columns=(
-                "weights",
-                "R as designed",
-                "best R",
-                "four records",
-                "sixteen others",
-                "spread",
-                *TITLES.values(),
-            ),
-            rows=tuple(
-                (
-                    name,
-                    _score(row.get("as_designed")),
-                    f"{row['best']:.3g}",
-                    _score(row["training"]),
-                    _score(row.get("test")),
-                    _score(row.get("test_spread")),
-                    *(_score(value) for value in row.get("test_parts", dict.fromkeys("1234")).values()),
-                )
-                for name, row in shapes.items()
-            ),
-        )
+        columns: dict[str, Cell] = {
+            "R as designed": lambda row: _score(row.get("as_designed")),
+            "best R": "{best:.3g}",
+            "four records": "{training:.3f}",
+            "sixteen others": lambda row: _score(row.get("test")),
+            "spread": lambda row: _score(row.get("test_spread")),
+        }
+        for name, title in TITLES.items():
+            columns[title] = lambda row, name=name: _score(row.get("test_parts", {}).get(name))
+        title = f"R scanned in the true loop, {level} g, {CURRENTS[float(level)]:g} A at most"
+        yield table_of(title, "weights", shapes, columns)
 
 
 def _small(value: float | None) -> str:

@@ -14,16 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from studies.boucwen_benchmark.multisine import newmark, random_multisine, stage_table
-from studies.boucwen_benchmark.oscillator import (
-    Parameters,
-    descend,
-    fitted,
-    free_run,
-    screened_minima,
-    steady_period,
-)
-from studies.boucwen_benchmark.study import (
+from studies.boucwen_benchmark.assessment import (
     COARSE,
     FINE,
     N_PERIOD,
@@ -32,6 +23,15 @@ from studies.boucwen_benchmark.study import (
     read_record,
     rms,
     training_of,
+)
+from studies.boucwen_benchmark.multisine import newmark, random_multisine, stage_table
+from studies.boucwen_benchmark.oscillator import (
+    Parameters,
+    descend,
+    fitted,
+    free_run,
+    screened_minima,
+    steady_period,
 )
 from studies.common.records import data
 from studies.leaderboard.damper_scores import SEED
@@ -100,13 +100,7 @@ def errors(parameters: Parameters, test: BenchmarkSignals, dt: float) -> tuple[f
 
 
 def published_signals(folder: Path) -> BenchmarkSignals | None:
-    """The benchmark's own test signals, under the names of its archive; `None` where one of them is absent.
-
-    Raises
-    ------
-    RecordError
-        If a file does not hold its signal.
-    """
+    """The benchmark's own test signals, under the names of its archive; `None` where one of them is absent."""
     names = ("uval_multisine", "yval_multisine", "uval_sinesweep", "yval_sinesweep")
     if not all((folder / f"{name}.mat").is_file() for name in names):
         return None

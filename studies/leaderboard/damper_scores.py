@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from studies.common.rig import thinned
 from studies.leaderboard.entries import Entry
-from studies.one_model_for_a_rig.study import thinned
 
 SEED = 7
 """First number of every generator that is handed over; the second one counts the calls of an entry."""

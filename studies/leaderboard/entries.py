@@ -68,13 +68,7 @@ def files_of(kind: Kind) -> dict[str, Path]:
 
 
 def load(file: Path, kind: Kind) -> Entry:
-    """Load the file of an entry.
-
-    Raises
-    ------
-    SettingError
-        If it has no docstring, or its function is missing or takes other arguments.
-    """
+    """Load the file of an entry."""
     module = _executed(file)
     if not (module.__doc__ or "").strip():
         raise SettingError(f"{file.name} has no docstring; begin it with method, authors and reference")

@@ -24,13 +24,7 @@ def listed(folder: str) -> dict[str, str]:
 
 
 def measured_files(folder: str) -> list[Path]:
-    """The listed files of a folder, none where one of them is absent; those that are there are checked.
-
-    Raises
-    ------
-    RecordError
-        If a file is not the one that was listed.
-    """
+    """The listed files of a folder, none where one of them is absent; those that are there are checked."""
     hashes = listed(folder)
     files = {data() / path: digest for path, digest in hashes.items()}
     present = {file: digest for file, digest in files.items() if file.is_file()}

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.records import Observation, build_damper_test, observed, read_damper_tests, repair
+from studies.common.rig import PER_CYCLE
 from studies.leaderboard.measured import UTFSM, measured_files
-from studies.one_model_for_a_rig.study import PER_CYCLE
 
 Floats = NDArray[np.float64]
 

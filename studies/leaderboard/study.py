@@ -15,7 +15,7 @@ import os
 import platform
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import mrwork as mr
@@ -172,16 +172,7 @@ def _law_rows(
         say(f"laws: {file.stem}")
         row = row_of(file, LAWS, lambda entry: score_law(entry, benches))
         for place, name in enumerate(present):
-            rows[name].append(
-                Row(
-                    name=row.name,
-                    seconds=row.seconds,
-                    score=None if row.score is None else row.score[place],
-                    failure=row.failure,
-                    title=row.title,
-                    n_params=row.n_params,
-                )
-            )
+            rows[name].append(replace(row, score=None if row.score is None else row.score[place]))
     return rows, {name: absent_sentence(MOTIONS) for name in sets if name not in present}
 
 

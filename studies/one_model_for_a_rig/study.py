@@ -23,14 +23,13 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, LawName, damper
 from mrwork.errors import SimulationError
 from mrwork.identification import Fit, Progress, free_run, start_from
-from mrwork.records import DamperTest, cut, read_damper_tests, repair
+from mrwork.records import DamperTest
 from mrwork.records import observed as with_observation
 from studies.common.command import Command
 from studies.common.records import absent, damper_tests
+from studies.common.rig import sinusoids, thinned
 
 HERE = Path(__file__).parent
-# Samples of a cycle: with this number the fit of no test changes by more than 0.01.
-PER_CYCLE = 250
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,22 +94,6 @@ def families() -> dict[str, Family]:
     return result
 
 
-def sinusoids(*, observed: bool) -> tuple[DamperTest, ...]:
-    """The 30 filtered sinusoids; if `observed`, with the moving average of their authors in the observation model."""
-    tests = read_damper_tests(sorted(str(path) for path in damper_tests().glob("[0-9]*.csv")))
-    # Where `mrwork check` sees that a velocity column is late, it is derived anew; elsewhere the repair does nothing.
-    mended = (repair(test, ["velocity"])[0] for test in tests)
-    return tuple(with_observation(test, ["detect" if observed else "none"]) for test in mended)
-
-
-def thinned(test: DamperTest) -> DamperTest:
-    """The whole of a record with fewer samples."""
-    frequency = test.frequency
-    return (
-        test if frequency is None else cut(test, every=max(1, int(1.0 / (frequency * test.dt * PER_CYCLE))))
-    )
-
-
 def fitted(
     name: str,
     tests: tuple[DamperTest, ...],
@@ -163,8 +146,8 @@ def left_out(name: str, tests: tuple[DamperTest, ...], *, seed: int, threads: in
 
 
 def run(name: str, *, observed: bool, leave_out: bool, seed: int, threads: int) -> RigRow:
-    """Identify one family from all tests."""
-    tests = sinusoids(observed=observed)
+    """Identify one family from all tests; if `observed`, with the moving average of their authors."""
+    tests = tuple(with_observation(test, ["detect" if observed else "none"]) for test in sinusoids())
     begun = time.perf_counter()
 
     def show(progress: Progress) -> None:

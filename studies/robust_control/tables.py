@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from mrwork.study import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from studies.common.scores import TITLES
+from studies.common.table import table_of
 from studies.robust_control.findings import CLAIRVOYANT
 
 # A fifth of the test motions, as the risk of the robust law takes.
@@ -47,36 +48,24 @@ def is_record(name: str) -> bool:
 
 
 def _scores(level: str, laws: Mapping[str, Any]) -> Table:
-    def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-        names = list(row["motions"])
-        groups = (
-            [each for each in names if is_record(each)],
-            [each for each in names if not is_record(each)],
-        )
-        return (
-            f"{row['training']:.3f}",
-            *(f"{mean_over(row['motions'], group):.3f}" if group else "" for group in groups),
-            f"{row['lower_quartile']:.2f} to {row['upper_quartile']:.2f}",
-            f"{np.mean(sorted(row['motions'].values())[-_WORST:]):.3f}",
-            *(f"{row['ratios'][name]:.3f}" for name in SCORE),
-            f"{row['rms_current']:.2f}",
-            f"{1e3 * row['peak_stroke']:.1f}",
-        )
+    def group(row: Mapping[str, Any], *, records: bool) -> str:
+        names = [name for name in row["motions"] if is_record(name) is records]
+        return f"{mean_over(row['motions'], names):.3f}" if names else ""
 
-    return Table(
-        title=f"Scores at {level}",
-        columns=(
-            "law",
-            "training",
-            "four",
-            "sixteen",
-            "middle half",
-            "worst four",
-            *TITLES.values(),
-            "current [A]",
-            "stroke [mm]",
-        ),
-        rows=tuple((label, *cells(row)) for label, row in laws.items()),
+    return table_of(
+        f"Scores at {level}",
+        "law",
+        laws,
+        {
+            "training": "{training:.3f}",
+            "four": partial(group, records=True),
+            "sixteen": partial(group, records=False),
+            "middle half": "{lower_quartile:.2f} to {upper_quartile:.2f}",
+            "worst four": lambda row: f"{np.mean(sorted(row['motions'].values())[-_WORST:]):.3f}",
+            **{title: f"{{ratios[{name}]:.3f}}" for name, title in TITLES.items()},
+            "current [A]": "{rms_current:.2f}",
+            "stroke [mm]": lambda row: f"{1e3 * row['peak_stroke']:.1f}",
+        },
         note="Score on the training motions, the four records and the sixteen measured motions; range of the middle "
         "half of these twenty, mean of the worst four; means of their ratios to i = 0; largest rms current and stroke.",
     )
@@ -94,22 +83,20 @@ def _both_peaks(level: str, laws: Mapping[str, Any]) -> Table:
         np.argmin([each.max(axis=1) for each in over.values()], axis=0), np.arange(len(constant))
     ]
 
-    def cells(ratios: Floats) -> Iterator[str]:
-        for lower in (*(ratios < 1.0).T, (ratios < 1.0).all(axis=1), (ratios < 1.0 - _CLEARLY).all(axis=1)):
-            yield f"{int(lower.sum())} of {len(ratios)}"
-        yield f"{ratios.max(axis=1).mean():.3f}"
+    def lower(ratios: Floats, by: float, columns: slice) -> str:
+        return f"{int((ratios < 1.0 - by)[:, columns].all(axis=1).sum())} of {len(ratios)}"
 
-    return Table(
-        title=f"Peaks below those of the best constant command at {level}",
-        columns=(
-            "law",
-            "peak drift",
-            "peak acc.",
-            "both",
-            f"both by {_CLEARLY:.0%}",
-            "mean of the larger ratio",
-        ),
-        rows=tuple((label, *cells(ratios)) for label, ratios in over.items()),
+    return table_of(
+        f"Peaks below those of the best constant command at {level}",
+        "law",
+        over,
+        {
+            "peak drift": partial(lower, by=0.0, columns=slice(0, 1)),
+            "peak acc.": partial(lower, by=0.0, columns=slice(1, 2)),
+            "both": partial(lower, by=0.0, columns=slice(0, 2)),
+            f"both by {_CLEARLY:.0%}": partial(lower, by=_CLEARLY, columns=slice(0, 2)),
+            "mean of the larger ratio": lambda ratios: f"{ratios.max(axis=1).mean():.3f}",
+        },
         note=f"Test motions. {ANY}: for each motion the law with the smallest larger ratio, chosen after the fact.",
     )
 
@@ -120,36 +107,28 @@ def _peaks(row: Mapping[str, Any]) -> Floats:
 
 
 def _bands(level: str, laws: Mapping[str, Any]) -> Table:
-    def cells(row: Mapping[str, Any]) -> Iterator[str]:
-        for name in ("score", "peak_drift"):
-            band = row["bands"][name]
-            yield f"{band['median']:.3f}"
-            yield f"{band['lower']:.3f} to {band['upper']:.3f}"
-
-    return Table(
-        title=f"Over draws of the damper, stiffness, damping and delay at {level}",
-        columns=("law", "score", "90 % band", "peak drift", "90 % band"),
-        rows=tuple((label, *cells(row)) for label, row in laws.items() if row["bands"]),
+    columns: dict[str, str] = {}
+    for name, title in (("score", "score"), ("peak_drift", "peak drift")):
+        columns[title] = f"{{bands[{name}][median]:.3f}}"
+        columns[f"{title}, 90 % band"] = f"{{bands[{name}][lower]:.3f}} to {{bands[{name}][upper]:.3f}}"
+    return table_of(
+        f"Over draws of the damper, stiffness, damping and delay at {level}",
+        "law",
+        {label: row for label, row in laws.items() if row["bands"]},
+        columns,
         note="Each is the mean over the test motions of a ratio to i = 0 of the same realisation.",
     )
 
 
 def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> Table:
     names = list(best["motions"])
-    rows = [
-        (label, *(f"{row['motions'][name]:.3f}" for name in names), f"{mean_over(row['motions'], names):.3f}")
-        for label, row in laws.items()
-    ]
-    rows.append(
-        (
-            CLAIRVOYANT,
-            *(f"{each:.3f}" for each in best["motions"].values()),
-            f"{mean_over(best['motions'], names):.3f}",
-        )
-    )
-    return Table(
-        title=f"How much is left at {level}",
-        columns=("law", *names, "mean"),
-        rows=tuple(rows),
+    return table_of(
+        f"How much is left at {level}",
+        "law",
+        {label: row["motions"] for label, row in (*laws.items(), (CLAIRVOYANT, best))},
+        {
+            **{name: lambda scores, name=name: f"{scores[name]:.3f}" for name in names},
+            "mean": lambda scores: f"{mean_over(scores, names):.3f}",
+        },
         note="The clairvoyant knows the motion; it is a local optimum of several starts, not certified.",
     )

@@ -17,6 +17,17 @@ _NOTE = (
     "the same motions."
 )
 
+_COST = {
+    "decisions a second, loops in lanes": "{decisions_per_second:,.0f}",
+    "time of a decision, loops in lanes [us]": "{microseconds:.0f}",
+    "time of a decision, one loop alone [ms]": "{milliseconds_alone:.1f}",
+    "time from one decision to the next [ms]": "{hold_ms:.0f}",
+    "operations of a decision, estimated": "{operations:,.0f}",
+    "lane-steps a second with the law": "{lane_steps_per_second:,.0f}",
+    "lane-steps a second at i = 0": "{lane_steps_per_second_without:,.0f}",
+    "a candidate under the sixteen motions [s]": "{candidate_s:.0f}",
+}
+
 
 def tables(found: Mapping[str, Any]) -> Iterator[Table]:
     """The tables of the README."""
@@ -39,20 +50,11 @@ def tables(found: Mapping[str, Any]) -> Iterator[Table]:
                 {name: f"{{{name}:.3f}}" for name in ("best constant", "rollout", CLAIRVOYANT)},
                 note="Scores. The clairvoyant knows the motion; a local optimum of several starts, not certified.",
             )
-    cost = found["cost"]
-    yield Table(
-        title="Cost of the law on this machine, one thread",
-        columns=("quantity", "value"),
-        rows=(
-            ("decisions a second, loops in lanes", f"{cost['decisions_per_second']:,.0f}"),
-            ("time of a decision, loops in lanes [us]", f"{cost['microseconds']:.0f}"),
-            ("time of a decision, one loop alone [ms]", f"{cost['milliseconds_alone']:.1f}"),
-            ("time from one decision to the next [ms]", f"{cost['hold_ms']:.0f}"),
-            ("operations of a decision, estimated", f"{cost['operations']:,.0f}"),
-            ("lane-steps a second with the law", f"{cost['lane_steps_per_second']:,.0f}"),
-            ("lane-steps a second at i = 0", f"{cost['lane_steps_per_second_without']:,.0f}"),
-            ("a candidate under the sixteen motions [s]", f"{cost['candidate_s']:.0f}"),
-        ),
+    yield table_of(
+        "Cost of the law on this machine, one thread",
+        "quantity",
+        ((name, form.format_map(found["cost"])) for name, form in _COST.items()),
+        {"value": str},
     )
 
 

@@ -1,4 +1,7 @@
-"""The command line of the benchmarks: what they measure, with which options, printed as a table or as JSON."""
+"""The command line of the benchmarks: what they measure, with which options, printed as a table or as JSON.
+
+An option is an argument of the function `bench_` of its subject, and is explained here.
+"""
 
 from __future__ import annotations
 

@@ -95,13 +95,13 @@ def contenders() -> tuple[list[Contender], list[str]]:
         ),
     ]
     missing: list[str] = []
-    for name, optimiser in OURS.items():
-        method = _searched(optimiser)
-        found.append(Contender(name=name, objective="rust", method=method, settings=described(optimiser)))
-    for name, optimiser in ABORTED.items():
-        method = _aborting(optimiser)
-        settings = described(optimiser)
-        found.append(Contender(name=name, objective="rust, early abort", method=method, settings=settings))
+    own: tuple[tuple[ObjectiveName, Mapping[str, Optimiser[Any]]], ...]
+    own = ("rust", OURS), ("rust, early abort", ABORTED)
+    for objective, optimisers in own:
+        for name, optimiser in optimisers.items():
+            method = _searched(optimiser, aborting=optimisers is ABORTED)
+            settings = described(optimiser)
+            found.append(Contender(name=name, objective=objective, method=method, settings=settings))
     objectives: tuple[ObjectiveName, ...] = ("rust",)
     if importlib.util.find_spec("numba") is None:
         missing.append("numba")
@@ -134,16 +134,9 @@ def ending(optimiser: Optimiser[Any], rules: StopRules) -> Any:
     return replace(optimiser, stop=rules)  # type: ignore[type-var] # `replace` knows no protocol
 
 
-def _searched(optimiser: Optimiser[Any]) -> Method:
+def _searched(optimiser: Optimiser[Any], *, aborting: bool) -> Method:
     def method(attempt: Attempt, seed: int) -> None:
-        run_search(optimiser, attempt.misfits, rng=seed, n_params=attempt.job.n_params)
-
-    return method
-
-
-def _aborting(optimiser: Optimiser[Any]) -> Method:
-    def method(attempt: Attempt, seed: int) -> None:
-        objective = AbortableObjective(misfits=attempt.misfits)
+        objective = AbortableObjective(misfits=attempt.misfits) if aborting else attempt.misfits
         run_search(optimiser, objective, rng=seed, n_params=attempt.job.n_params)
 
     return method

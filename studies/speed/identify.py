@@ -31,7 +31,7 @@ from studies.speed.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from studies.speed.search_peers import UsualWay, measure_usual_way, multistart_least_squares
 from studies.speed.search_rows import USUAL, SearchRow, TestRow, bars_of, extrapolated, row_of
 from studies.speed.timing import rotated, timed
-from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+from studies.speed.workers import Benchmark, Say, cores_for, rows_until_interrupted, silent
 
 # The compile of a method and the loading of its library, which no time includes, take this many simulations.
 _WARMING = 150
@@ -155,14 +155,6 @@ def bench_identify(
     Each number of threads gets a process of its own, pinned to that many cores. Loading, compiling and choosing the
     fastest numba come first and are not timed. The target is within 0.2 points of the best fit that a long multistart
     of least squares found at the start of the same run. Ctrl-C ends the run; what was measured until then is returned.
-
-    Parameters
-    ----------
-    seeds : attempts of each method; by default 20, 2 if `quick`.
-    threads : numbers of threads, none above the cores of this machine; without any, 1 and all.
-    budget : simulations after which an attempt has failed; by default 5000, 1000 if `quick`.
-    quick : a rough look: smaller allowances, one thread unless set otherwise, the first numba that comes.
-    all_tests : also the default of `identify` on the five currents of the reference test.
     """
     seeds = (2 if quick else 20) if seeds is None else seeds
     budget = (1000 if quick else 5000) if budget is None else budget
@@ -180,16 +172,10 @@ def bench_identify(
     }
     # What needs only one number of threads.
     last = {"usual_candidates": 2 if quick else 20, "tests": ALL_TESTS if all_tests else ()}
-    received: dict[int, list[Any]] = {count: [] for count in counts}
+    runs = {count: settings | {"usual_candidates": 0, "tests": ()} for count in counts}
+    runs[counts[-1]] = settings | last
     began = time.perf_counter()
-    interrupted = False
-    try:
-        for count in counts:
-            extras = last if count == counts[-1] else {"usual_candidates": 0, "tests": ()}
-            for row in rows_of(measure, cores[:count], settings | extras, say):
-                received[count].append(row)
-    except KeyboardInterrupt:
-        interrupted = True
+    received, interrupted = rows_until_interrupted(measure, runs, cores, say)
     everything = [row for rows in received.values() for row in rows]
     usual = next((row for row in everything if isinstance(row, UsualWay)), None)
     rows = [row for count, own in received.items() for row in _search_rows(own, count)]

@@ -153,12 +153,6 @@ def bench_kernels(
 
     Each number of threads gets a process of its own, pinned to that many cores. The peers' layout and
     compiler settings are searched first and the fastest is timed; compilation is never timed.
-
-    Parameters
-    ----------
-    batches : numbers of candidates.
-    threads : numbers of threads, none above the cores of this machine.
-    rounds : turns of each contender, of which the median counts.
     """
     if not batches or not threads or min(*batches, *threads, rounds, 1) < 1:
         raise SettingError("`batches`, `threads` and `rounds` must be 1 or more; give positive numbers")

@@ -133,12 +133,6 @@ def bench_loop(
     Each contender has a process of its own for each number of threads, pinned to that many cores; they follow one
     another. The peers' layout is searched on a short piece and the fastest is timed; compilation is measured
     separately. What is kept of the runs must agree.
-
-    Parameters
-    ----------
-    candidates, motions, seconds : rows of gains, ground motions, and how long each lasts [s].
-    threads : numbers of threads, none above the cores of this machine.
-    rounds : passes of each contender, of which the median counts; those that are extrapolated make one.
     """
     if not threads or min(*threads, candidates, motions, rounds) < 1 or not seconds >= STEP:
         raise SettingError(

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Any
 
 import numba
 import numpy as np
@@ -26,6 +25,7 @@ from studies.speed.loop_workload import (
     averaged,
     chain_springs,
 )
+from studies.speed.numba_peer import NumbaVariant
 
 Five = tuple[float, float, float, float, float]
 """Of the floors, lowest first."""
@@ -96,10 +96,11 @@ def _note(sums: Floats, peak: int, square: int, j: int, value: float) -> None:
 
 
 @cache
-def compiled(block: int, tanh_kind: Literal["library", "series"], fastmath: bool) -> Any:
-    """Compile the kernel for blocks of `block` runs, with the tanh of the C library or our series."""
+def compiled(variant: NumbaVariant) -> Any:
+    """Compile the kernel, with the tanh of the C library or our series."""
+    block, fastmath = variant.block, variant.fastmath
     inlined = numba.njit(forceinline=True, fastmath=fastmath, error_model="numpy")
-    tanh: Any = math.tanh if tanh_kind == "library" else inlined(series_tanh)
+    tanh: Any = math.tanh if variant.form == "library" else inlined(series_tanh)
     stage, along, note = inlined(_stage), inlined(_along), inlined(_note)
 
     @inlined
@@ -217,27 +218,17 @@ def compiled(block: int, tanh_kind: Literal["library", "series"], fastmath: bool
     return numba.njit(parallel=True, fastmath=fastmath, error_model="numpy")(kernel)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopNumbaVariant:
-    """One way to compile the loop."""
-
-    block: int = 1
-    tanh: Literal["library", "series"] = "library"
-    fastmath: bool = True
-
-    def describe(self) -> str:
-        """In a few words, for the table."""
-        layout = "scalar loop" if self.block == 1 else f"blocks of {self.block}"
-        return f"{layout}, tanh of the {self.tanh}, fastmath {'on' if self.fastmath else 'off'}"
+LIBRARY = (
+    NumbaVariant(block=1, form="library", fastmath=True),
+    NumbaVariant(block=1, form="library"),
+    NumbaVariant(block=8, form="library", fastmath=True),
+)
+SERIES = tuple(NumbaVariant(block=block, form="series", fastmath=True) for block in (8, 16, 32))
 
 
-LIBRARY = (LoopNumbaVariant(), LoopNumbaVariant(fastmath=False), LoopNumbaVariant(block=8))
-SERIES = tuple(LoopNumbaVariant(block=block, tanh="series") for block in (8, 16, 32))
-
-
-def prepare(workload: LoopWorkload, variant: LoopNumbaVariant) -> Callable[[], Floats]:
+def prepare(workload: LoopWorkload, variant: NumbaVariant) -> Callable[[], Floats]:
     """Compile `variant`; the call returns (n_motions, n_candidates, N_REDUCTIONS)."""
-    kernel = compiled(variant.block, variant.tanh, variant.fastmath)
+    kernel = compiled(variant)
     mass, device = workload.mass, workload.device
     k, c = _chain(workload.stiffness, mass), _chain(workload.damping, mass)
     m = (*mass.tolist(), 1.0 / float(mass[0]), float(mass.sum()))

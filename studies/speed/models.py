@@ -110,14 +110,6 @@ def bench_models(
 
     Each number of threads gets a process of its own, pinned to that many cores. The twin's layout and compiler
     settings are searched first and the fastest is timed; compilation is never timed.
-
-    Parameters
-    ----------
-    models : names, all registered models if empty.
-    batch : number of candidates.
-    threads : numbers of threads, none above the cores of this machine.
-    n_time : samples of the record.
-    rounds : turns of each contender, of which the median counts.
     """
     names = [damper(name).name for name in models] or [spec.name for spec in damper_models()]
     if not threads or min(*threads, batch, rounds) < 1 or n_time < 4:

@@ -3,7 +3,7 @@
 A candidate takes as many sub-steps as our stepping rule gives it: a power of two that keeps the product of step and
 stiffness bound at 1.4 or below. Candidates are sorted by that number and dealt to the threads in turns, so that all
 threads have alike to do. Several candidates innermost let the processor overlap their powers; how many, and with
-which power and fast-math, is tried out.
+which power and fast-math, is tried out; `exp_log` writes power and tanh by `math.exp`, which numba evaluates faster.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Literal
+from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from studies.speed.numba_peer import NumbaVariant
 from studies.speed.search_job import SearchJob
 from studies.speed.timing import TimedPeer, fastest_variant, timed
 from studies.speed.workload import Run
@@ -30,22 +31,8 @@ MAX_SUBSTEPS = 256
 FASTMATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObjectiveVariant:
-    """One way to compile the job; `exp_log` writes power and tanh by `math.exp`, which numba evaluates faster."""
-
-    block: int = 8
-    fastmath: bool = False
-    form: Literal["power", "exp_log"] = "exp_log"
-
-    def describe(self) -> str:
-        """In a few words, for the table."""
-        power = "math.pow and tanh" if self.form == "power" else "exp(n ln|w|)"
-        return f"blocks of {self.block}, {power}, fastmath {'on' if self.fastmath else 'off'}"
-
-
-START = ObjectiveVariant()
-CHANGES: tuple[Callable[[ObjectiveVariant], ObjectiveVariant], ...] = (
+START = NumbaVariant(block=8, form="exp_log")
+CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
     lambda variant: replace(variant, fastmath=True),
     lambda variant: replace(variant, block=32),
     lambda variant: replace(variant, block=1),
@@ -57,7 +44,7 @@ CHANGES: tuple[Callable[[ObjectiveVariant], ObjectiveVariant], ...] = (
 class NumbaObjective:
     """Misfits and residuals of a batch, as `Objective` has them."""
 
-    variant: ObjectiveVariant
+    variant: NumbaVariant
     velocity: Array
     displacement: Array
     force: Array
@@ -68,7 +55,7 @@ class NumbaObjective:
     reversal_acceleration: float
 
     @classmethod
-    def of(cls, job: SearchJob, variant: ObjectiveVariant) -> NumbaObjective:
+    def of(cls, job: SearchJob, variant: NumbaVariant) -> NumbaObjective:
         """Spline the velocity; the displacement is needed at the samples only."""
         test, (history,) = job.test, job.objective.histories
         # Lowest power first, in the share of a sample interval.
@@ -174,7 +161,7 @@ block_starts: Any = numba.njit(_block_starts)
 
 
 @cache
-def _compiled(variant: ObjectiveVariant, keep: bool) -> Any:
+def _compiled(variant: NumbaVariant, keep: bool) -> Any:
     fastmath = FASTMATH if variant.fastmath else False
     inlined = numba.njit(inline="always", fastmath=fastmath)
     power, hyperbolic = (inlined(function) for function in FORMS[variant.form])
@@ -284,7 +271,7 @@ def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[NumbaO
     theta = theta[np.isfinite(expected)]
     built: dict[str, NumbaObjective] = {}
 
-    def prepare(variant: ObjectiveVariant) -> Run:
+    def prepare(variant: NumbaVariant) -> Run:
         objective = built[variant.describe()] = NumbaObjective.of(job, variant)
         return lambda: objective.misfits(theta)
 

@@ -1,8 +1,8 @@
-"""The workload in numba: parallel over candidates, or over blocks of them with the candidates innermost.
+"""The workload of kernels in numba: parallel over blocks of candidates.
 
-The scalar loop is what one writes first; the blocked loop lets LLVM fill its vectors with candidates and is
-two to twenty times faster. Each function is a plain Python function until `prepare` compiles it, so that the
-power form and the block size are constants to the compiler.
+Candidates lie innermost, so that LLVM fills its vectors with them: two to twenty times faster than a loop over one.
+The function is a plain Python function until `prepare` compiles it, so that the power form and the block size are
+constants to the compiler.
 """
 
 from __future__ import annotations
@@ -26,18 +26,24 @@ Rate: TypeAlias = Callable[[float, float, float, float, float, float], float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumbaVariant:
-    """One way to compile the workload; a block of 1 is the scalar loop over each candidate's record."""
+    """One way to compile a loop: candidates of a block run innermost, `form` is how a power or a tanh is written.
 
-    block: int = 32
+    `threads` 0 are those of the process.
+    """
+
+    block: int
     fastmath: bool = False
+    form: str = ""
+    threads: int = 0
 
     def describe(self) -> str:
         """In a few words, for the table."""
-        layout = "scalar loop" if self.block == 1 else f"blocks of {self.block}"
-        return f"{layout}, fastmath {'on' if self.fastmath else 'off'}"
+        threads = f"{self.threads} thread(s)" if self.threads else ""
+        fastmath = f"fastmath {'on' if self.fastmath else 'off'}"
+        return ", ".join(filter(None, [threads, f"blocks of {self.block}", self.form, fastmath]))
 
 
-START = NumbaVariant()
+START = NumbaVariant(block=32)
 CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
     lambda variant: replace(variant, fastmath=True),
     lambda variant: replace(variant, block=2 * variant.block),
@@ -63,7 +69,7 @@ def _compiled(form: PowerForm, variant: NumbaVariant) -> Kernel:
         return rho * (v - power(w, n) * (sigma * math.copysign(speed, w) - (sigma - 1.0) * v))
 
     inlined = numba.njit(inline="always", fastmath=variant.fastmath)(rate)
-    kernel = _scalar_loop(inlined) if variant.block == 1 else _blocked_loop(inlined, variant.block)
+    kernel = _blocked_loop(inlined, variant.block)
     compiled: Kernel = numba.njit(parallel=True, fastmath=variant.fastmath, error_model="numpy")(kernel)
     return compiled
 
@@ -85,31 +91,6 @@ _POWERS: dict[PowerForm, Callable[[float, float], float]] = {
     "square": _square,
     "exp_log": _exp_log,
 }
-
-
-def _scalar_loop(rate: Rate) -> Kernel:
-    def kernel(theta: Array, stages: Array, force: Array, dt: float) -> Array:
-        misfit = np.empty(theta.shape[0])
-        half = 0.5 * dt
-        for row in numba.prange(theta.shape[0]):
-            c, k, x0, k_w = theta[row, 0], theta[row, 1], theta[row, 2], theta[row, 3]
-            rho, sigma, n = theta[row, 4], theta[row, 5], theta[row, 6]
-            w = 0.0
-            residual = c * stages[0, 0, 1] + k * (stages[0, 0, 0] - x0) - force[0]
-            total = residual * residual
-            for i in range(force.shape[0] - 1):
-                v_start, v_middle, v_end = stages[i, 0, 1], stages[i, 1, 1], stages[i, 2, 1]
-                k1 = rate(v_start, abs(v_start), w, rho, sigma, n)
-                k2 = rate(v_middle, abs(v_middle), w + half * k1, rho, sigma, n)
-                k3 = rate(v_middle, abs(v_middle), w + half * k2, rho, sigma, n)
-                k4 = rate(v_end, abs(v_end), w + dt * k3, rho, sigma, n)
-                w += dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                residual = c * v_end + k * (stages[i, 2, 0] - x0) + k_w * w - force[i + 1]
-                total += residual * residual
-            misfit[row] = total
-        return misfit
-
-    return kernel
 
 
 def _blocked_loop(rate: Rate, block: int) -> Kernel:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -19,28 +18,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from studies.speed.numba_objective import FASTMATH, FORMS, steps_of
+from studies.speed.numba_peer import NumbaVariant
 from studies.speed.refine_job import RefineJob
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
-    """One way to compile the simulation."""
-
-    block: int
-    threads: int
-    fastmath: bool
-    form: str
-
-    def describe(self) -> str:
-        """In a few words, for the table."""
-        fastmath = "on" if self.fastmath else "off"
-        return f"{self.threads} thread(s), blocks of {self.block}, {self.form}, fastmath {fastmath}"
-
-
 LAYOUTS = tuple(
-    Layout(block=block, threads=threads, fastmath=fastmath, form=form)
+    NumbaVariant(block=block, threads=threads, fastmath=fastmath, form=form)
     for threads in dict.fromkeys((numba.get_num_threads(), 1))
     for block in (1, 4, 8)
     for fastmath in (False, True)
@@ -51,7 +36,7 @@ LAYOUTS = tuple(
 class NumbaResiduals:
     """Weighted residuals of rows of `theta`, as `Objective.residuals` has them."""
 
-    def __init__(self, job: RefineJob, layout: Layout) -> None:
+    def __init__(self, job: RefineJob, layout: NumbaVariant) -> None:
         self.layout = layout
         self.spec = job.spec
         tests, histories = job.objective.tests, job.objective.histories
@@ -101,7 +86,7 @@ class NumbaResiduals:
         return np.where(np.isfinite(residuals), residuals, 1.0)
 
 
-def fastest_layout(job: RefineJob, layouts: tuple[Layout, ...] = LAYOUTS) -> NumbaResiduals:
+def fastest_layout(job: RefineJob, layouts: tuple[NumbaVariant, ...] = LAYOUTS) -> NumbaResiduals:
     """The layout whose batch of a Jacobian, followed by a single simulation, takes the least time."""
     rows = np.repeat(job.starts[:1], 1 + len(job.box.free), axis=0)
 

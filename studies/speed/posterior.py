@@ -17,7 +17,7 @@ from studies.common.table import table_of
 from studies.speed.bars import Bar, ratio_bar
 from studies.speed.posterior_job import Density, PosteriorJob, Rows, density_of
 from studies.speed.timing import require_agreement, rotated, timed
-from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
+from studies.speed.workers import Benchmark, Say, cores_for, rows_until_interrupted, silent
 
 _AIM = 5.0
 _OURS = "mrwork"
@@ -138,14 +138,6 @@ def bench_posterior(
 
     Each number of threads gets a process of its own, pinned to that many cores. Loading, compiling and choosing the
     fastest variant come first and are not in the seconds. Ctrl-C ends the run; the rows until then are returned.
-
-    Parameters
-    ----------
-    steps : of each ensemble.
-    walkers : of each ensemble, an even number.
-    threads : numbers of threads, none above the cores of this machine.
-    nuts_draws : draws of NUTS, after as many of warm-up; 0 leaves it out.
-    quick : the first variant of each peer that comes.
     """
     few_draws = nuts_draws != 0 and nuts_draws < _FEWEST_DRAWS
     if min(*threads, 1) < 1 or steps < _FEWEST_STEPS or few_draws or walkers < _FEWEST_WALKERS or walkers % 2:
@@ -155,15 +147,9 @@ def bench_posterior(
         )
     cores = cores_for(threads)
     settings = {"steps": steps, "walkers": walkers, "nuts_draws": nuts_draws, "choose_variant": not quick}
-    received: list[SamplerRow | Setup] = []
     began = time.perf_counter()
-    interrupted = False
-    try:
-        for count in threads:
-            for row in rows_of(measure, cores[:count], settings, say):
-                received.append(row)  # noqa: PERF402 # what came before an interruption stays
-    except KeyboardInterrupt:
-        interrupted = True
+    by_threads, interrupted = rows_until_interrupted(measure, dict.fromkeys(threads, settings), cores, say)
+    received = [row for rows in by_threads.values() for row in rows]
     rows = tuple(row for row in received if isinstance(row, SamplerRow))
     return PosteriorBenchmark(
         rows=rows,

@@ -87,12 +87,6 @@ def bench_refine(
     """Refine the same starts with every engine in turns, start by start.
 
     First calls, with loading and compiling, come before and are reported separately.
-
-    Parameters
-    ----------
-    seeds : starts of each job.
-    threads : threads of our simulation, 0 for all; numba has all.
-    quick : one record only, without the twin, the first numba that comes.
     """
     if seeds < 1:
         raise SettingError(f"`seeds` is {seeds}; give 1 or more")

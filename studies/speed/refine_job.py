@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from mrwork.dampers import Box, DamperSpec, LawName, damper
 from mrwork.identification import LevelFit, Objective, find_minima, joint_starts, levels_of, search_box
-from mrwork.records import DamperTest, cut, read_damper_tests, repair
 from mrwork.search import Streams, latin_hypercube
-from studies.common.records import damper_tests
+from studies.common.rig import sinusoids, thinned
 from studies.speed.search_job import REFERENCE, record
 
 MODEL = "normalised_bouc_wen"
@@ -24,7 +23,6 @@ LAWS: dict[str, LawName] = {"k_w": "cubic", "c": "linear"}
 _SAMPLES = 20
 _FIRST_ITERATIONS = 6
 _SPREAD = 0.2
-_PER_CYCLE = 250
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,10 +60,9 @@ def reference_job(seeds: int, threads: int) -> RefineJob:
 
 def joint_job(seeds: int, threads: int) -> RefineJob | None:
     """All sinusoids of the rig at once; `None` where the measured records are absent."""
-    paths = sorted(str(path) for path in damper_tests().glob("[0-9]*.csv"))
-    if not paths:
+    tests = tuple(map(thinned, sinusoids()))
+    if not tests:
         return None
-    tests = tuple(_thinned(repair(test, ["velocity"])[0]) for test in read_damper_tests(paths))
     plain = damper(MODEL)
     levels = []
     for command, group in levels_of(plain.with_current_laws(LAWS), tests).items():
@@ -93,10 +90,3 @@ def _find(objective: Objective, box: Box, searched: Box) -> NDArray[np.float64]:
     best = sample[np.argsort(objective(sample), kind="stable")[:8]]
     minima = find_minima(objective, box, best, max_iterations=_FIRST_ITERATIONS)
     return np.asarray(minima.theta[np.argmin(minima.misfit)])
-
-
-def _thinned(test: DamperTest) -> DamperTest:
-    frequency = test.frequency
-    return (
-        test if frequency is None else cut(test, every=max(1, int(1.0 / (frequency * test.dt * _PER_CYCLE))))
-    )

@@ -88,19 +88,7 @@ def bench_regulators(
     batch: int | None = None,
     say: Say = silent,
 ) -> RegulatorBenchmark:
-    """Regulators of shear frames, each with its own plant and weight; see `frames`.
-
-    Parameters
-    ----------
-    states
-        States of the plants, even numbers.
-    threads
-        Numbers of threads, each in a process of its own on as many cores. SciPy is given a pool of as many threads.
-    rounds
-        Repetitions, of which the median counts; ours and SciPy take turns.
-    batch
-        Equations of a batch; by default a number for each size that takes about a tenth of a second.
-    """
+    """Regulators of shear frames, each with its own plant and weight; see `frames`."""
     if (
         not threads
         or not states

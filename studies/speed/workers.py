@@ -58,13 +58,7 @@ def cores_for(threads: Sequence[int]) -> list[int]:
 def rows_of(
     job: Callable[..., Iterator[Any]], cores: Sequence[int], settings: Mapping[str, Any], say: Say = silent
 ) -> Iterator[Any]:
-    """Rows that `job(threads=len(cores), **settings)` yields in a process on these cores, as they come.
-
-    Raises
-    ------
-    MrworkError
-        With what the job raised, or with the last line on the stderr of a process that broke down.
-    """
+    """Rows that `job(threads=len(cores), **settings)` yields in a process on these cores, as they come."""
     count = str(len(cores))
     folders = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = os.environ | {
@@ -106,6 +100,23 @@ def rows_of(
             raise MrworkError(
                 f"the benchmark process on {count} core(s) ended with code {worker.returncode}: {last}"
             )
+
+
+def rows_until_interrupted(
+    job: Callable[..., Iterator[Any]],
+    runs: Mapping[int, Mapping[str, Any]],
+    cores: Sequence[int],
+    say: Say = silent,
+) -> tuple[dict[int, list[Any]], bool]:
+    """Rows of a job by its number of threads, of which `runs` has the settings; whether Ctrl-C ended it before."""
+    rows: dict[int, list[Any]] = {threads: [] for threads in runs}
+    try:
+        for threads, settings in runs.items():
+            for row in rows_of(job, cores[:threads], settings, say):
+                rows[threads].append(row)
+    except KeyboardInterrupt:
+        return rows, True
+    return rows, False
 
 
 def main() -> None:
