@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -40,16 +40,24 @@ CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NumbaObjective:
-    """Misfits and residuals of a batch, as `Objective` has them."""
+class Record(NamedTuple):
+    """What is simulated: the splines of the velocity, lowest power first in the share of a sample interval; the rest
+    at the samples, of which those from `first` on count.
+    """
 
-    variant: NumbaVariant
     velocity: Array
     displacement: Array
     force: Array
     dt: float
     first: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NumbaObjective:
+    """Misfits and residuals of a batch, as `Objective` has them."""
+
+    variant: NumbaVariant
+    record: Record
     weight: float
     peak_velocity: float
     reversal_acceleration: float
@@ -58,15 +66,11 @@ class NumbaObjective:
     def of(cls, job: SearchJob, variant: NumbaVariant) -> NumbaObjective:
         """Spline the velocity; the displacement is needed at the samples only."""
         test, (history,) = job.test, job.objective.histories
-        # Lowest power first, in the share of a sample interval.
         coefficients = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity).c[::-1].T
+        velocity = np.ascontiguousarray(coefficients)
         return cls(
             variant=variant,
-            velocity=np.ascontiguousarray(coefficients),
-            displacement=test.displacement,
-            force=test.force,
-            dt=test.dt,
-            first=test.n_settle,
+            record=Record(velocity, test.displacement, test.force, test.dt, test.n_settle),
             weight=job.objective.compared[0].weight(1),
             peak_velocity=history.peak_velocity,
             reversal_acceleration=history.reversal_acceleration,
@@ -79,33 +83,28 @@ class NumbaObjective:
 
     def residuals(self, theta: Array) -> Array:
         """Weighted residuals of each row, shape (m, n_counted); one everywhere where a simulation failed."""
-        residuals = np.zeros((len(theta), self.force.size - self.first))
+        residuals = np.zeros((len(theta), self.record.force.size - self.record.first))
         squared = self._run(theta, residuals)
         residuals *= self.weight
         residuals[~np.isfinite(squared)] = 1.0
         return residuals
 
+    def substeps(self, theta: Array) -> NDArray[np.int64]:
+        """Sub-steps per sample of each row, shape (m,), 0 where it is too stiff."""
+        count: NDArray[np.int64] = substeps_of(
+            theta, self.record.dt, self.peak_velocity, self.reversal_acceleration
+        )
+        return count
+
     def _run(self, theta: Array, residuals: Array) -> Array:
-        count = substeps_of(theta, self.dt, self.peak_velocity, self.reversal_acceleration)
+        count = self.substeps(theta)
         order = np.argsort(-count, kind="stable")
         starts = block_starts(count[order], self.variant.block)
         # Dealt in turns: a thread takes a run of consecutive blocks.
         threads = numba.get_num_threads()
         turns = np.concatenate([np.arange(len(starts) - 1)[thread::threads] for thread in range(threads)])
         kernel = _compiled(self.variant, bool(residuals.size))
-        squared: Array = kernel(
-            theta,
-            count,
-            order,
-            starts,
-            turns,
-            self.velocity,
-            self.displacement,
-            self.force,
-            self.dt,
-            self.first,
-            residuals,
-        )
+        squared: Array = kernel(theta, (count, order, starts, turns), self.record, residuals)
         return squared
 
 
@@ -175,19 +174,9 @@ def _compiled(variant: NumbaVariant, keep: bool) -> Any:
 
     rate = inlined(_rate)
 
-    def kernel(
-        theta: Array,
-        count: NDArray[np.int64],
-        order: NDArray[np.int64],
-        starts: NDArray[np.int64],
-        turns: NDArray[np.int64],
-        velocity: Array,
-        displacement: Array,
-        force: Array,
-        dt: float,
-        first: int,
-        residuals: Array,
-    ) -> Array:
+    def kernel(theta: Array, dealt: Any, record: Record, residuals: Array) -> Array:
+        count, order, starts, turns = dealt
+        velocity, displacement, force, dt, first = record
         squared = np.empty(theta.shape[0])
         for turn in numba.prange(turns.size):
             begin = starts[turns[turn]]

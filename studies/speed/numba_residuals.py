@@ -45,16 +45,21 @@ class NumbaResiduals:
             # Lowest power first, in the share of a sample interval; the last sample has a row of its own.
             own = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity)
             pieces.append(np.vstack([own.c[::-1].T, [test.velocity[-1], 0.0, 0.0, 0.0]]))
-        self.velocity = np.ascontiguousarray(np.concatenate(pieces))
-        self.displacement = np.concatenate([test.displacement for test in tests])
-        self.force = np.concatenate([test.force for test in tests])
-        self.begin = np.concatenate([[0], np.cumsum([test.n_time for test in tests])])
-        self.first = np.array([test.n_settle for test in tests])
-        self.out = np.concatenate([[0], np.cumsum([test.n_time - test.n_settle for test in tests])])
-        self.weight = np.array([each.weight(len(tests)) for each in job.objective.compared])
-        self.dt = np.array([test.dt for test in tests])
-        self.peak = np.array([history.peak_velocity for history in histories])
-        self.reversal = np.array([history.reversal_acceleration for history in histories])
+        kept = [test.n_time - test.n_settle for test in tests]
+        self.n_residuals = sum(kept)
+        # Of the tests: samples one after another, where each begins, its first that counts, its place in the results.
+        self.records = (
+            np.ascontiguousarray(np.concatenate(pieces)),
+            np.concatenate([test.displacement for test in tests]),
+            np.concatenate([test.force for test in tests]),
+            np.concatenate([[0], np.cumsum([test.n_time for test in tests])]),
+            np.array([test.n_settle for test in tests]),
+            np.concatenate([[0], np.cumsum(kept)]),
+            np.array([compared.weight(len(tests)) for compared in job.objective.compared]),
+            np.array([test.dt for test in tests]),
+            np.array([history.peak_velocity for history in histories]),
+            np.array([history.reversal_acceleration for history in histories]),
+        )
         commands = [0.0 if history.command is None else float(history.command[0]) for history in histories]
         self.command = np.array(commands)
 
@@ -77,12 +82,9 @@ class NumbaResiduals:
 
     def __call__(self, theta: Array) -> Array:
         """Shape (n_rows, n_residuals); one where a simulation failed."""
-        residuals = np.empty((len(theta), self.out[-1]))
+        residuals = np.empty((len(theta), self.n_residuals))
         numba.set_num_threads(self.layout.threads)
-        _compiled(self.layout.block, self.layout.fastmath, self.layout.form)(
-            self.plain(theta), self.velocity, self.displacement, self.force, self.begin, self.first, self.out,
-            self.weight, self.dt, self.peak, self.reversal, residuals,
-        )  # fmt: skip
+        _compiled(self.layout)(self.plain(theta), self.records, residuals)
         return np.where(np.isfinite(residuals), residuals, 1.0)
 
 
@@ -103,8 +105,9 @@ def fastest_layout(job: RefineJob, layouts: tuple[NumbaVariant, ...] = LAYOUTS) 
 
 
 @cache
-def _compiled(block: int, liberties: bool, form: str) -> Any:
-    fastmath = FASTMATH if liberties else False
+def _compiled(layout: NumbaVariant) -> Any:
+    block, form = layout.block, layout.form
+    fastmath = FASTMATH if layout.fastmath else False
     power = numba.njit(inline="always", fastmath=fastmath)(FORMS[form][0])
 
     @numba.njit(error_model="numpy")
@@ -120,20 +123,8 @@ def _compiled(block: int, liberties: bool, form: str) -> Any:
 
     rate = numba.njit(inline="always", fastmath=fastmath)(_rate)
 
-    def kernel(
-        theta: Array,
-        velocity: Array,
-        displacement: Array,
-        force: Array,
-        begin: NDArray[np.int64],
-        first: NDArray[np.int64],
-        out: NDArray[np.int64],
-        weight: Array,
-        dt: Array,
-        peak: Array,
-        reversal: Array,
-        residuals: Array,
-    ) -> None:
+    def kernel(theta: Array, records: Any, residuals: Array) -> None:
+        velocity, displacement, force, begin, first, out, weight, dt, peak, reversal = records
         n_tests, n_rows = theta.shape[:2]
         n_blocks = (n_rows + block - 1) // block
         for item in numba.prange(n_tests * n_blocks):

@@ -57,15 +57,16 @@ def test_numba_and_rust_objectives_are_the_same_job(
     job: SearchJob, block: int, fastmath: bool, form: str
 ) -> None:
     pytest.importorskip("numba", reason=f"numba {EXTRA}")
-    from studies.speed.numba_objective import NumbaObjective, ObjectiveVariant, substeps_of
+    from studies.speed.numba_objective import NumbaObjective
+    from studies.speed.numba_peer import NumbaVariant
 
     theta = scattered(job, 100)
     # Of the stiffest there is, which no sub-steps resolve.
     theta[7, 4], theta[7, 5] = 1e7, 1e4
-    variant = ObjectiveVariant(block=block, fastmath=fastmath, form=form)  # type: ignore[arg-type] # the form is one of two words
+    variant = NumbaVariant(block=block, fastmath=fastmath, form=form)
     objective = NumbaObjective.of(job, variant)
     (simulated,) = job.objective.misfits(theta)
-    substeps = substeps_of(theta, objective.dt, objective.peak_velocity, objective.reversal_acceleration)
+    substeps = objective.substeps(theta)
     finite = np.isfinite(simulated.squared_error)
     np.testing.assert_array_equal(substeps[finite], simulated.substeps[finite])
     assert finite.sum() == 99
