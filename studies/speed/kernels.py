@@ -6,6 +6,7 @@ import importlib.util
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,13 @@ import numpy as np
 from mrwork import kernels as core
 from mrwork.errors import MrworkError, SettingError
 from studies.common.table import table_of
-from studies.speed.timing import TURN_SECONDS, TimedPeer, fastest_variant, speed_figures, time_in_turns
+from studies.speed.timing import TimedPeer, beside_peers
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
 from studies.speed.workload import (
     DT,
     MODEL,
     N_TIME,
     PowerForm,
-    Run,
     Workload,
     candidates,
     displacement_record,
@@ -164,58 +164,50 @@ def bench_kernels(
 
 def measure(*, threads: int, batches: Sequence[int], rounds: int) -> Iterator[KernelRow | str]:
     """Every batch with a general exponent and with n = 2: our kernel and the fastest variant of each peer, in turns."""
-    for batch in batches:
-        for general_exponent in (True, False):
-            yield from _measured(batch, threads, rounds, general_exponent=general_exponent)
-
-
-def _measured(batch: int, threads: int, rounds: int, *, general_exponent: bool) -> Iterator[KernelRow | str]:
     displacement = displacement_record()
     force = measured_force(displacement)
-    theta = candidates(batch, general_exponent=general_exponent, rng=np.random.default_rng(2007))
     loading = core.LoadingHistory(DT, displacement, None)
-    workload = Workload(theta=theta, stages=np.ascontiguousarray(loading.stages(1)), force=force, dt=DT)
-    label = f"batch {batch}, {_exponent(general_exponent)}"
-
-    def ours() -> tuple[Any, Any, Any]:
-        return core.misfits(MODEL, theta, loading, force, threads=threads)[:3]
-
-    expected, _, substeps = ours()
-    if int(substeps.max()) != 1:
-        raise MrworkError(
-            "expected one step per sample for every candidate, the stiffness rule asks for "
-            f"{int(substeps.max())}; use a milder candidate box in workload.py"
-        )
-    runs: dict[str, Run] = {"ours": ours}
-    variants: dict[str, str] = {}
-    forms: dict[str, PowerForm] = {"": "power", "_exp_log": "exp_log"} if general_exponent else {"": "square"}
-    for suffix, form in forms.items():
-        for name in PEERS:
-            if importlib.util.find_spec(name) is not None:
-                yield f"{label}: choosing the fastest {name}{suffix}"
-                peer = _peer(name, workload, form)
-                runs[name + suffix], variants[name + suffix] = fastest_variant(name + suffix, peer, expected)
-    yield f"{label}: timing {', '.join(runs)} in {rounds} rounds"
-    seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
-    yield KernelRow(
-        model=MODEL,
-        batch=batch,
-        threads=threads,
-        general_exponent=general_exponent,
-        variants=variants,
-        **speed_figures(
-            {name: workload.steps / value for name, value in seconds.items()},
+    stages = np.ascontiguousarray(loading.stages(1))
+    for batch, general_exponent in product(batches, (True, False)):
+        theta = candidates(batch, general_exponent=general_exponent, rng=np.random.default_rng(2007))
+        _, _, substeps = core.misfits(MODEL, theta, loading, force, threads=threads)[:3]
+        if int(substeps.max()) != 1:
+            raise MrworkError(
+                "expected one step per sample for every candidate, the stiffness rule asks for "
+                f"{int(substeps.max())}; use a milder candidate box in workload.py"
+            )
+        workload = Workload(theta=theta, stages=stages, force=force, dt=DT)
+        for told in beside_peers(
+            lambda theta=theta: core.misfits(MODEL, theta, loading, force, threads=threads)[0],  # type: ignore[misc] # its type is that of the default
+            _peers(workload, general_exponent=general_exponent),
+            label=f"batch {batch}, {_exponent(general_exponent)}",
+            steps=workload.steps,
+            rounds=rounds,
+            threads=threads,
             flops_per_step=float(core.flops_per_step(MODEL, theta[0])),
-            fma_peak=fma_peak,
-        ),
-    )
+        ):
+            yield (
+                told
+                if isinstance(told, str)
+                else KernelRow(
+                    model=MODEL, batch=batch, threads=threads, general_exponent=general_exponent, **told
+                )
+            )
 
 
-def _peer(name: str, workload: Workload, form: PowerForm) -> TimedPeer[Any]:
-    module = importlib.import_module(f"studies.speed.{name}_peer")
-    return TimedPeer(
-        start=module.START, changes=module.CHANGES, prepare=partial(module.prepare, workload, form)
-    )
+def _peers(workload: Workload, *, general_exponent: bool) -> dict[str, TimedPeer[Any]]:
+    """Those that are installed, with each form of the power."""
+    forms: dict[str, PowerForm] = {"": "power", "_exp_log": "exp_log"} if general_exponent else {"": "square"}
+    peers: dict[str, TimedPeer[Any]] = {}
+    for (suffix, form), name in product(forms.items(), PEERS):
+        if importlib.util.find_spec(name) is not None:
+            module = importlib.import_module(f"studies.speed.{name}_peer")
+            peers[name + suffix] = TimedPeer(
+                start=module.START,
+                changes=module.CHANGES,
+                prepare=partial(module.prepare, workload, form),
+            )
+    return peers
 
 
 def summarise(rows: Sequence[KernelRow], rounds: int) -> KernelBenchmark:

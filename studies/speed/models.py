@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from mrwork import kernels as core
 from mrwork.dampers import damper, damper_models
 from mrwork.errors import SettingError
 from studies.common.table import table_of
-from studies.speed.timing import (
-    TURN_SECONDS,
-    TimedPeer,
-    V,
-    fastest_variant,
-    speed_figures,
-    time_in_turns,
-)
+from studies.speed.timing import TimedPeer, beside_peers
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
-from studies.speed.workload import N_TIME, SUBSTEPS, ModelWorkload, Run, model_workload
+from studies.speed.workload import N_TIME, SUBSTEPS, ModelWorkload, model_workload
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,34 +124,35 @@ def measure(
     """Every model and its twin, in turns."""
     from studies.speed.twin_peer import twins_of
 
-    for number, name in enumerate(models, start=1):
-        yield f"[{number} of {len(models)}] {name}"
+    for name in models:
         workload = model_workload(damper(name), batch, n_time)
-        yield measured(workload, twins_of(workload), threads, rounds)
+        yield from measured(workload, twins_of(workload), threads, rounds)
 
 
 def measured(
-    workload: ModelWorkload, peers: Mapping[str, TimedPeer[V]], threads: int, rounds: int
-) -> ModelRow:
-    """Time our kernel and the fastest variant of each peer in turns, once they agree."""
+    workload: ModelWorkload, peers: Mapping[str, TimedPeer[Any]], threads: int, rounds: int
+) -> Iterator[ModelRow | str]:
+    """One model and its twin."""
     spec = workload.spec
-    expected, _, _ = workload.misfits(threads)
-    runs: dict[str, Run] = {"ours": lambda: workload.misfits(threads)}
-    variants: dict[str, str] = {}
-    for name, peer in peers.items():
-        runs[name], variants[name] = fastest_variant(f"{spec.name} as {name}", peer, expected)
-    seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
-    return ModelRow(
-        model=spec.name,
-        n_states=spec.n_states,
-        batch=len(workload.theta),
+    for told in beside_peers(
+        lambda: workload.misfits(threads)[0],
+        peers,
+        label=spec.name,
+        steps=workload.steps,
+        rounds=rounds,
         threads=threads,
-        substeps=SUBSTEPS,
-        dt=workload.loading.dt,
-        variants=variants,
-        **speed_figures(
-            {name: workload.steps / value for name, value in seconds.items()},
-            flops_per_step=float(core.flops_per_step(spec.name, workload.theta[0])),
-            fma_peak=fma_peak,
-        ),
-    )
+        flops_per_step=float(core.flops_per_step(spec.name, workload.theta[0])),
+    ):
+        yield (
+            told
+            if isinstance(told, str)
+            else ModelRow(
+                model=spec.name,
+                n_states=spec.n_states,
+                batch=len(workload.theta),
+                threads=threads,
+                substeps=SUBSTEPS,
+                dt=workload.loading.dt,
+                **told,
+            )
+        )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork import kernels as core
 from mrwork.errors import MrworkError
 from studies.speed.workload import Run
 
@@ -121,6 +122,32 @@ def time_in_turns(
             seconds[name].append(_seconds_per_call(runs[name], calls[name]))
         peaks.append(fma_peak())
     return {name: float(np.median(values)) for name, values in seconds.items()}, float(np.median(peaks))
+
+
+def beside_peers(
+    ours: Callable[[], NDArray[np.float64]],
+    peers: Mapping[str, TimedPeer[Any]],
+    *,
+    label: str,
+    steps: int,
+    rounds: int,
+    threads: int,
+    flops_per_step: float,
+) -> Iterator[str | dict[str, Any]]:
+    """Time our kernel and the fastest variant of each peer in turns, once they agree.
+
+    What is done, and last the figures of a row: those of `speed_figures`, and the variants.
+    """
+    expected = ours()
+    runs: dict[str, Run] = {"ours": ours}
+    variants: dict[str, str] = {}
+    for name, peer in peers.items():
+        yield f"{label}: choosing the fastest {name}"
+        runs[name], variants[name] = fastest_variant(f"{label} as {name}", peer, expected)
+    yield f"{label}: timing {', '.join(runs)} in {rounds} rounds"
+    seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
+    speeds = {name: steps / value for name, value in seconds.items()}
+    yield {"variants": variants, **speed_figures(speeds, flops_per_step=flops_per_step, fma_peak=fma_peak)}
 
 
 def speed_figures(speeds: Mapping[str, float], *, flops_per_step: float, fma_peak: float) -> dict[str, float]:

@@ -81,7 +81,7 @@ def test_a_twin_that_computes_something_else_is_not_timed(
     workload = model_workload(damper(name), BATCH, SAMPLES)
     peers = {form: twins_of(spoil(workload))[form]}
     with pytest.raises(MrworkError, match=f"{name} as {form} .* agree on every misfit"):
-        measured(workload, peers, threads=1, rounds=1)
+        list(measured(workload, peers, threads=1, rounds=1))
 
 
 def test_the_command_line_measures_one_model(capsys: pytest.CaptureFixture[str]) -> None:
