@@ -181,31 +181,32 @@ def bars_of(rows: Sequence[SamplerRow]) -> tuple[Bar, ...]:
     )
 
 
-class _Clock:
-    """A density that counts its evaluations and their time."""
+class _Contender:
+    """An ensemble on one implementation of the density, whose evaluations and their time are counted.
 
-    def __init__(self, density: Density) -> None:
-        self.density = density
-        self.seconds, self.evaluations = 0.0, 0
+    Its move is ours, as `mrwork.sample` runs it, or emcee's default, as emcee runs it.
+    """
 
-    def __call__(self, position: Rows) -> Rows:
-        result, seconds = timed(lambda: self.density(position))
-        self.seconds += seconds
+    def __init__(
+        self, name: str, move: str, density: Density, compiling: float, described: str, job: PosteriorJob
+    ) -> None:
+        self.name, self.compile_seconds = name, compiling
+        self.settings = f"{_MOVES[move]}; {described}"
+        self.evaluations, self.simulating, self.seconds = 0, 0.0, 0.0
+        self.chain = job.walkers[None]
+        self._density = density
+        self._advance = _with_ours(job, self._counted) if move == "de" else _with_stretch(job, self._counted)
+
+    def _counted(self, position: Rows) -> Rows:
+        result, seconds = timed(partial(self._density, position))
+        self.simulating += seconds
         self.evaluations += len(position)
         return result
 
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Contender:
-    """An ensemble on one implementation of the density; `advance` takes steps and returns the chain so far."""
-
-    name: str
-    settings: str
-    compile_seconds: float
-    advance: Callable[[int], Rows]
-    clock: _Clock
-    seconds: float = 0.0
-    chain: Rows | None = None
+    def advance(self, steps: int) -> None:
+        """Take steps, which make the chain longer."""
+        self.chain, seconds = timed(partial(self._advance, steps))
+        self.seconds += seconds
 
 
 def measure(
@@ -225,18 +226,20 @@ def measure(
         threads=threads,
         missing=tuple(missing),
     )
-    yield "compiling the twin"
-    everyone = [_contender(_OURS, "de", job.target, 0.0, "Rust core", job)]
-    everyone += _on_peer("jax", *_fastest_jax(job, choose=choose_variant), job)
-    if "numba" not in missing:
-        yield "choosing the fastest numba"
-        everyone += _on_peer("numba", *_fastest_numba(job, threads, choose=choose_variant), job)
+    everyone = [_Contender(_OURS, "de", job.target, 0.0, "Rust core", job)]
+    for name, find_fastest in (("jax", _fastest_jax), ("numba", _fastest_numba)):
+        if name not in missing:
+            yield f"choosing the fastest {name}"
+            density, compiling, described = find_fastest(job, threads, choose=choose_variant)
+            everyone += [
+                _Contender(f"emcee on {name}, {move}", move, density, compiling, described, job)
+                for move in _MOVES
+            ]
     for turn in range(_TURNS):
         share = steps * (turn + 1) // _TURNS - steps * turn // _TURNS
         for contender in rotated(everyone, turn):
             yield f"turn {turn + 1} of {_TURNS}: {contender.name}"
-            contender.chain, seconds = timed(partial(contender.advance, share))
-            contender.seconds += seconds
+            contender.advance(share)
     for contender in everyone:
         yield _row(contender, job, steps, threads)
     if "numpyro" not in missing and nuts_draws:
@@ -244,7 +247,7 @@ def measure(
         yield _nuts(job, nuts_draws, threads)
 
 
-def _fastest_jax(job: PosteriorJob, *, choose: bool) -> tuple[Density, float, str]:
+def _fastest_jax(job: PosteriorJob, threads: int, *, choose: bool) -> tuple[Density, float, str]:
     """The fastest layout of the twin on half and whole ensembles, with the seconds that its own compiling took."""
     from studies.speed.posterior_jax import VARIANTS, density_on_twin
 
@@ -276,31 +279,8 @@ def _fastest_numba(job: PosteriorJob, threads: int, *, choose: bool) -> tuple[De
     return density, compiling, described
 
 
-def _on_peer(
-    name: str, density: Density, compiling: float, described: str, job: PosteriorJob
-) -> list[_Contender]:
-    """Emcee on the density of a peer, with our move and with its own."""
-    return [
-        _contender(f"emcee on {name}, {move}", move, density, compiling, described, job) for move in _MOVES
-    ]
-
-
-def _contender(
-    name: str, move: str, density: Density, compiling: float, described: str, job: PosteriorJob
-) -> _Contender:
-    """An ensemble with our move, as `mrwork.sample` runs it, or with emcee's default, as emcee runs it."""
-    clock = _Clock(density)
-    return _Contender(
-        name=name,
-        settings=f"{_MOVES[move]}; {described}",
-        compile_seconds=compiling,
-        advance=_with_ours(job, clock) if move == "de" else _with_stretch(job, clock),
-        clock=clock,
-    )
-
-
-def _with_ours(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
-    ensemble = Ensemble.begin(clock, job.walkers, rng=1)
+def _with_ours(job: PosteriorJob, density: Density) -> Callable[[int], Rows]:
+    ensemble = Ensemble.begin(density, job.walkers, rng=1)
 
     def advance(steps: int) -> Rows:
         ensemble.advance(ensemble.n_steps + steps, lambda _: None)
@@ -309,11 +289,11 @@ def _with_ours(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
     return advance
 
 
-def _with_stretch(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
+def _with_stretch(job: PosteriorJob, density: Density) -> Callable[[int], Rows]:
     import emcee
 
     np.random.seed(1)  # noqa: NPY002 # emcee's stream begins where NumPy's stands
-    sampler = emcee.EnsembleSampler(*job.walkers.shape, clock, vectorize=True)
+    sampler = emcee.EnsembleSampler(*job.walkers.shape, density, vectorize=True)
     state: list[Any] = [job.walkers]
 
     def advance(steps: int) -> Rows:
@@ -324,7 +304,6 @@ def _with_stretch(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
 
 
 def _row(contender: _Contender, job: PosteriorJob, steps: int, threads: int) -> SamplerRow:
-    assert contender.chain is not None
     space = job.target.space
     values, _ = space.values(contender.chain[select_kept_rows(steps)])
     ess, rhat = _mixing(np.moveaxis(values[..., np.array(space.box.free)], 0, 1))
@@ -336,8 +315,8 @@ def _row(contender: _Contender, job: PosteriorJob, steps: int, threads: int) -> 
         ess_min=ess,
         ess_per_second=ess / contender.seconds,
         rhat=rhat,
-        evaluations=contender.clock.evaluations,
-        simulating_share=contender.clock.seconds / contender.seconds,
+        evaluations=contender.evaluations,
+        simulating_share=contender.simulating / contender.seconds,
         settings=f"{len(job.walkers)} walkers, {steps} steps; {contender.settings}",
     )
 
