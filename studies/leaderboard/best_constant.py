@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
 from studies.common.scores import constant_commands, criteria
+from studies.leaderboard.entries import Motions
 
 N_LEVELS = 17
 
@@ -18,7 +17,7 @@ def training_scores(
     law: mr.ControlLaw | UserLaw,
     building: mr.Building,
     damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
+    motions: Motions,
     hardware: mr.Hardware,
 ) -> NDArray[np.float64]:
     """Mean of the four ratios to i = 0 over the motions, of each candidate, shape (n_candidates,)."""
@@ -28,10 +27,7 @@ def training_scores(
 
 
 def best_constant(
-    building: mr.Building,
-    damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
-    hardware: mr.Hardware,
+    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware
 ) -> mr.ControlLaw:
     """The constant command with the least score on the motions, of 17 levels up to the largest one."""
     levels = np.linspace(0.0, damper.largest_command, N_LEVELS)

@@ -14,7 +14,15 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
+import mrwork as mr
 from mrwork.errors import SettingError
+
+# What the functions of entries are given.
+Tests = Sequence[mr.DamperTest]
+Motions = Sequence[mr.GroundMotion]
+Rng = np.random.Generator
 
 HERE = Path(__file__).parent
 LIMIT = 600.0

@@ -16,7 +16,7 @@ from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
 from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.leaderboard.best_constant import best_constant
 from studies.leaderboard.damper_scores import SEED
-from studies.leaderboard.entries import Entry
+from studies.leaderboard.entries import Entry, Motions
 from studies.leaderboard.measured import MOTIONS, measured_files
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,7 @@ def measured_motions() -> tuple[mr.GroundMotion, ...]:
     )
 
 
-def bench(motions: Sequence[mr.GroundMotion], *, threads: int) -> Bench:
+def bench(motions: Motions, *, threads: int) -> Bench:
     """The references under these motions; the constant command is the best one on the training motions."""
     off = constant_commands([0.0])
     constant = best_constant(FRAME, pair(), training_motions(), HARDWARE)
@@ -104,9 +104,7 @@ def _scores(law: mr.ControlLaw | UserLaw, over: Bench) -> dict[str, MotionScore]
     }
 
 
-def _criteria(
-    law: mr.ControlLaw | UserLaw, motions: Sequence[mr.GroundMotion], threads: int
-) -> dict[str, Floats]:
+def _criteria(law: mr.ControlLaw | UserLaw, motions: Motions, threads: int) -> dict[str, Floats]:
     """Criteria of the one candidate of a law under each motion, shape (n_motions,)."""
     judged = criteria(FRAME, [pair()], law, motions, HARDWARE, threads=threads)
     if len(judged) != 1:

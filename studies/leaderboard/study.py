@@ -172,7 +172,8 @@ def _law_rows(
         say(f"laws: {file.stem}")
         row = row_of(file, LAWS, lambda entry: score_law(entry, benches))
         for place, name in enumerate(present):
-            rows[name].append(replace(row, score=None if row.score is None else row.score[place]))
+            score = None if row.score is None else row.score[place]
+            rows[name].append(replace(row, score=score))  # type: ignore[arg-type] # a row of one set
     return rows, {name: absent_sentence(MOTIONS) for name in sets if name not in present}
 
 

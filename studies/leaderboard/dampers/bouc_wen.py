@@ -3,17 +3,14 @@
 Authors: mrwork. Reference: Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007.
 """
 
-from collections.abc import Sequence
-
-import numpy as np
-
 import mrwork as mr
+from studies.leaderboard.entries import Rng, Tests
 from studies.leaderboard.free_run import Predict, recorded_force
 
 SPEC = mr.damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 N_PARAMS = len(SPEC.names)
 
 
-def identify(tests: Sequence[mr.DamperTest], rng: np.random.Generator) -> Predict:
+def identify(tests: Tests, rng: Rng) -> Predict:
     fit = mr.identify(SPEC, tests, observe="none", rng=int(rng.integers(2**31)))
     return lambda test: recorded_force(fit.spec, fit.theta, test)

@@ -4,12 +4,11 @@ Authors: mrwork. Reference: none. Features are 1, x, v, v|v|, tanh of v over thr
 times 1, i, i^2.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
+from studies.leaderboard.entries import Rng, Tests
 from studies.leaderboard.free_run import Predict
 
 N_PARAMS = 24
@@ -24,7 +23,7 @@ def features(test: mr.DamperTest) -> NDArray[np.float64]:
     return np.stack(columns, axis=1)
 
 
-def identify(tests: Sequence[mr.DamperTest], rng: np.random.Generator) -> Predict:
+def identify(tests: Tests, rng: Rng) -> Predict:
     # Every test has the same weight, whatever its length and force.
     weights = [1.0 / (np.std(test.force) * test.n_time**0.5) for test in tests]
     A = np.concatenate([weight * features(test) for weight, test in zip(weights, tests, strict=True)])

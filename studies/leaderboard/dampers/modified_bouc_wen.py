@@ -4,11 +4,8 @@ Authors: mrwork. Reference: Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 
 studies/one_model_for_a_rig.
 """
 
-from collections.abc import Sequence
-
-import numpy as np
-
 import mrwork as mr
+from studies.leaderboard.entries import Rng, Tests
 from studies.leaderboard.free_run import Predict, recorded_force
 
 SPEC = mr.damper("normalised_modified_bouc_wen").with_current_laws(
@@ -17,6 +14,6 @@ SPEC = mr.damper("normalised_modified_bouc_wen").with_current_laws(
 N_PARAMS = len(SPEC.names)
 
 
-def identify(tests: Sequence[mr.DamperTest], rng: np.random.Generator) -> Predict:
+def identify(tests: Tests, rng: Rng) -> Predict:
     fit = mr.identify(SPEC, tests, observe="none", rng=int(rng.integers(2**31)))
     return lambda test: recorded_force(fit.spec, fit.theta, test)

@@ -5,22 +5,17 @@ weights of floor accelerations, floor velocities and the rate of the damper's el
 Their ranges were moved once after a first table, to surround what studies/robust_control found by tuning.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 import mrwork as mr
 from studies.leaderboard.best_constant import training_scores
+from studies.leaderboard.entries import Motions, Rng
 
 N_PARAMS = 4
 
 
 def design(
-    building: mr.Building,
-    damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
-    hardware: mr.Hardware,
-    rng: np.random.Generator,
+    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware, rng: Rng
 ) -> mr.ControlLaw:
     problem = mr.control.DesignProblem(building=building, devices=[damper], sample_time=hardware.sample_time)
     settings = [

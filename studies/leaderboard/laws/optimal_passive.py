@@ -3,19 +3,12 @@
 Authors: mrwork. Reference: none. It is the reference of the ratios of this table, too.
 """
 
-from collections.abc import Sequence
-
-import numpy as np
-
 import mrwork as mr
 from studies.leaderboard.best_constant import best_constant
+from studies.leaderboard.entries import Motions, Rng
 
 
 def design(
-    building: mr.Building,
-    damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
-    hardware: mr.Hardware,
-    rng: np.random.Generator,
+    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware, rng: Rng
 ) -> mr.ControlLaw:
     return best_constant(building, damper, motions, hardware)

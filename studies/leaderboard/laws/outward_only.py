@@ -3,22 +3,17 @@
 Authors: mrwork. Reference: none. The command on the way out is the best of eight on the training motions.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import LoopSample, UserLaw
 from studies.leaderboard.best_constant import training_scores
+from studies.leaderboard.entries import Motions, Rng
 
 
 def design(
-    building: mr.Building,
-    damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
-    hardware: mr.Hardware,
-    rng: np.random.Generator,
+    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware, rng: Rng
 ) -> UserLaw:
     levels = np.linspace(0.125, 1.0, 8) * damper.largest_command
 

@@ -3,18 +3,11 @@
 Authors: mrwork. Reference: Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575.
 """
 
-from collections.abc import Sequence
-
-import numpy as np
-
 import mrwork as mr
+from studies.leaderboard.entries import Motions, Rng
 
 
 def design(
-    building: mr.Building,
-    damper: mr.Device,
-    motions: Sequence[mr.GroundMotion],
-    hardware: mr.Hardware,
-    rng: np.random.Generator,
+    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware, rng: Rng
 ) -> mr.ControlLaw:
     return mr.ControlLaw(name="passive", gains={"command": [damper.largest_command]})
