@@ -12,7 +12,6 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification import Objective
 from studies.speed.search_job import SearchJob
 
 Array = NDArray[np.float64]
@@ -23,31 +22,16 @@ NEAR = 0.002
 
 
 class BatchObjective(Protocol):
-    """Simulates candidates of the model, our kernel or another."""
+    """Simulates candidates of the model: our `Objective`, or another."""
 
-    def misfits(self, theta: Array, thresholds: Array | None = None) -> Array:
+    def __call__(self, theta: Array, thresholds: Array | None = None, /) -> Array:
         """NRMSE of each row of `theta` (m, 10), shape (m,), infinite where a simulation failed.
 
         One that reaches its threshold, shape (m,), may end there.
         """
 
-    def residuals(self, theta: Array) -> Array:
+    def residuals(self, theta: Array, /) -> Array:
         """Residuals of each row, shape (m, n_counted), whose squares add up to the squared misfit."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RustObjective:
-    """Our kernel."""
-
-    objective: Objective
-
-    def misfits(self, theta: Array, thresholds: Array | None = None) -> Array:
-        """NRMSE of each row."""
-        return self.objective(theta, thresholds)
-
-    def residuals(self, theta: Array) -> Array:
-        """Residuals of each row."""
-        return self.objective.residuals(theta)
 
 
 class AttemptEnded(Exception):  # noqa: N818 # the end that every attempt is meant to meet, not an error
@@ -79,7 +63,7 @@ class Attempt:
 
     def misfits(self, unit: Array, thresholds: Array | None = None) -> Array:
         """Misfits of points of the cube, shape (m, n_params) to (m,), finite; ends the attempt where it must."""
-        misfit = self.objective.misfits(self._theta(unit), thresholds)
+        misfit = self.objective(self._theta(unit), thresholds)
         self.account(len(unit), float(np.min(misfit)))
         return np.where(np.isfinite(misfit), misfit, _FAILURE)
 

@@ -21,7 +21,6 @@ from studies.speed.attempt import (
     AttemptResult,
     BatchObjective,
     Contender,
-    RustObjective,
     attempted,
 )
 from studies.speed.bars import Bar
@@ -222,7 +221,7 @@ def measure(
     yield "looking for the best known fit"
     best_known, simulated = best_known_misfit(job, known_budget)
     objectives: dict[str, BatchObjective] = {}
-    objectives["rust"] = objectives["rust, early abort"] = RustObjective(objective=job.objective)
+    objectives["rust"] = objectives["rust, early abort"] = job.objective
     first_calls: dict[str, float] = {}
     variant = ""
     if importlib.util.find_spec("numba") is not None:
@@ -285,7 +284,7 @@ def measure(
 
 def best_known_misfit(job: SearchJob, budget: int) -> tuple[float, int]:
     """The least misfit of a long multistart of least squares in the same box, and its simulations."""
-    attempt = Attempt(job=job, objective=RustObjective(objective=job.objective), target=0.0, budget=budget)
+    attempt = Attempt(job=job, objective=job.objective, target=0.0, budget=budget)
     with suppress(AttemptEnded):
         multistart_least_squares(attempt, 2007)
     return attempt.least, attempt.evaluations
@@ -293,10 +292,9 @@ def best_known_misfit(job: SearchJob, budget: int) -> tuple[float, int]:
 
 def _on_test(job: SearchJob, default: Contender, known_budget: int, budget: int, seeds: int) -> TestRow:
     """Medians over all attempts of `default` on a test."""
-    objective = RustObjective(objective=job.objective)
     best_known, _ = best_known_misfit(job, known_budget)
     outcomes = [
-        attempted(default, job, objective, best_known=best_known, budget=budget, seed=_FIRST_SEED + seed)
+        attempted(default, job, job.objective, best_known=best_known, budget=budget, seed=_FIRST_SEED + seed)
         for seed in range(seeds)
     ]
     return TestRow(

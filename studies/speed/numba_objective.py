@@ -76,7 +76,7 @@ class NumbaObjective:
             reversal_acceleration=history.reversal_acceleration,
         )
 
-    def misfits(self, theta: Array, thresholds: Array | None = None) -> Array:
+    def __call__(self, theta: Array, thresholds: Array | None = None) -> Array:
         """Misfit of each row, shape (m,), infinite where a simulation failed; all run to their ends."""
         squared = self._run(theta, np.empty((0, 0)))
         return np.sqrt(np.where(np.isfinite(squared), squared, math.inf)) * self.weight
@@ -262,7 +262,7 @@ def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[NumbaO
 
     def prepare(variant: NumbaVariant) -> Run:
         objective = built[variant.describe()] = NumbaObjective.of(job, variant)
-        return lambda: objective.misfits(theta)
+        return lambda: objective(theta)
 
     _, compiling = timed(lambda: (prepare(START)(), built[START.describe()].residuals(theta[:2])))
     changes = CHANGES if choose else ()

@@ -58,7 +58,7 @@ def density_of(target: Target, objective: BatchObjective) -> Density:
         rows = np.flatnonzero(inside)
         if rows.size:
             # The squared misfit is the mean of squared residuals in deviations of the force.
-            squared = n_time * objective.misfits(np.ascontiguousarray(values[rows, :n_params])) ** 2
+            squared = n_time * objective(np.ascontiguousarray(values[rows, :n_params])) ** 2
             likelihood = target.noise.log_likelihood_of_sum(squared, n_time, values[rows, n_params:])
             result[rows] = target.temper * likelihood
         return result

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search import library
-from studies.speed.attempt import Attempt, AttemptEnded, RustObjective
+from studies.speed.attempt import Attempt, AttemptEnded
 from studies.speed.search_job import SearchJob
 
 Array = NDArray[np.float64]
@@ -176,8 +176,7 @@ class UsualWay:
 def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates: int) -> UsualWay:
     """Time RK45, the default, and LSODA, the faster, at their own tolerances, on candidates of a swarm."""
     units: list[Array] = []
-    objective = RustObjective(objective=job.objective)
-    attempt = Attempt(job=job, objective=objective, target=target, budget=budget, visited=units)
+    attempt = Attempt(job=job, objective=job.objective, target=target, budget=budget, visited=units)
     with suppress(AttemptEnded):
         pyswarms(attempt, 0)
     visited = job.theta(np.concatenate(units))

@@ -22,7 +22,6 @@ from studies.speed.attempt import (
     AttemptEnded,
     AttemptResult,
     Contender,
-    RustObjective,
     attempted,
 )
 from studies.speed.command_line import main
@@ -76,7 +75,7 @@ def test_numba_and_rust_objectives_are_the_same_job(
         few = theta[5:9]
         np.testing.assert_allclose(objective.residuals(few), job.objective.residuals(few), rtol=0, atol=1e-11)
     else:
-        np.testing.assert_allclose(objective.misfits(theta), job.objective(theta), rtol=1e-11)
+        np.testing.assert_allclose(objective(theta), job.objective(theta), rtol=1e-11)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -89,7 +88,7 @@ def test_the_usual_way_solves_the_same_equations(job: SearchJob, solver: Solver)
 
 
 def test_an_attempt_ends_at_the_target_and_at_the_budget(job: SearchJob) -> None:
-    objective = RustObjective(objective=job.objective)
+    objective = job.objective
     unit = np.random.default_rng(0).random((4, job.n_params))
     least = float(job.objective(job.theta(unit)).min())
     reached = Attempt(job=job, objective=objective, target=least, budget=100)
@@ -118,7 +117,7 @@ def test_every_search_repeats_itself_and_stays_in_the_cube(
     monkeypatch.chdir(tmp_path)
     visited: list[list[NDArray[np.float64]]] = []
     for _ in range(2):
-        objective = RustObjective(objective=job.objective)
+        objective = job.objective
         attempt = Attempt(job=job, objective=objective, target=0.0, budget=300, visited=[])
         with pytest.raises(AttemptEnded):
             contender.method(attempt, 3)
@@ -137,7 +136,7 @@ def test_a_method_that_gives_up_has_failed(job: SearchJob) -> None:
         attempt.misfits(np.full((1, attempt.job.n_params), 0.5))
 
     contender = Contender(name="one look", objective="rust", method=one_look, settings="")
-    objective = RustObjective(objective=job.objective)
+    objective = job.objective
     outcome = attempted(contender, job, objective, best_known=0.0, budget=100, seed=0)
     assert (outcome.success, outcome.evaluations) == (False, 1)
     assert outcome.gap_points > 100.0 * NEAR
