@@ -21,7 +21,7 @@ from mrwork.uncertainty import (
     predict_left_out,
 )
 from studies.how_sure.rig_tests import CURRENTS, MOTIONS, rig_test
-from studies.how_sure.scores import LEVEL, BandScore, constant_band, next_test_half_width, outcome
+from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 
 SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 
@@ -55,10 +55,7 @@ def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[BandScore]:
         others = [*found.predictions[:index], *found.predictions[index + 1 :]]
         band = calibrate(others, held_out="left out too").band(prediction, LEVEL)
         yield outcome("calibrated: all other tests (default)", prediction, band)
-        sizes = np.array([np.sqrt(np.mean(each.residual**2)) / each.deviation for each in others])
-        half = prediction.deviation * next_test_half_width(sizes, LEVEL)
-        band = constant_band(prediction.force, half, "")
-        yield outcome("random size per test, all other tests", prediction, band)
+        yield random_size_outcome(prediction, others)
 
 
 def noise_of_fit(

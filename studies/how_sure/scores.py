@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
@@ -50,10 +49,6 @@ def outcome(way: str, prediction: Prediction, band: Band) -> BandScore:
         width=judged.width,
         interval_score=judged.interval_score,
     )
-
-
-def constant_band(centre: NDArray[np.float64], half: float, basis: str) -> Band:
-    return Band.about(centre, half, level=LEVEL, basis=basis)
 
 
 def table(outcomes: Iterable[BandScore]) -> tuple[ScoreRow, ...]:
@@ -101,3 +96,11 @@ def next_test_half_width(sizes: np.ndarray, level: float) -> float:
     return float(
         brentq(lambda half: np.mean(2.0 * norm.cdf(half / size) - 1.0) - level, 1e-6, 100.0 * sizes.max())
     )
+
+
+def random_size_outcome(prediction: Prediction, others: Sequence[Prediction]) -> BandScore:
+    """A band of constant width, by random sizes of the errors of the other tests."""
+    sizes = np.array([np.sqrt(np.mean(other.residual**2)) / other.deviation for other in others])
+    half = prediction.deviation * next_test_half_width(sizes, LEVEL)
+    band = Band.about(prediction.force, half, level=LEVEL, basis="")
+    return outcome("random size per test, all other tests", prediction, band)

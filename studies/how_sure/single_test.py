@@ -19,7 +19,7 @@ from mrwork.uncertainty import (
     simulate_draws,
 )
 from studies.how_sure.rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
-from studies.how_sure.scores import LEVEL, BandScore, constant_band, next_test_half_width, outcome
+from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 
 MODEL = "normalised_bouc_wen"
 _DRAWS = 300
@@ -86,10 +86,7 @@ def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[BandScore]:
             yield outcome(way, predictions[entry], band)
     for entry in entries:
         others = [predictions[other] for other in entries if other != entry]
-        sizes = np.array([np.sqrt(np.mean(each.residual**2)) / each.deviation for each in others])
-        own = predictions[entry]
-        half = own.deviation * next_test_half_width(sizes, LEVEL)
-        yield outcome("random size per test, all other tests", own, constant_band(own.force, half, ""))
+        yield random_size_outcome(predictions[entry], others)
 
 
 def all_outcomes(*, rng: int, threads: int, currents: tuple[str, ...] = CURRENTS) -> list[BandScore]:

@@ -17,7 +17,7 @@ from scipy.linalg import solve_continuous_are
 
 from mrwork.buildings import building
 from mrwork.dampers import damper
-from mrwork.motions import GroundMotion, synthetic_motion
+from mrwork.motions import synthetic_motion
 from mrwork.twins import half_steps
 
 Floats = NDArray[np.float64]
@@ -70,11 +70,6 @@ class LoopWorkload:
     ground: Floats
 
     @property
-    def runs(self) -> int:
-        """How many."""
-        return len(self.gains) * len(self.ground)
-
-    @property
     def n_steps(self) -> int:
         """Integration steps of a run."""
         return int(self.ground.shape[1] // 2)
@@ -105,7 +100,12 @@ def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.
         # The offset, whose first coefficient is the last here, cancels in the pair.
         device=np.array(damper("static_hysteretic").preset("kwok2006").theta[:12]),
         gains=np.array([_gain(mass, uts.stiffness, uts.damping, of_gains) for _ in range(candidates)]),
-        ground=np.array([_ground(motion) for motion in shaken]),
+        ground=np.array(
+            [
+                half_steps(motion.acceleration, motion.dt, STEP, round(motion.duration / STEP))
+                for motion in shaken
+            ]
+        ),
     )
 
 
@@ -121,10 +121,6 @@ def chain_springs(stiffness: Floats) -> Floats:
     """Stiffness of each storey of a chain [N/m], lowest first, shape (5,)."""
     between = -np.diag(stiffness, 1)
     return np.concatenate([[stiffness[0, 0] - between[0]], between])
-
-
-def _ground(motion: GroundMotion) -> Floats:
-    return half_steps(motion.acceleration, motion.dt, STEP, round(motion.duration / STEP))
 
 
 def _gain(mass: Floats, stiffness: Floats, damping: Floats, rng: np.random.Generator) -> Floats:
