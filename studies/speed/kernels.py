@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.errors import MrworkError, SettingError
 from studies.common.table import table_of
 from studies.speed.timing import TimedPeer, beside_peers

@@ -217,7 +217,7 @@ def _ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
     """The variants of a contender, each with its name."""
     match tool:
         case "mrwork":
-            from mrwork import kernels as core
+            from mrwork import dampers as core
             from studies.speed.loop_ours import prepare
 
             yield f"simulate_loop, {core.instruction_set().used}", partial(prepare, threads=threads)

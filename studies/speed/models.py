@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.dampers import damper, damper_models
 from mrwork.errors import SettingError
 from studies.common.table import table_of

@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.errors import MrworkError
 from studies.speed.workload import Run
 

@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork import kernels as core
+from mrwork import dampers as core
 from mrwork.dampers import DamperSpec
 from mrwork.errors import MrworkError
 
