@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import Responses
+from studies.common.frame import actuator, idle
 
 _STIFFNESS, _MASS = 4e6, 100.0
 _SHARP = 50.0
@@ -152,10 +153,7 @@ def _column_optimum() -> dict[str, ClosedForm]:
 
 def _run_alone(building: Building, motion: mr.GroundMotion) -> Responses:
     """A building with its passive elements alone."""
-    spec, n = mr.damper("dahl"), building.n_coordinates
-    none = mr.Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
-    still = mr.ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * n))})
-    return mr.simulate_loop(building, [none], still, [motion], threads=1)
+    return mr.simulate_loop(building, [actuator(building.storeys[0])], idle(building), [motion], threads=1)
 
 
 def _sine(amplitude: float, frequency: float, duration: float) -> mr.GroundMotion:

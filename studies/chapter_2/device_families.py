@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import LawName
-from studies.common.frame import DRIVER_RATE, FRAME, HARDWARE, LARGEST_CURRENT, pair
+from studies.common.frame import DRIVER_RATE, FRAME, LARGEST_CURRENT, actuator, pair, regulators
 
 Floats = NDArray[np.float64]
 Group = Literal["passive", "semi-active", "active"]
@@ -39,7 +38,7 @@ class Variant:
 
     settings: dict[str, float]
     building: Building
-    devices: tuple[mr.Device, ...] = ()
+    device: mr.Device | None = None
     law: mr.ControlLaw | None = None
     control_weights: tuple[float, ...] = ()
 
@@ -47,7 +46,7 @@ class Variant:
 Variants = Callable[[bool], Iterator[Variant]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Family:
     """A family of devices: what it needs, and its variants, fewer of them in the quick form."""
 
@@ -149,7 +148,7 @@ def _resettable(quick: bool) -> Iterator[Variant]:
         yield Variant(
             settings={"stiffness / storey": stiffness / _STOREY_STIFFNESS},
             building=FRAME,
-            devices=(device,),
+            device=device,
             law=law,
         )
 
@@ -197,78 +196,37 @@ def _hybrid(quick: bool) -> Iterator[Variant]:
     yield _actuated(frame, "tuned mass", {}, quick)
 
 
-FAMILIES: tuple[Family, ...] = (
-    Family(name="Viscous damper", group="passive", needs="nothing", variants=_viscous),
+FAMILIES = (
+    Family("Viscous damper", "passive", "nothing", _viscous),
+    Family("Yielding damper (ADAS)", "passive", "new plates after strong motions", _yielding),
+    Family("Friction damper (Pall)", "passive", "nothing; may stay displaced", _friction),
+    Family("Lead-rubber bearings", "passive", "a slab and a gap about it", _lead_rubber),
+    Family("Tuned mass, 2 %", "passive", "33 kg on the roof and a path", _tuned_mass),
+    Family("Liquid column, 2 %", "passive", "33 kg of liquid in a tall tube", _liquid_column),
+    Family("Variable orifice", "semi-active", "sensors, a computer, a valve", _orifice),
+    Family("Variable friction", "semi-active", "sensors, a computer, a clamp", _variable_friction),
+    Family("Resettable stiffness", "semi-active", "the force and rate of the device, a valve", _resettable),
     Family(
-        name="Yielding damper (ADAS)",
-        group="passive",
-        needs="new plates after strong motions",
-        variants=_yielding,
+        "Liquid column with valve, 2 %",
+        "semi-active",
+        "sensors, a computer, a valve, a tall tube",
+        _valved_column,
     ),
     Family(
-        name="Friction damper (Pall)",
-        group="passive",
-        needs="nothing; may stay displaced",
-        variants=_friction,
+        "Pair of RD-1005-3 (MR)",
+        "semi-active",
+        "sensors, a computer, a current of 2 A",
+        _magnetorheological,
     ),
     Family(
-        name="Lead-rubber bearings", group="passive", needs="a slab and a gap about it", variants=_lead_rubber
+        "Bearings and pair of RD-1005-3",
+        "semi-active",
+        "a slab, a gap, sensors, a computer, a current of 2 A",
+        _smart_isolation,
     ),
-    Family(
-        name="Tuned mass, 2 %", group="passive", needs="33 kg on the roof and a path", variants=_tuned_mass
-    ),
-    Family(
-        name="Liquid column, 2 %",
-        group="passive",
-        needs="33 kg of liquid in a tall tube",
-        variants=_liquid_column,
-    ),
-    Family(
-        name="Variable orifice", group="semi-active", needs="sensors, a computer, a valve", variants=_orifice
-    ),
-    Family(
-        name="Variable friction",
-        group="semi-active",
-        needs="sensors, a computer, a clamp",
-        variants=_variable_friction,
-    ),
-    Family(
-        name="Resettable stiffness",
-        group="semi-active",
-        needs="the force and rate of the device, a valve",
-        variants=_resettable,
-    ),
-    Family(
-        name="Liquid column with valve, 2 %",
-        group="semi-active",
-        needs="sensors, a computer, a valve, a tall tube",
-        variants=_valved_column,
-    ),
-    Family(
-        name="Pair of RD-1005-3 (MR)",
-        group="semi-active",
-        needs="sensors, a computer, a current of 2 A",
-        variants=_magnetorheological,
-    ),
-    Family(
-        name="Bearings and pair of RD-1005-3",
-        group="semi-active",
-        needs="a slab, a gap, sensors, a computer, a current of 2 A",
-        variants=_smart_isolation,
-    ),
-    Family(name="Active bracing", group="active", needs="sensors, a computer, power", variants=_bracing),
-    Family(
-        name="Active mass driver, 2 %",
-        group="active",
-        needs="33 kg, a path, sensors, a computer, power",
-        variants=_mass_driver,
-    ),
-    Family(
-        name="Hybrid mass damper, 2 %",
-        group="active",
-        needs="33 kg, a path, sensors, a computer, power",
-        variants=_hybrid,
-    ),
+    Family("Active bracing", "active", "sensors, a computer, power", _bracing),
+    Family("Active mass driver, 2 %", "active", "33 kg, a path, sensors, a computer, power", _mass_driver),
+    Family("Hybrid mass damper, 2 %", "active", "33 kg, a path, sensors, a computer, power", _hybrid),
 )
 
 
@@ -313,28 +271,20 @@ def _pair(frame: Building, storey: str, share: float) -> mr.Device:
 
 def _clipped(settings: dict[str, float], frame: Building, device: mr.Device, quick: bool) -> Variant:
     """Clipped-optimal control of a device, a candidate for each control weight."""
-    return _designed("clipped_optimal", settings, frame, device, quick)
+    return _regulated("clipped_optimal", settings, frame, device, quick)
 
 
 def _actuated(frame: Building, storey: str, settings: dict[str, float], quick: bool) -> Variant:
     """An ideal actuator under linear quadratic control."""
-    spec = mr.damper("dahl")
-    place = mr.Device(
-        name=storey, spec=spec, theta=spec.nominal, row=frame.storey_row(storey), largest_command=1.0
-    )
-    return _designed("active", settings, frame, place, quick)
+    return _regulated("active", settings, frame, actuator(frame.storey_row(storey), storey), quick)
 
 
-def _designed(
+def _regulated(
     law: str, settings: dict[str, float], frame: Building, device: mr.Device, quick: bool
 ) -> Variant:
     weights = tuple(_some(_CONTROL_WEIGHTS, quick))
-    problem = DesignProblem(building=frame, devices=[device], sample_time=HARDWARE.sample_time)
-    designed = design_candidates(law, problem, [RegulatorSettings(control_weight=each) for each in weights])
-    assert designed.law is not None, "every positive control weight has a regulator"
-    return Variant(
-        settings=settings, building=frame, devices=(device,), law=designed.law, control_weights=weights
-    )
+    designed = regulators(law, frame, device, weights)
+    return Variant(settings=settings, building=frame, device=device, law=designed, control_weights=weights)
 
 
 def column_height() -> tuple[float, float]:

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.buildings import Building
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, History, Responses
-from mrwork.motions import read_motion, scaled_to_peak, trimmed
+from mrwork.closed_loop import SCORE, History, Responses
 from studies.chapter_2.device_closed_forms import closed_forms
 from studies.chapter_2.device_families import FAMILIES, Family, Variant, column_height
-from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS
-from studies.common.records import ground_motions
+from studies.common.command import Work
+from studies.common.frame import (
+    CHOOSING,
+    FRAME,
+    HARDWARE,
+    JUDGING,
+    actuator,
+    idle,
+    recorded_motions,
+    score_criteria,
+    score_ratios,
+    synthetic_motions,
+)
 
 Floats = NDArray[np.float64]
 
 PEAK = 0.1
 """Peak of the ground motions [g]."""
-CHOOSING, JUDGING = (1940, 1995), (1968, 1994)
-"""Seeds of the motions that choose the settings, and of those that judge them."""
-_DURATION = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,45 +48,51 @@ class Judged:
     figures: dict[str, Any]
     loop: Loop
     tried: list[tuple[dict[str, float], float]]
-    n_weights: int
 
 
-def judged_families(*, quick: bool, threads: int, say: Callable[[str], None]) -> dict[str, Judged]:
-    """Try and judge every family."""
-    bench = _Bench(quick=quick, threads=threads)
-    found = {}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chapter:
+    """The families with their loops, and every figure of the study."""
+
+    families: dict[str, Judged]
+    found: dict[str, Any]
+
+
+def chapter_of(work: Work) -> Chapter:
+    """Work everything out; the quick form tries few settings under one short motion, and has no measured motions."""
+    work.say("closed forms")
+    forms = {
+        name: {"loop": form.loop, "formula": form.formula, "deviation": form.deviation, "says": form.says}
+        for name, form in closed_forms().items()
+    }
+    bench = _Bench(work)
+    families = {}
     for family in FAMILIES:
-        say(family.name)
-        found[family.name] = bench.judged(family)
-    return found
-
-
-def measured_motions() -> list[mr.GroundMotion]:
-    """The records of the benchmarks, where they are at hand."""
-    folder = ground_motions()
-    if not folder.is_dir():
-        return []
-    return [
-        scaled_to_peak(trimmed(read_motion(folder / file), end=LONGEST), PEAK * STANDARD_GRAVITY)
-        for _, file in RECORDS
-    ]
+        work.say(family.name)
+        families[family.name] = bench.judged(family)
+    length, leg = column_height()
+    found = {
+        "closed_forms": forms,
+        "column": {"length_mm": 1e3 * length, "leg_mm": 1e3 * leg},
+        "quick_families" if work.quick else "families": {
+            name: judged.figures for name, judged in families.items()
+        },
+    }
+    return Chapter(families=families, found=found)
 
 
 class _Bench:
     """The frame under the motions that choose, those that judge, and measured ones."""
 
-    def __init__(self, *, quick: bool, threads: int) -> None:
-        self.quick, self.threads = quick, threads
-        duration = 8.0 if quick else _DURATION
-        self.choosing, synthetic = (
-            [_motion(seed, duration) for seed in seeds[: 1 if quick else None]]
-            for seeds in (CHOOSING, JUDGING)
-        )
-        measured = [] if quick else measured_motions()
-        self.judging = {"synthetic": synthetic, **({"measured": measured} if measured else {})}
+    def __init__(self, work: Work) -> None:
+        self.work = work
+        self.choosing = synthetic_motions(CHOOSING, PEAK, quick=work.quick)
+        self.judging = {"synthetic": synthetic_motions(JUDGING, PEAK, quick=work.quick)}
+        if work.records is not None and not work.quick:
+            self.judging["measured"] = recorded_motions(work.records, PEAK)
         bare = Variant(settings={}, building=FRAME)
         self.bare = {
-            id(motions): _criteria(self._run(bare, motions), FRAME)
+            id(motions): score_criteria(self._run(bare, motions))
             for motions in (self.choosing, *self.judging.values())
         }
 
@@ -88,7 +100,7 @@ class _Bench:
         """The settings with the least score under the motions that choose, judged under the others."""
         best: tuple[float, Variant, int] | None = None
         tried = []
-        for variant in family.variants(self.quick):
+        for variant in family.variants(self.work.quick):
             scores = self._ratios(self._run(variant, self.choosing), variant, self.choosing).mean(axis=(1, 2))
             row = int(scores.argmin())
             tried.append((variant.settings, float(scores[row])))
@@ -97,24 +109,32 @@ class _Bench:
         assert best is not None, "every family has variants"
         score, variant, row = best
         chosen = _alone(variant, row)
-        figures: dict[str, Any] = {"score": score, "settings": _settings(variant, row)}
-        loop: Loop | None = None
+        figures: dict[str, Any] = {
+            "score": score,
+            "settings": _settings(variant, row),
+            "n_tried": len(tried) * max(1, len(variant.control_weights)),
+        }
+        loops = []
         for name, motions in self.judging.items():
             runs = self._run(chosen, motions, histories=True)
+            loops += [_loop_of(history, chosen) for history in _histories(runs)]
             figures[name] = self._figures(runs, chosen, motions)
-            loop = loop or _loop_of(_histories(runs)[0], chosen)
-        assert loop is not None
-        return Judged(figures=figures, loop=loop, tried=tried, n_weights=len(variant.control_weights))
+        return Judged(figures=figures, loop=loops[0], tried=tried)
 
     def _figures(self, runs: Responses, chosen: Variant, motions: list[mr.GroundMotion]) -> dict[str, float]:
         ratios = self._ratios(runs, chosen, motions)[0]
         histories = _histories(runs)
         loops = [_loop_of(history, chosen) for history in histories]
-        powers = [_power(loop, history) for loop, history in zip(loops, histories, strict=True)]
+        # Power that the device takes from the frame [W].
+        powers = [
+            loop.force * np.gradient(loop.deformation, history.time)
+            for loop, history in zip(loops, histories, strict=True)
+        ]
         taken = [
             float(np.trapezoid(power, history.time)) / float(history.input_energy[-1])
             for power, history in zip(powers, histories, strict=True)
         ]
+        commanded = chosen.device is not None
         return {
             "judged": float(ratios.mean()),
             **{name: float(value) for name, value in zip(SCORE, ratios.mean(axis=0), strict=True)},
@@ -124,39 +144,27 @@ class _Bench:
             "energy_share": float(np.mean(taken)),
             "power_taken_w": max(float(power.max()) for power in powers),
             "power_given_w": max(0.0, -min(float(power.min()) for power in powers)),
-            "rms_command": float(np.sqrt(np.mean(runs.rms_current[:, 0] ** 2))) if chosen.devices else 0.0,
+            "rms_command": float(np.sqrt(np.mean(runs.rms_current[:, 0] ** 2))) if commanded else 0.0,
             "energy_error": float(runs.energy_error.max()),
         }
 
     def _ratios(self, runs: Responses, variant: Variant, motions: list[mr.GroundMotion]) -> Floats:
         """Ratios to the bare frame, shape (candidates, motions, criteria of the score)."""
-        found = _criteria(runs, variant.building).reshape(-1, len(motions), len(SCORE))
-        return np.asarray(np.where(np.isfinite(found), found / self.bare[id(motions)], np.inf))
+        return score_ratios(runs, self.bare[id(motions)], variant.building)
 
     def _run(
         self, variant: Variant, motions: Sequence[mr.GroundMotion], *, histories: bool = False
     ) -> Responses:
         building = variant.building
-        devices, law = variant.devices, variant.law
-        if law is None:
-            spec = mr.damper("dahl")
-            row = building.storeys[0]
-            devices = (mr.Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
-            still = np.zeros((1, 2 * building.n_coordinates))
-            law = mr.ControlLaw(name="active", gains={"gain": still})
         return mr.simulate_loop(
-            building, devices, law, motions, HARDWARE, histories=histories, threads=self.threads
+            building,
+            [variant.device or actuator(building.storeys[0])],
+            variant.law or idle(building),
+            motions,
+            HARDWARE,
+            histories=histories,
+            threads=self.work.threads,
         )
-
-
-def _criteria(runs: Responses, building: Building) -> Floats:
-    """Peak drift, peak acceleration and their rms on the floors and storeys of the frame, shape (runs, 4)."""
-    floors = [building.floor_names.index(name) for name in FRAME.floor_names]
-    storeys = [building.storey_names.index(name) for name in FRAME.storey_names]
-    return np.stack(
-        [getattr(runs, name)[:, storeys if name.endswith("drift") else floors].max(axis=1) for name in SCORE],
-        axis=1,
-    )
 
 
 def _alone(variant: Variant, row: int) -> Variant:
@@ -164,12 +172,7 @@ def _alone(variant: Variant, row: int) -> Variant:
     if variant.law is None:
         return variant
     gains = {name: np.atleast_2d(value)[row : row + 1] for name, value in variant.law.gains.items()}
-    return Variant(
-        settings=variant.settings,
-        building=variant.building,
-        devices=variant.devices,
-        law=mr.ControlLaw(name=variant.law.name, gains=gains),
-    )
+    return replace(variant, law=mr.ControlLaw(name=variant.law.name, gains=gains))
 
 
 def _settings(variant: Variant, row: int) -> dict[str, float]:
@@ -184,46 +187,6 @@ def _histories(runs: Responses) -> tuple[History, ...]:
 
 def _loop_of(history: History, variant: Variant) -> Loop:
     """The commanded device, or the passive one."""
-    if variant.devices:
+    if variant.device is not None:
         return Loop(deformation=history.deformation[:, 0], force=history.force[:, 0])
     return Loop(deformation=history.element_deformation[:, 0], force=history.element_force[:, 0])
-
-
-def _power(loop: Loop, history: History) -> Floats:
-    """Power that a device takes from the frame [W]."""
-    return np.asarray(loop.force * np.gradient(loop.deformation, history.time))
-
-
-def _motion(seed: int, duration: float) -> mr.GroundMotion:
-    """A draw of the Clough-Penzien spectrum of firm soil."""
-    drawn = mr.synthetic_motion(rng=seed, duration=duration, name=f"seed {seed}")
-    return scaled_to_peak(drawn, PEAK * STANDARD_GRAVITY)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Chapter:
-    """The families with their loops, and every figure of the study."""
-
-    families: dict[str, Judged]
-    found: dict[str, Any]
-
-
-def chapter_of(*, quick: bool, threads: int, say: Callable[[str], None]) -> Chapter:
-    """Work everything out; the quick form tries few settings under one short motion."""
-    say("closed forms")
-    forms = {
-        name: {"loop": each.loop, "formula": each.formula, "deviation": each.deviation, "says": each.says}
-        for name, each in closed_forms().items()
-    }
-    families = judged_families(quick=quick, threads=threads, say=say)
-    figures = {
-        name: {**each.figures, "n_tried": len(each.tried) * max(1, each.n_weights)}
-        for name, each in families.items()
-    }
-    length, leg = column_height()
-    found = {
-        "closed_forms": forms,
-        "column": {"length_mm": 1e3 * length, "leg_mm": 1e3 * leg},
-        "quick_families" if quick else "families": figures,
-    }
-    return Chapter(families=families, found=found)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
-from mrwork.report import SMALL, WIDE, blank, finish, panel, style, write_study_page
+from mrwork.report import SMALL, WIDE, finish, style, write_study_page
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, Judged
 from studies.chapter_2.tables import SETS, findings, tables
-from studies.common.page import finish_loop
+from studies.common.page import drawn, finish_loop, panels
 
 _TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
 # The setting over which a passive device is drawn, where it is one number.
@@ -23,13 +23,12 @@ _DRAWN = {
 }
 
 
-@style.drawn_in_style()
-def trade_figure(families: dict[str, Judged], name: str) -> Figure:
+@drawn(WIDE)
+def trade_figure(axes: Axes, families: dict[str, Judged], name: str) -> None:
     """Ratios of peak acceleration over those of peak drift, a point for each family."""
-    figure, axes = blank(WIDE)
     for number, family in enumerate(FAMILIES, start=1):
-        each = families[family.name].figures[name]
-        x, y = each["peak_drift"], each["peak_acceleration"]
+        figures = families[family.name].figures[name]
+        x, y = figures["peak_drift"], figures["peak_acceleration"]
         axes.plot(x, y, "o", color=_TONES[family.group], markersize=5)
         axes.annotate(
             f"{number}",
@@ -45,57 +44,51 @@ def trade_figure(families: dict[str, Judged], name: str) -> Figure:
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left")
     finish(axes, "Peak acceleration over that of the bare frame", "Peak drift over that of the bare frame")
-    return figure
 
 
-@style.drawn_in_style()
-def setting_figure(label: str, judged: Judged) -> Figure:
+@drawn(SMALL)
+def setting_figure(axes: Axes, label: str, judged: Judged) -> None:
     """Score under the motions that choose, over the setting of a device."""
     key, name = _DRAWN[label]
-    figure, axes = blank(SMALL)
     tried = sorted((settings[key], score) for settings, score in judged.tried)
     axes.plot([x for x, _ in tried], [y for _, y in tried], "o-", color=style.MODEL, markersize=3.5)
     axes.set_ylim(bottom=0.0)
     finish(axes, "Score", name)
     axes.set_xscale("log")
-    return figure
 
 
-def setting_figures(families: dict[str, Judged]) -> list[tuple[str, Figure]]:
-    """The figures of all devices with one drawn setting."""
-    return [(label, setting_figure(label, families[label])) for label in _DRAWN]
-
-
-@style.drawn_in_style()
-def loop_figure(judged: Judged) -> Figure:
+@drawn(SMALL)
+def loop_figure(axes: Axes, judged: Judged) -> None:
     """Force over elongation of the device under the first motion that judges."""
-    figure, axes = blank(SMALL)
     axes.plot(1e3 * judged.loop.deformation, judged.loop.force, color=style.MODEL, linewidth=0.6)
     finish_loop(axes, over_velocity=False)
-    return figure
 
 
 def write_page(chapter: Chapter, path: Path) -> None:
     """Write figures and tables, a section for each part."""
-    sets = [name for name in SETS if name in next(iter(chapter.families.values())).figures]
+    families = chapter.families
+    sets = [name for name in SETS if name in next(iter(families.values())).figures]
     write_study_page(
         Path(__file__).parent / "page.html.j2",
         path,
         tables=tables(chapter.found),
-        trades=[
-            panel(
-                f"trade-{name}", SETS[name], trade_figure(chapter.families, name), f"{SETS[name]}: families"
-            )
-            for name in sets
-        ],
+        trades=panels(
+            "trade", ((SETS[name], trade_figure(families, name), f"{SETS[name]}: families") for name in sets)
+        ),
         numbers=[(number, family.name) for number, family in enumerate(FAMILIES, start=1)],
-        settings=[
-            panel(f"setting-{place}", label, figure, f"Score of {label} over its setting")
-            for place, (label, figure) in enumerate(setting_figures(chapter.families))
-        ],
-        loops=[
-            panel(f"loop-{place}", label, loop_figure(judged), f"Force over elongation: {label}")
-            for place, (label, judged) in enumerate(chapter.families.items())
-        ],
+        settings=panels(
+            "setting",
+            (
+                (label, setting_figure(label, families[label]), f"Score of {label} over its setting")
+                for label in _DRAWN
+            ),
+        ),
+        loops=panels(
+            "loop",
+            (
+                (label, loop_figure(judged), f"Force over elongation: {label}")
+                for label, judged in families.items()
+            ),
+        ),
         findings=findings(chapter.found),
     )

@@ -15,11 +15,11 @@ from itertools import chain
 
 from studies.chapter_2.findings import chapter_of
 from studies.chapter_2.tables import tables
-from studies.common.command import Command, Findings, Say
+from studies.common.command import Command, Findings, Say, Work
 
 
 def find(options: Namespace, say: Say) -> Findings:
-    chapter = chapter_of(quick=options.quick, threads=options.threads, say=say)
+    chapter = chapter_of(Work.of(options, say))
     if not options.quick:
         from studies.chapter_2.page import write_page
 

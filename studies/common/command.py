@@ -12,10 +12,30 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from studies.common.expected import departures
-from studies.common.records import ROOT
+from studies.common.records import ROOT, ground_motions
 
 Say = Callable[[str], None]
 """Tells a person what is worked out now."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """How a study works: in its quick form or whole, on how many threads (0 for all), and who is told.
+
+    `records` is the folder of the ground motions, `None` where there is none.
+    """
+
+    quick: bool = False
+    threads: int = 0
+    say: Say = lambda what: None
+    records: Path | None = None
+
+    @classmethod
+    def of(cls, options: argparse.Namespace, say: Say) -> Work:
+        """That of a command with the options `quick` and `threads`."""
+        folder = ground_motions()
+        records = folder if folder.is_dir() else None
+        return cls(quick=options.quick, threads=options.threads, say=say, records=records)
 
 
 class Shown(Protocol):

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings import Building, building
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, Responses, simulate_loop, values
-from mrwork.control import ControlLaw
+from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, Responses, simulate_loop
+from mrwork.control import ControlLaw, DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import damper
-from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
+from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, synthetic_motion, trimmed
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +34,8 @@ DRIVER_RATE = 190.0
 FRAME = building("uts")
 HARDWARE = Hardware(sample_time=1e-3, step=5e-4)
 """Hardware of the tables, unless stated otherwise: state feedback, no delay, no noise."""
+CHOOSING, JUDGING = (1940, 1995), (1968, 1994)
+"""Seeds of the synthetic motions on which settings are chosen, and of those that judge them."""
 
 
 def level_name(level: float) -> str:
@@ -74,21 +76,63 @@ class Figures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bench:
-    """The motions of all levels, and the criteria of i = 0 under each."""
+    """The motions of all levels, and `score_criteria` of i = 0 under them."""
 
     motions: tuple[GroundMotion, ...]
-    passive: dict[str, Floats]
+    passive: Floats
     threads: int
 
 
 def bench(records: Path, *, names: Sequence[str] = (), threads: int = 0) -> Bench:
     """The records of a folder at every level; those named, or all four."""
-    chosen = [entry for entry in RECORDS if not names or entry[0] in names]
-    whole = [trimmed(read_motion(records / file), end=LONGEST) for _, file in chosen]
-    motions = tuple(scaled_to_peak(motion, level * STANDARD_GRAVITY) for level in LEVELS for motion in whole)
-    law = ControlLaw(name="passive", gains={"command": [0.0]})
-    responses = simulate_loop(FRAME, [pair()], law, motions, HARDWARE, threads=threads)
-    return Bench(motions=motions, passive=values(responses, weight=_weight(FRAME)), threads=threads)
+    motions = tuple(motion for level in LEVELS for motion in recorded_motions(records, level, names=names))
+    responses = simulate_loop(FRAME, [pair()], constant_current(0.0), motions, HARDWARE, threads=threads)
+    return Bench(motions=motions, passive=score_criteria(responses), threads=threads)
+
+
+def recorded_motions(records: Path, peak: float, *, names: Sequence[str] = ()) -> list[GroundMotion]:
+    """The records of a folder, those named or all four, scaled to a peak [g]."""
+    return [
+        scaled_to_peak(trimmed(read_motion(records / file), end=LONGEST), peak * STANDARD_GRAVITY)
+        for title, file in RECORDS
+        if not names or title in names
+    ]
+
+
+def synthetic_motions(seeds: Sequence[int], peak: float, *, quick: bool) -> list[GroundMotion]:
+    """Draws of the Clough-Penzien spectrum of firm soil with a peak [g]; the quick form has one short one."""
+    return [
+        scaled_to_peak(
+            synthetic_motion(rng=seed, duration=8.0 if quick else 20.0, name=f"seed {seed}"),
+            peak * STANDARD_GRAVITY,
+        )
+        for seed in (seeds[:1] if quick else seeds)
+    ]
+
+
+def constant_current(*currents: float) -> ControlLaw:
+    """A candidate for each current [A]."""
+    return ControlLaw(name="passive", gains={"command": [[current] for current in currents]})
+
+
+def regulators(law: str, frame: Building, device: Device, control_weights: Sequence[float]) -> ControlLaw:
+    """A law with a linear quadratic regulator, a candidate for each control weight."""
+    problem = DesignProblem(building=frame, devices=[device], sample_time=HARDWARE.sample_time)
+    settings = [RegulatorSettings(control_weight=float(weight)) for weight in control_weights]
+    designed = design_candidates(law, problem, settings).law
+    assert designed is not None, "every positive control weight has a regulator"
+    return designed
+
+
+def actuator(row: Floats, name: str = "none") -> Device:
+    """An ideal actuator in the place of a damper; `idle` sends it no command."""
+    spec = damper("dahl")
+    return Device(name=name, spec=spec, theta=spec.nominal, row=row, largest_command=1.0)
+
+
+def idle(frame: Building) -> ControlLaw:
+    """The law by which an actuator has no force."""
+    return ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * frame.n_coordinates))})
 
 
 def pair(largest_command: float = LARGEST_CURRENT, *, lagged: bool = True) -> Device:
@@ -144,9 +188,7 @@ def figures_of(over: Bench, responses: Responses, frame: Building = FRAME) -> Fi
     shape = (responses.shape[0], len(LEVELS), -1)
     added = [number for number, name in enumerate(frame.storey_names) if name not in FRAME.storey_names]
     stroke = responses.peak_stroke[:, 0] if not added else responses.peak_drift[:, added].max(axis=1)
-    found = values(_own(responses, frame), weight=_weight(FRAME))
-    ratios = np.stack([found[name].reshape(shape[0], -1) / over.passive[name] for name in SCORE], axis=2)
-    ratios = np.where(np.isfinite(ratios), ratios, np.inf)
+    ratios = score_ratios(responses, over.passive, frame)
     return Figures(
         ratios=ratios.reshape(*shape, len(SCORE)),
         mean_current=responses.mean_current[:, 0].reshape(shape).mean(axis=2),
@@ -156,19 +198,16 @@ def figures_of(over: Bench, responses: Responses, frame: Building = FRAME) -> Fi
     )
 
 
-def _own(responses: Responses, frame: Building) -> Responses:
-    """Responses with the floors and storeys of the frame alone."""
+def score_ratios(responses: Responses, reference: Floats, frame: Building = FRAME) -> Floats:
+    """Criteria over those of the reference, shape (candidates, motions, criteria); infinite for a run that failed."""
+    ratios = score_criteria(responses, frame).reshape(-1, *reference.shape) / reference
+    return np.where(np.isfinite(ratios), ratios, np.inf)
+
+
+def score_criteria(responses: Responses, frame: Building = FRAME) -> Floats:
+    """Criteria of the score on the floors and storeys of the five-storey frame alone, shape (runs, criteria)."""
     floors = [frame.floor_names.index(name) for name in FRAME.floor_names]
     storeys = [frame.storey_names.index(name) for name in FRAME.storey_names]
-    return responses.with_numbers(
-        peak_displacement=responses.peak_displacement[:, floors],
-        rms_displacement=responses.rms_displacement[:, floors],
-        peak_acceleration=responses.peak_acceleration[:, floors],
-        rms_acceleration=responses.rms_acceleration[:, floors],
-        peak_drift=responses.peak_drift[:, storeys],
-        rms_drift=responses.rms_drift[:, storeys],
-    )
-
-
-def _weight(frame: Building) -> float:
-    return frame.total_mass * STANDARD_GRAVITY
+    places = [storeys if name.endswith("drift") else floors for name in SCORE]
+    quantities = [getattr(responses, name)[:, place] for name, place in zip(SCORE, places, strict=True)]
+    return np.stack([quantity.max(axis=1) for quantity in quantities], axis=1)

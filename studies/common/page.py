@@ -1,16 +1,24 @@
-"""Marks in the key of a study's page, and loops of tests in its figures."""
+"""Figures of a study's page as panels, marks in its key, and loops of tests in its figures."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import wraps
+from typing import Concatenate, ParamSpec
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mrwork.report import draw_points, finish
+from mrwork.report import Panel, blank, draw_points, finish, panel, style
 
 Floats = NDArray[np.float64]
+Arguments = ParamSpec("Arguments")
 
+TONES = (style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.INK, style.DATA, style.BAND_EDGE)
+"""Colours of the lines of a figure, in their order."""
 _LOOP_POINTS = 80
 
 # Stroke width and dash pattern of the lines a key can show.
@@ -22,15 +30,46 @@ _STROKES = {
 }
 
 
-def swatch(colour: str, kind: str) -> Markup:
-    """A sample of a mark for a key: "point", "line", "dotted", "dashed" or "wide"."""
+def drawn(
+    size: tuple[float, float],
+) -> Callable[[Callable[Concatenate[Axes, Arguments], None]], Callable[Arguments, Figure]]:
+    """Decorator that makes of a function that draws into axes one that returns a figure of this size."""
+
+    def figure_function(draw: Callable[Concatenate[Axes, Arguments], None]) -> Callable[Arguments, Figure]:
+        @wraps(draw)
+        @style.drawn_in_style()
+        def figure_of(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
+            figure, axes = blank(size)
+            draw(axes, *args, **kwargs)
+            return figure
+
+        return figure_of
+
+    return figure_function
+
+
+def panels(anchor: str, figures: Iterable[tuple[str, Figure, str]]) -> list[Panel]:
+    """Panels of figures, each of which comes with a title and a description for screen readers."""
+    return [
+        panel(f"{anchor}-{place}", title, figure, description)
+        for place, (title, figure, description) in enumerate(figures)
+    ]
+
+
+def sentence_case(label: str) -> str:
+    """The label with its first letter as a capital."""
+    return label[0].upper() + label[1:]
+
+
+def swatch(colour: str, kind: str, text: str = "") -> Markup:
+    """A sample of a mark for a key ("point", "line", "dotted", "dashed" or "wide"), before its meaning."""
     if kind == "point":
         mark = Markup('<circle cx="11" cy="4.5" r="3.5" fill="{}"/>').format(colour)
     else:
         width, pattern = _STROKES[kind]
         dash = Markup(' stroke-dasharray="{}"').format(pattern) if pattern else ""
         mark = Markup('<path d="M0 4.5H22" stroke="{}" stroke-width="{}"{}/>').format(colour, width, dash)
-    return Markup('<svg viewBox="0 0 22 9" aria-hidden="true">{}</svg>').format(mark)
+    return Markup('<svg viewBox="0 0 22 9" aria-hidden="true">{}</svg>{}').format(mark, text)
 
 
 def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
@@ -40,5 +79,5 @@ def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
 
 def tested_points(axes: Axes, abscissa: Floats, force: Floats, cycle: slice) -> None:
     """One cycle of a test as points, thinned so that they can be distinguished."""
-    drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
-    draw_points(axes, abscissa[drawn], force[drawn], size=4.5)
+    drawn_samples = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
+    draw_points(axes, abscissa[drawn_samples], force[drawn_samples], size=4.5)

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from mrwork.report import Table, symbol
 
 Cell = str | Callable[[Any], str]
-"""Text of a cell: a function of what a row is about, or a format string of its keys."""
+"""Text of a cell: a function of what a row is about, or a format string of its keys, or of it if it is a number."""
 
 
 def table_of(
@@ -27,13 +27,20 @@ def table_of(
     return Table(
         title=title,
         columns=(first, *columns),
-        rows=tuple((name, *(_text(cell, each) for cell in columns.values())) for name, each in entries),
+        rows=tuple((name, *(_text(cell, about) for cell in columns.values())) for name, about in entries),
         note=note,
     )
 
 
-def _text(cell: Cell, each: Any) -> str:
-    return cell.format_map(each) if isinstance(cell, str) else cell(each)
+def _text(cell: Cell, about: Any) -> str:
+    if not isinstance(cell, str):
+        return cell(about)
+    return cell.format_map(about) if isinstance(about, Mapping) else cell.format(about)
+
+
+def alike(form: str, keys: Mapping[str, str]) -> dict[str, Cell]:
+    """Columns of numbers in one format, the key of each by its heading."""
+    return {heading: f"{{{key}:{form}}}" for heading, key in keys.items()}
 
 
 def with_symbols(tables: Iterable[Table]) -> list[Markup]:

@@ -13,6 +13,7 @@ from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, chapter_of
 from studies.chapter_2.page import write_page
 from studies.chapter_2.tables import tables
+from studies.common.command import Work
 from studies.common.expected import departures
 
 STUDY = Path("studies/chapter_2")
@@ -20,7 +21,7 @@ STUDY = Path("studies/chapter_2")
 
 @pytest.fixture(scope="module")
 def chapter() -> Chapter:
-    return chapter_of(quick=True, threads=1, say=lambda what: None)
+    return chapter_of(Work(quick=True, threads=1))
 
 
 def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
