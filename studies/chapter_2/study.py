@@ -14,6 +14,7 @@ from argparse import Namespace
 from itertools import chain
 
 from studies.chapter_2.findings import chapter_of
+from studies.chapter_2.page import write_page
 from studies.chapter_2.tables import tables
 from studies.common.command import Command, Findings, Say, Work
 
@@ -21,8 +22,6 @@ from studies.common.command import Command, Findings, Say, Work
 def find(options: Namespace, say: Say) -> Findings:
     chapter = chapter_of(Work.of(options, say))
     if not options.quick:
-        from studies.chapter_2.page import write_page
-
         write_page(chapter, options.out / "report.html")
     return Findings(numbers=chapter.found, text=chain(*tables(chapter.found).values()))
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from mrwork.dampers import design
 from mrwork.report import Table
+from studies.common.table import table_of
 
 FIELD = 150e3
 """Field of the columns of table 3.2 [A/m]."""
@@ -88,32 +89,19 @@ def tables(found: dict[str, Any]) -> tuple[Table, Table]:
         rows=(*rows, *((*words, "") for words in _WORDS)),
         note="The second and third columns are remembered. Yield stress is that at saturation.",
     )
-    named = Table(
-        title="Table 3.2 in form: the fluids of the package",
-        columns=(
-            "fluid",
-            "particles by volume",
-            "viscosity [Pa s]",
-            "density [kg/m3]",
-            "yield stress [kPa]",
-            "at 150 kA/m [kPa]",
-            "flux density there [T]",
-            "eta/tau2 [s/Pa]",
-        ),
-        rows=tuple(
-            (
-                fluid.name,
-                f"{of['particle fraction']:.2f}",
-                f"{of['plastic viscosity']:.3f}",
-                f"{of['density']:.0f}",
-                f"{1e-3 * of['yield stress']:.1f}",
-                f"{1e-3 * of['yield stress at 150 kA/m']:.1f}",
-                f"{of['flux density at 150 kA/m']:.3f}",
-                f"{of['viscosity over yield stress squared']:.1e}",
-            )
-            for fluid in design.FLUIDS
-            if (of := fluids.get(fluid.name))
-        ),
+    named = table_of(
+        "Table 3.2 in form: the fluids of the package",
+        "fluid",
+        {fluid.name: fluids[fluid.name] for fluid in design.FLUIDS if fluid.name in fluids},
+        {
+            "particles by volume": "{particle fraction:.2f}",
+            "viscosity [Pa s]": "{plastic viscosity:.3f}",
+            "density [kg/m3]": "{density:.0f}",
+            "yield stress [kPa]": lambda fluid: f"{1e-3 * fluid['yield stress']:.1f}",
+            "at 150 kA/m [kPa]": lambda fluid: f"{1e-3 * fluid['yield stress at 150 kA/m']:.1f}",
+            "flux density there [T]": "{flux density at 150 kA/m:.3f}",
+            "eta/tau2 [s/Pa]": "{viscosity over yield stress squared:.1e}",
+        },
         note="Yield stress and flux density by Carlson's formulas from the particle fraction; the first yield "
         f"stress is that at saturation. Sources: {_sources()}.",
     )

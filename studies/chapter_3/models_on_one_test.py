@@ -7,11 +7,12 @@ contains.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import mrwork as mr
 from mrwork.report import Table
+from studies.common.command import Work
+from studies.common.table import Cell, table_of
 
 SHOWN_TEST, OTHER_TEST = "spencer1997", "rd1005_1a"
 MODELS = {
@@ -24,14 +25,14 @@ NOISE = 8.0
 """Standard deviation of the force noise of embedded tests [N]."""
 
 
-def identified(*, quick: bool, threads: int, say: Callable[[str], None]) -> dict[str, dict[str, mr.Fit]]:
+def identified(work: Work) -> dict[str, dict[str, mr.Fit]]:
     """Fits by test and model; the quick form leaves the second test and the modified Bouc-Wen model out."""
     fits: dict[str, dict[str, mr.Fit]] = {}
-    for name in (SHOWN_TEST,) if quick else (SHOWN_TEST, OTHER_TEST):
+    for name in (SHOWN_TEST,) if work.quick else (SHOWN_TEST, OTHER_TEST):
         test, fits[name] = mr.synthetic_test(name), {}
-        for model in list(MODELS)[:3] if quick else MODELS:
-            say(f"{name}: {model}")
-            fits[name][model] = mr.identify(model, test, rng=0, threads=threads)
+        for model in list(MODELS)[:3] if work.quick else MODELS:
+            work.say(f"{name}: {model}")
+            fits[name][model] = mr.identify(model, test, rng=0, threads=work.threads)
     return fits
 
 
@@ -52,25 +53,15 @@ def figures_of(fits: dict[str, dict[str, mr.Fit]]) -> dict[str, dict[str, dict[s
 
 def table(found: dict[str, Any]) -> Table:
     """A row for each model."""
-    models = list(dict.fromkeys(model for test in found.values() for model in test))
-    return Table(
-        title="Four models on one test (figures 3.16 to 3.23 in form)",
-        columns=(
-            "model",
-            "parameters",
-            *(f"{test}: {what}" for test in found for what in ("fit [%]", "rms error [N]")),
-        ),
-        rows=tuple(
-            (
-                MODELS[model],
-                f"{next(iter(found.values()))[model]['n_params']:.0f}",
-                *(
-                    text
-                    for test in found.values()
-                    for text in (f"{test[model]['fit_percent']:.2f}", f"{test[model]['rms_n']:.1f}")
-                ),
-            )
-            for model in models
-        ),
+    shown = next(iter(found.values()))
+    columns: dict[str, Cell] = {"parameters": lambda model: f"{shown[model]['n_params']:.0f}"}
+    for name, models in found.items():
+        columns[f"{name}: fit [%]"] = lambda model, of=models: f"{of[model]['fit_percent']:.2f}"
+        columns[f"{name}: rms error [N]"] = lambda model, of=models: f"{of[model]['rms_n']:.1f}"
+    return table_of(
+        "Four models on one test (figures 3.16 to 3.23 in form)",
+        "model",
+        ((MODELS[model], model) for model in shown),
+        columns,
         note=f"Synthetic tests, {NOISE:g} N of white noise on the force, and noise on the motion, which adds to it.",
     )

@@ -5,23 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.dampers import design
 from mrwork.identification import free_run
-from mrwork.report import (
-    SMALL,
-    WIDE,
-    Panel,
-    blank,
-    cross_section_figure,
-    finish,
-    panel,
-    style,
-    write_study_page,
-)
+from mrwork.report import SMALL, WIDE, Panel, cross_section_figure, finish, style, write_study_page
 from studies.chapter_3.findings import Chapter
 from studies.chapter_3.fluid_properties import FIELD
 from studies.chapter_3.models_on_one_test import MODELS, SHOWN_TEST
@@ -29,49 +19,43 @@ from studies.chapter_3.sized_frame import SizedFrame
 from studies.chapter_3.sized_front import front_figure
 from studies.chapter_3.slot_flow import STRESSES, errors
 from studies.chapter_3.tables import tables
-from studies.common.page import tested_points
+from studies.common.page import TONES, drawn, panels, tested_points
 
 Floats = NDArray[np.float64]
 
-_TONES = (style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.INK, style.DATA, style.BAND_EDGE)
 _CURRENTS = (0.0, 0.25, 0.5, 1.0, 1.5)
 _AXES = ("time", "displacement", "velocity")
 
 
-@style.drawn_in_style()
-def fluid_figure(*, flux: bool) -> Figure:
+@drawn(WIDE)
+def fluid_figure(axes: Axes, *, flux: bool) -> None:
     """Yield stress, or flux density, of the named fluids over the field."""
-    figure, axes = blank(WIDE)
     field = np.linspace(0.0, 300e3, 121)
-    for fluid, tone in zip(design.FLUIDS, _TONES, strict=False):
+    for fluid, tone in zip(design.FLUIDS, TONES, strict=False):
         drawn = fluid.flux_density(field) if flux else 1e-3 * fluid.yield_stress(field)
         axes.plot(1e-3 * field, drawn, color=tone, label=fluid.name)
     axes.axvline(1e-3 * FIELD, color=style.RULE, linewidth=0.8, zorder=0.9)
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="lower right")
     finish(axes, "Flux density (T)" if flux else "Yield stress (kPa)", "Field (kA/m)")
-    return figure
 
 
-@style.drawn_in_style()
-def error_figure(*, sums: bool) -> Figure:
+@drawn(WIDE)
+def error_figure(axes: Axes, *, sums: bool) -> None:
     """Errors of the approximations that are sums, or of plates, over the dimensionless yield stress."""
-    figure, axes = blank(WIDE)
     chosen = {name: each for name, each in errors().items() if name.startswith("sum") == sums}
-    for (name, each), tone in zip(chosen.items(), _TONES, strict=False):
+    for (name, each), tone in zip(chosen.items(), TONES, strict=False):
         axes.plot(STRESSES, 100.0 * each, color=tone, label=name)
     finish(axes, "Error of the pressure drop (%)", "Dimensionless yield stress T")
     axes.set_xscale("log")
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
     axes.legend(loc="upper left" if sums else "upper right")
-    return figure
 
 
-@style.drawn_in_style()
-def force_velocity_figure() -> Figure:
+@drawn(WIDE)
+def force_velocity_figure(axes: Axes) -> None:
     """Forces of the damper of 20 tons over the velocity, at several currents."""
     damper = design.twenty_ton_damper()
-    figure, axes = blank(WIDE)
     velocity = np.linspace(1e-5, 0.15, 61)
     for current in _CURRENTS:
         force = 1e-3 * damper.force(velocity, current)
@@ -88,25 +72,21 @@ def force_velocity_figure() -> Figure:
     axes.set_xlim(0.0, 16.8)
     axes.set_ylim(bottom=0.0)
     finish(axes, "Force (kN)", "Velocity (cm/s)")
-    return figure
 
 
-@style.drawn_in_style()
-def score_figure(found: SizedFrame) -> Figure:
+@drawn(WIDE)
+def score_figure(axes: Axes, found: SizedFrame) -> None:
     """Score over the constant current of each damper, with its clipped-optimal control as a dashed line."""
-    figure, axes = blank(WIDE)
-    for (name, each), tone in zip(found.loop.items(), (style.DATA, *_TONES), strict=False):
+    for (name, each), tone in zip(found.loop.items(), (style.DATA, *TONES), strict=False):
         axes.plot(each["currents"], each["scores"], color=tone, label=name)
         axes.axhline(each["clipped"]["score"], color=tone, linestyle=style.DASHED, linewidth=0.9)
     axes.legend(loc="upper right")
     finish(axes, "Score over that of the pair at i = 0", "Constant current (A)")
-    return figure
 
 
-@style.drawn_in_style()
-def fit_figure(fit: mr.Fit, test: mr.DamperTest, over: str) -> Figure:
+@drawn(SMALL)
+def fit_figure(axes: Axes, fit: mr.Fit, test: mr.DamperTest, over: str) -> None:
     """Force of one cycle over time, displacement or velocity: points of the test, line of the model."""
-    figure, axes = blank(SMALL)
     force, _ = free_run(fit.spec, np.array(fit.theta), test)
     period = round(1.0 / (test.frequency * test.dt))
     cycle = slice(test.n_time - 2 * period - 1, test.n_time - period)
@@ -121,70 +101,80 @@ def fit_figure(fit: mr.Fit, test: mr.DamperTest, over: str) -> Figure:
     axes.margins(y=0.12)
     names = {"time": "Time (s)", "displacement": "Displacement (mm)", "velocity": "Velocity (mm/s)"}
     finish(axes, "Force (N)", names[over])
-    return figure
-
-
-def fit_figures(fit: mr.Fit, test: mr.DamperTest) -> list[tuple[str, Figure]]:
-    """The three figures of one model."""
-    return [(over, fit_figure(fit, test, over)) for over in _AXES]
 
 
 def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
     """Write figures and tables, a section for each part."""
-    made = tables(chapter.found)
+    test = mr.synthetic_test(SHOWN_TEST)
+    (published,) = _sections("twenty-tons", {"Damper of 20 tons": design.twenty_ton_damper()})
+    force, scores = panels(
+        "forces",
+        (
+            ("Damper of 20 tons", force_velocity_figure(), "Force over velocity at several currents"),
+            (
+                "Constant currents, and clipped-optimal control (dashed)",
+                score_figure(chapter.frame),
+                "Score of each damper over its constant current",
+            ),
+        ),
+    )
     write_study_page(
         Path(__file__).parent / "page.html.j2",
         path,
         skipped=skipped,
-        tables=made,
-        fluids=[
-            panel(f"fluids-{name}", title, fluid_figure(flux=flux), f"{title} of the fluids over the field")
-            for name, title, flux in (("stress", "Yield stress", False), ("flux", "Flux density", True))
-        ],
-        flow=[
-            panel(f"flow-{name}", title, error_figure(sums=sums), f"{title}: error over the yield stress")
-            for name, title, sums in (("sums", "Sum formulas", True), ("plates", "Parallel plates", False))
-        ],
-        force=panel(
-            "force-velocity",
-            "Damper of 20 tons",
-            force_velocity_figure(),
-            "Force over velocity at several currents",
+        tables=tables(chapter.found),
+        fluids=panels(
+            "fluids",
+            (
+                (title, fluid_figure(flux=flux), f"{title} of the fluids over the field")
+                for title, flux in (("Yield stress", False), ("Flux density", True))
+            ),
         ),
-        front=[]
-        if chapter.front is None
-        else [
-            panel(
-                f"front-{name}", title, front_figure(chapter.front, power=power), f"{title} over the volume"
-            )
-            for name, title, power in (("range", "Dynamic range", False), ("power", "Power", True))
-        ],
-        scores=panel(
-            "scores",
-            "Constant currents, and clipped-optimal control (dashed)",
-            score_figure(chapter.frame),
-            "Score of each damper over its constant current",
+        flow=panels(
+            "flow",
+            (
+                (title, error_figure(sums=sums), f"{title}: error over the yield stress")
+                for title, sums in (("Sum formulas", True), ("Parallel plates", False))
+            ),
         ),
-        published=_section("twenty-tons", "Damper of 20 tons", design.twenty_ton_damper()),
-        sized=[
-            _section(f"sized-{place}", name, damper)
-            for place, (name, damper) in enumerate(chapter.frame.designs.items())
-        ],
+        force=force,
+        front=panels(
+            "front",
+            (
+                (title, front_figure(chapter.front, power=power), f"{title} over the volume")
+                for title, power in (("Dynamic range", False), ("Power", True))
+                if chapter.front is not None
+            ),
+        ),
+        scores=scores,
+        published=published,
+        sized=_sections("sized", chapter.frame.designs),
         models=[
-            {"name": MODELS[model], "fit": fit, "panels": _fit_panels(model, fit)}
+            {
+                "name": MODELS[model],
+                "fit": fit,
+                "panels": panels(
+                    model,
+                    (
+                        (
+                            over,
+                            fit_figure(fit, test, over),
+                            f"Force over {over}, test and {MODELS[model]} model",
+                        )
+                        for over in _AXES
+                    ),
+                ),
+            }
             for model, fit in chapter.fits[SHOWN_TEST].items()
         ],
     )
 
 
-def _section(anchor: str, title: str, damper: design.DamperDesign) -> Panel:
-    figure: Figure = cross_section_figure(damper)
-    return panel(anchor, title, figure, f"Cross-section to scale: {title}")
-
-
-def _fit_panels(model: str, fit: mr.Fit) -> list[Panel]:
-    test = mr.synthetic_test(SHOWN_TEST)
-    return [
-        panel(f"{model}-{over}", over, figure, f"Force over {over}, test and {MODELS[model]} model")
-        for over, figure in fit_figures(fit, test)
-    ]
+def _sections(anchor: str, designs: dict[str, design.DamperDesign]) -> list[Panel]:
+    return panels(
+        anchor,
+        (
+            (title, cross_section_figure(damper), f"Cross-section to scale: {title}")
+            for title, damper in designs.items()
+        ),
+    )

@@ -98,28 +98,24 @@ def _bare_range(damper: design.DamperDesign) -> float:
 
 def tables(found: dict[str, Any]) -> tuple[Table, Table]:
     """Table 3.3 in form, and the deviations."""
-    beside = Table(
-        title="Table 3.3 in form: the damper of 20 tons at 0.1 m/s and 1.5 A",
-        columns=("figure", "published", "predicted", "over published", "predicted from"),
-        rows=tuple(
-            (
-                name,
-                f"{'< ' if name.startswith('power') else ''}{published:g}",
-                f"{found['predicted'][name]:.3g}",
-                f"{found['predicted'][name] / published:.2f}",
-                _WHY[name],
-            )
-            for name, published in PUBLISHED.items()
-        ),
+    predicted = found["predicted"]
+    beside = table_of(
+        "Table 3.3 in form: the damper of 20 tons at 0.1 m/s and 1.5 A",
+        "figure",
+        ((name, name) for name in PUBLISHED),
+        {
+            "published": lambda name: f"{'< ' if name.startswith('power') else ''}{PUBLISHED[name]:g}",
+            "predicted": lambda name: f"{predicted[name]:.3g}",
+            "over published": lambda name: f"{predicted[name] / PUBLISHED[name]:.2f}",
+            "predicted from": lambda name: _WHY[name],
+        },
         note="Published figures are remembered; what was not published is assumed, see twenty_ton_damper.",
     )
     behind = table_of(
         "What the deviations are",
         "quantity",
         found["deviations"],
-        {
-            "value": lambda value: f"{value:.3g}",
-        },
+        {"value": "{:.3g}"},
         note=f"The same published table has {1e10 * PUBLISHED_QUOTIENT:g}e-10 s/Pa for the viscosity over the "
         "yield stress squared: its numbers do not belong to one state of the fluid.",
     )

@@ -6,20 +6,31 @@ motions and judged on two others, which chose nothing, and on the four records o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, values
-from mrwork.control import DesignProblem, RegulatorSettings, design_candidates
+from mrwork.closed_loop import SCORE
 from mrwork.dampers import design
-from mrwork.motions import scaled_to_peak, trimmed
-from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
+from studies.common.command import Work
+from studies.common.frame import (
+    CHOOSING,
+    FRAME,
+    HARDWARE,
+    JUDGING,
+    RECORDS,
+    constant_current,
+    pair,
+    recorded_motions,
+    regulators,
+    score_criteria,
+    score_ratios,
+    synthetic_motions,
+)
 
 Floats = NDArray[np.float64]
 
@@ -30,10 +41,6 @@ FORCES = (4e3, 8e3, 12e3)
 SUPPLY = 24.0
 """Voltage of the current driver [V]."""
 PAIR = pair().name
-WEIGHT = FRAME.total_mass * STANDARD_GRAVITY
-# Seeds of the motions that choose the settings, and of those that judge them.
-_CHOOSING, _JUDGING = (1940, 1995), (1968, 1994)
-_DURATION = 20.0
 # Largest currents that are tried, as shares of that of the damper, and control weights [1/N^2].
 _SHARES, _WEIGHTS = (0.4, 0.7, 1.0), np.geomspace(1e-11, 1e-5, 13)
 
@@ -62,26 +69,26 @@ def wishes(force: float) -> design.DamperWishes:
     )
 
 
-def sized_frame(*, records: Path | None, quick: bool, threads: int, say: Callable[[str], None]) -> SizedFrame:
-    """Size the dampers and run them, also under the records of a folder.
+def sized_frame(work: Work) -> SizedFrame:
+    """Size the dampers and run them, also under the measured records.
 
     The quick form has the smallest wish, one motion that chooses and one that judges, and fewer settings.
     """
     designs = {}
-    for force in FORCES[:1] if quick else FORCES:
-        say(f"damper of {1e-3 * force:g} kN")
+    for force in FORCES[:1] if work.quick else FORCES:
+        work.say(f"damper of {1e-3 * force:g} kN")
         designs[f"sized, {1e-3 * force:g} kN"] = design.size_damper(
             wishes(force),
             fluid=design.fluid("MRF-132DG"),
             steel=design.steel("AISI 1010"),
-            budget=700 if quick else 3000,
+            budget=700 if work.quick else 3000,
         ).design
-    devices = {PAIR: pair(), **{name: _device(name, each) for name, each in designs.items()}}
-    say("loop")
-    bench = _Bench(records=records, quick=quick, threads=threads)
+    devices = {PAIR: pair(), **{name: _device(name, damper) for name, damper in designs.items()}}
+    work.say("loop")
+    bench = _Bench(work)
     return SizedFrame(
         designs=designs,
-        sizes={name: _size(each) for name, each in designs.items()},
+        sizes={name: _size(damper) for name, damper in designs.items()},
         loop={name: bench.compared(device) for name, device in devices.items()},
     )
 
@@ -115,32 +122,29 @@ def _size(damper: design.DamperDesign) -> dict[str, float]:
 class _Bench:
     """The frame under motions that choose settings and motions that judge them."""
 
-    def __init__(self, *, records: Path | None, quick: bool, threads: int) -> None:
-        self.threads = threads
-        self.n_currents = 5 if quick else 17
-        self.weights = _WEIGHTS[::6] if quick else _WEIGHTS
-        self.shares = _SHARES[-1:] if quick else _SHARES
-        duration = 8.0 if quick else _DURATION
-        self.choosing, self.judging = (
-            [_motion(seed, duration) for seed in seeds[: 1 if quick else None]]
-            for seeds in (_CHOOSING, _JUDGING)
-        )
-        self.recorded = [] if records is None else [_record(records / file) for _, file in RECORDS]
+    def __init__(self, work: Work) -> None:
+        self.threads = work.threads
+        self.n_currents = 5 if work.quick else 17
+        self.weights = _WEIGHTS[::6] if work.quick else _WEIGHTS
+        self.shares = _SHARES[-1:] if work.quick else _SHARES
+        self.choosing = synthetic_motions(CHOOSING, PEAK, quick=work.quick)
+        self.judging = synthetic_motions(JUDGING, PEAK, quick=work.quick)
+        self.recorded = [] if work.records is None else recorded_motions(work.records, PEAK)
 
     def compared(self, device: mr.Device) -> dict[str, Any]:
         """The best constant current and the best clipped-optimal control, each judged on the other motions."""
         currents = np.linspace(0.0, device.largest_command, self.n_currents)
-        scores = self._ratios(device, _constant(currents), self.choosing).mean(axis=(1, 2))
+        scores = self._scores(device, constant_current(*currents))
         best = int(scores.argmin())
         tried = []
         for share in self.shares:
             limited = replace(device, largest_command=share * device.largest_command)
-            found = self._ratios(limited, _clipped(limited, self.weights), self.choosing).mean(axis=(1, 2))
+            limited_scores = self._scores(limited, _clipped(limited, self.weights))
             tried += [
                 (float(score), limited, float(weight))
-                for score, weight in zip(found, self.weights, strict=True)
+                for score, weight in zip(limited_scores, self.weights, strict=True)
             ]
-        least, limited, weight = min(tried, key=lambda each: each[0])
+        least, limited, weight = min(tried, key=lambda setting: setting[0])
         return {
             "currents": currents.tolist(),
             "scores": scores.tolist(),
@@ -148,71 +152,53 @@ class _Bench:
             "constant": {
                 "score": float(scores[best]),
                 "current_a": float(currents[best]),
-                **self._judged(device, _constant(currents[[best]])),
+                **self._judged(device, constant_current(currents[best])),
             },
             "clipped": {
                 "score": least,
                 "current_a": limited.largest_command,
                 "control_weight": weight,
-                **self._judged(limited, _clipped(limited, np.array([weight]))),
+                **self._judged(limited, _clipped(limited, [weight])),
             },
         }
+
+    def _scores(self, device: mr.Device, law: mr.ControlLaw) -> Floats:
+        """Score of each candidate on the motions that choose."""
+        ratios, _ = self._run(device, law, self.choosing)
+        return ratios.mean(axis=(1, 2))
 
     def _judged(self, device: mr.Device, law: mr.ControlLaw) -> dict[str, Any]:
         """Scores, their parts and peaks of a law on the motions that chose nothing, the records apart."""
         found: dict[str, Any] = self._judged_on(self.judging, device, law)
         if self.recorded:
-            each = self._ratios(device, law, self.recorded)[0].mean(axis=1)
-            found["records"] = {
-                **self._judged_on(self.recorded, device, law),
-                **{name: float(score) for (name, _), score in zip(RECORDS, each, strict=True)},
-            }
+            found["records"] = self._judged_on(self.recorded, device, law)
         return found
 
     def _judged_on(
         self, motions: list[mr.GroundMotion], device: mr.Device, law: mr.ControlLaw
     ) -> dict[str, float]:
-        parts = self._ratios(device, law, motions)[0].mean(axis=0)
-        runs = self._run(device, law, motions)
+        (ratios,), runs = self._run(device, law, motions)
+        parts = ratios.mean(axis=0)
+        by_record = zip(RECORDS, ratios.mean(axis=1), strict=True) if motions is self.recorded else ()
         return {
             "judged": float(parts.mean()),
             **{name: float(value) for name, value in zip(SCORE, parts, strict=True)},
             "force_kn": 1e-3 * float(runs.peak_force[:, 0].max()),
             "stroke_mm": 1e3 * float(runs.peak_stroke[:, 0].max()),
+            **{title: float(score) for (title, _), score in by_record},
         }
 
-    def _ratios(self, device: mr.Device, law: mr.ControlLaw, motions: list[mr.GroundMotion]) -> Floats:
-        """Criteria over those of the pair at i = 0, shape (candidates, motions, criteria)."""
-        passive = values(self._run(pair(), _constant(np.zeros(1)), motions), weight=WEIGHT)
-        runs = self._run(device, law, motions)
-        found = values(runs, weight=WEIGHT)
-        shape = (runs.shape[0], -1)
-        return np.stack([found[name].reshape(shape) / passive[name] for name in SCORE], axis=2)
-
-    def _run(self, device: mr.Device, law: mr.ControlLaw, motions: list[mr.GroundMotion]) -> mr.Responses:
-        return mr.simulate_loop(FRAME, [device], law, motions, HARDWARE, threads=self.threads)
-
-
-def _constant(currents: Floats) -> mr.ControlLaw:
-    """A candidate for each current."""
-    return mr.ControlLaw(name="passive", gains={"command": currents[:, None]})
+    def _run(
+        self, device: mr.Device, law: mr.ControlLaw, motions: Sequence[mr.GroundMotion]
+    ) -> tuple[Floats, mr.Responses]:
+        """Criteria over those of the pair at i = 0, shape (candidates, motions, criteria), and the runs."""
+        off, runs = (
+            mr.simulate_loop(FRAME, [driven], by, motions, HARDWARE, threads=self.threads)
+            for driven, by in ((pair(), constant_current(0.0)), (device, law))
+        )
+        return score_ratios(runs, score_criteria(off)), runs
 
 
-def _clipped(device: mr.Device, weights: Floats) -> mr.ControlLaw:
+def _clipped(device: mr.Device, weights: Sequence[float] | Floats) -> mr.ControlLaw:
     """A candidate for each control weight."""
-    problem = DesignProblem(building=FRAME, devices=[device], sample_time=HARDWARE.sample_time)
-    settings = [RegulatorSettings(control_weight=float(weight)) for weight in weights]
-    law = design_candidates("clipped_optimal", problem, settings).law
-    assert law is not None, "every positive control weight has a regulator"
-    return law
-
-
-def _record(file: Path) -> mr.GroundMotion:
-    """A record as in chapter 6, at the peak of this study."""
-    return scaled_to_peak(trimmed(mr.read_motion(file), end=LONGEST), PEAK * STANDARD_GRAVITY)
-
-
-def _motion(seed: int, duration: float) -> mr.GroundMotion:
-    """A draw of the Clough-Penzien spectrum of firm soil."""
-    drawn = mr.synthetic_motion(rng=seed, duration=duration, name=f"seed {seed}")
-    return scaled_to_peak(drawn, PEAK * STANDARD_GRAVITY)
+    return regulators("clipped_optimal", FRAME, device, weights)

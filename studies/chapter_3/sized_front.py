@@ -5,12 +5,14 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from mrwork.dampers import design
-from mrwork.report import WIDE, Table, blank, finish, style
+from mrwork.report import WIDE, Table, finish, style
 from studies.chapter_3.sized_frame import SUPPLY, wishes
+from studies.common.page import drawn
+from studies.common.table import table_of
 
 FORCE = 8e3
 """Desired force of the dampers on the front [N]."""
@@ -58,54 +60,42 @@ def _numbers(damper: design.DamperDesign) -> dict[str, float]:
     }
 
 
-@style.drawn_in_style()
-def front_figure(front: design.SizeFront, *, power: bool) -> Figure:
+@drawn(WIDE)
+def front_figure(axes: Axes, front: design.SizeFront, *, power: bool) -> None:
     """Dynamic range, or power, over the volume; the tone of a point is the other of the two."""
-    figure, axes = blank(WIDE)
-    volume, ranges, watts = (
-        [factor * getattr(each, name) for each in front.designs]
-        for name, factor in (("envelope_volume", 1e3), ("dynamic_range", 1.0), ("power", 1.0))
-    )
-    points = axes.scatter(
-        volume,
-        watts if power else ranges,
-        c=ranges if power else watts,
-        s=14.0,
-        cmap=style.TONES,
-        linewidths=0,
-    )
-    bar = figure.colorbar(points, ax=axes, pad=0.02)
+    volumes = [1e3 * damper.envelope_volume for damper in front.designs]
+    ranges = ("Dynamic range", [damper.dynamic_range for damper in front.designs])
+    watts = ("Power (W)", [damper.power for damper in front.designs])
+    (title, ordinate), (other, tones) = (watts, ranges) if power else (ranges, watts)
+    points = axes.scatter(volumes, ordinate, c=tones, s=14.0, cmap=style.TONES, linewidths=0)
+    bar = axes.figure.colorbar(points, ax=axes, pad=0.02)
     bar.outline.set_visible(False)
-    bar.set_label("Dynamic range" if power else "Power (W)")
-    finish(axes, "Power (W)" if power else "Dynamic range", "Volume (l)")
+    bar.set_label(other)
+    finish(axes, title, "Volume (l)")
     axes.set_ylim(bottom=0.0)
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(base=2.0))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
-    return figure
 
 
 def table(found: dict[str, Any]) -> Table:
     """A row for each chosen damper."""
-    columns = {
-        "volume_l": ("volume [l]", ".3f"),
-        "dynamic_range": ("range", ".1f"),
-        "power_w": ("power [W]", ".2f"),
-        "force_kn": ("force [kN]", ".1f"),
-        "bore_mm": ("bore [mm]", ".1f"),
-        "length_mm": ("length [mm]", ".0f"),
-        "gap_mm": ("gap [mm]", ".2f"),
-        "coils": ("coils", ".0f"),
-        "response_ms": ("response [ms]", ".1f"),
-    }
-    return Table(
-        title=f"Size against dynamic range against power, {1e-3 * FORCE:g} kN",
-        columns=("damper", *(heading for heading, _ in columns.values())),
-        rows=tuple(
-            (_in_words(name), *(f"{each[key]:{form}}" for key, (_, form) in columns.items()))
-            for name, each in found["chosen"].items()
-        ),
+    return table_of(
+        f"Size against dynamic range against power, {1e-3 * FORCE:g} kN",
+        "damper",
+        ((_in_words(name), numbers) for name, numbers in found["chosen"].items()),
+        {
+            "volume [l]": "{volume_l:.3f}",
+            "range": "{dynamic_range:.1f}",
+            "power [W]": "{power_w:.2f}",
+            "force [kN]": "{force_kn:.1f}",
+            "bore [mm]": "{bore_mm:.1f}",
+            "length [mm]": "{length_mm:.0f}",
+            "gap [mm]": "{gap_mm:.2f}",
+            "coils": "{coils:.0f}",
+            "response [ms]": "{response_ms:.1f}",
+        },
         note=f"{found['designs']} dampers after {found['candidates']} candidates; no other one is better in all three. "
         "Within a multiple of the smallest volume, the one with the largest range and the one with the least power.",
     )

@@ -130,9 +130,7 @@ def tables(found: dict[str, Any]) -> tuple[Table, Table]:
         "Flow beside closed forms",
         "case",
         found["closed_forms"],
-        {
-            "largest relative difference": lambda value: f"{value:.0e}",
-        },
+        {"largest relative difference": "{:.0e}"},
     )
     return compared, closed
 

@@ -14,18 +14,16 @@ from argparse import Namespace
 from itertools import chain
 
 from studies.chapter_3.findings import chapter_of
+from studies.chapter_3.page import write_page
 from studies.chapter_3.tables import tables
-from studies.common.command import Command, Findings, Say
+from studies.common.command import Command, Findings, Say, Work
 from studies.common.records import absent, ground_motions
 
 
 def find(options: Namespace, say: Say) -> Findings:
     skipped = absent("Skipped: the records are", ground_motions())
-    records = None if skipped else ground_motions()
-    chapter = chapter_of(records=records, quick=options.quick, threads=options.threads, say=say)
+    chapter = chapter_of(Work.of(options, say))
     if not options.quick:
-        from studies.chapter_3.page import write_page
-
         write_page(chapter, options.out / "report.html", skipped=skipped)
     return Findings(
         numbers={**chapter.found, "skipped": skipped},

@@ -8,7 +8,7 @@ from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
 from studies.common.frame import RECORDS
-from studies.common.table import table_of
+from studies.common.table import Cell, alike, table_of
 
 # Keys of the frame in the findings: the quick form sizes one damper, under one motion.
 FRAME_KEYS = ("sized", "quick_sized")
@@ -28,6 +28,7 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[Table, ...]]:
     }
 
 
+_DEMAND: dict[str, Cell] = {"force [kN]": "{force_kn:.2f}", "stroke [mm]": "{stroke_mm:.1f}"}
 _WAYS = {"constant": "Best constant current", "clipped": "Clipped-optimal control"}
 
 
@@ -54,29 +55,17 @@ def _size_table(sizes: dict[str, Any]) -> Table:
 
 
 def _loop_table(loop: dict[str, Any], way: str) -> Table:
-    return Table(
-        title=f"{_WAYS[way]}, five-storey frame at 0.3 g",
-        columns=(
-            "damper",
-            "current [A]",
-            "score, choosing",
-            "score, judging",
-            *(name.replace("_", " ") for name in SCORE),
-            "force [kN]",
-            "stroke [mm]",
-        ),
-        rows=tuple(
-            (
-                name,
-                f"{each[way]['current_a']:.2f}",
-                f"{each[way]['score']:.3f}",
-                f"{each[way]['judged']:.3f}",
-                *(f"{each[way][part]:.3f}" for part in SCORE),
-                f"{each[way]['force_kn']:.2f}",
-                f"{each[way]['stroke_mm']:.1f}",
-            )
-            for name, each in loop.items()
-        ),
+    return table_of(
+        f"{_WAYS[way]}, five-storey frame at 0.3 g",
+        "damper",
+        {name: ways[way] for name, ways in loop.items()},
+        {
+            "current [A]": "{current_a:.2f}",
+            "score, choosing": "{score:.3f}",
+            "score, judging": "{judged:.3f}",
+            **alike(".3f", {name.replace("_", " "): name for name in SCORE}),
+            **_DEMAND,
+        },
         note="Ratios to the pair of RD-1005-3 at i = 0. Current, and weight of the control, are chosen on two "
         "synthetic motions; the columns from the second score on are of two others.",
     )
@@ -85,30 +74,23 @@ def _loop_table(loop: dict[str, Any], way: str) -> Table:
 def _record_tables(loop: dict[str, Any]) -> tuple[Table, ...]:
     """The same under the records; no table where these are absent."""
     rows = [
-        (name, each[way].get("records"), text)
+        (name, {"current": text, **ways[way]["records"]})
         for way, text in (("constant", "constant"), ("clipped", "clipped-optimal"))
-        for name, each in loop.items()
+        for name, ways in loop.items()
+        if "records" in ways[way]
     ]
-    shown = [(name, records, text) for name, records, text in rows if records]
-    if not shown:
+    if not rows:
         return ()
-    names = [record for record, _ in RECORDS]
-    return (
-        Table(
-            title="Measured records at 0.3 g",
-            columns=("damper", "current", "score", *names, "force [kN]", "stroke [mm]"),
-            rows=tuple(
-                (
-                    name,
-                    text,
-                    f"{records['judged']:.3f}",
-                    *(f"{records[record]:.3f}" for record in names),
-                    f"{records['force_kn']:.2f}",
-                    f"{records['stroke_mm']:.1f}",
-                )
-                for name, records, text in shown
-            ),
-            note="Laws and currents that the synthetic motions chose, on the four records of chapter 6, which chose "
-            "nothing. Ratios to the pair of RD-1005-3 at i = 0: the score, and its mean over the criteria by record.",
-        ),
+    table = table_of(
+        "Measured records at 0.3 g",
+        "damper",
+        rows,
+        {
+            "current": "{current}",
+            **alike(".3f", {"score": "judged", **{record: record for record, _ in RECORDS}}),
+            **_DEMAND,
+        },
+        note="Laws and currents that the synthetic motions chose, on the four records of chapter 6, which chose "
+        "nothing. Ratios to the pair of RD-1005-3 at i = 0: the score, and its mean over the criteria by record.",
     )
+    return (table,)

@@ -18,6 +18,7 @@ from studies.chapter_3.page import write_page
 from studies.chapter_3.sized_frame import FORCES, PAIR, wishes
 from studies.chapter_3.slot_flow import errors, slot_of, yield_stress
 from studies.chapter_3.tables import tables
+from studies.common.command import Work
 from studies.common.expected import departures
 from studies.common.frame import RECORDS
 
@@ -32,7 +33,7 @@ def chapter(tmp_path_factory: pytest.TempPathFactory) -> Chapter:
         np.savetxt(
             folder / file, np.column_stack([time, motion]), delimiter=",", header="t_s,a_mps2", comments=""
         )
-    return chapter_of(records=folder, quick=True, threads=1, say=lambda what: None)
+    return chapter_of(Work(quick=True, threads=1, records=folder))
 
 
 def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
