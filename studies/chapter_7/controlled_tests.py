@@ -12,6 +12,8 @@ import mrwork as mr
 from mrwork.control import DesignProblem, RegulatorSettings, design_law
 from studies.chapter_7.earthquakes import LEAD
 from studies.chapter_7.virtual_rig import LARGEST_CURRENT, NO_DAMPER, Rig, Signals, signals_of
+from studies.common.command import Work
+from studies.common.frame import constant_current
 
 NO_DAMPER_NAME, OFF, HALF, BEST, CLIPPED, LYAPUNOV = (
     "no damper",
@@ -49,29 +51,14 @@ class Choice:
     chosen: dict[str, Any]
 
 
-def constant(current: float) -> mr.ControlLaw:
-    """A constant current [A]."""
-    return mr.ControlLaw(name="passive", gains={"command": [current]})
-
-
-def chosen_on(
-    rig: Rig,
-    motions: list[mr.GroundMotion],
-    *,
-    weights: tuple[float, ...] = WEIGHTS,
-    ratios: tuple[float, ...] = NOISE_RATIOS,
-    threads: int,
-) -> Choice:
+def chosen_on(rig: Rig, motions: list[mr.GroundMotion], work: Work) -> Choice:
     """Choose current, weight and observer on a rig, the identified one, under motions that judge nothing."""
+    off = Case(law=constant_current(0.0))
 
-    def scored(case: Case) -> float:
-        runs = case_signals(rig, case, motions, rig.frame, threads=threads)
-        return float(np.mean([scores(figures(run), off) for run, off in zip(runs, passive, strict=True)]))
+    def figures_under(case: Case) -> list[dict[str, float]]:
+        return [figures(run) for run in case_signals(rig, case, motions, rig.frame, threads=work.threads)]
 
-    passive = [
-        figures(run)
-        for run in case_signals(rig, Case(law=constant(0.0)), motions, rig.frame, threads=threads)
-    ]
+    passive = figures_under(off)
     problem = DesignProblem(
         building=rig.frame,
         devices=[rig.damper],
@@ -79,8 +66,10 @@ def chosen_on(
         delay=rig.hardware.delay,
     )
     lyapunov = design_law("lyapunov", problem, {})
+    weights = WEIGHTS[::2] if work.quick else WEIGHTS
+    ratios = NOISE_RATIOS[::3] if work.quick else NOISE_RATIOS
     candidates: dict[str, dict[str, Case]] = {
-        BEST: {f"{current:g} A": Case(law=constant(current)) for current in CURRENTS},
+        BEST: {f"{current:g} A": Case(law=constant_current(current)) for current in CURRENTS},
         CLIPPED: {
             f"R {weight:.0e}, ratio {ratio:g}": Case(
                 law=design_law("clipped_optimal", problem, RegulatorSettings(control_weight=weight)),
@@ -91,16 +80,12 @@ def chosen_on(
         },
         LYAPUNOV: {f"ratio {ratio:g}": Case(law=lyapunov, noise_ratio=ratio) for ratio in ratios},
     }
-    cases = {
-        NO_DAMPER_NAME: Case(law=NO_DAMPER),
-        OFF: Case(law=constant(0.0)),
-        HALF: Case(law=constant(0.25)),
-    }
+    cases = {NO_DAMPER_NAME: Case(law=NO_DAMPER), OFF: off, HALF: Case(law=constant_current(0.25))}
     chosen = {}
-    for name, each in candidates.items():
-        tried = {setting: scored(case) for setting, case in each.items()}
+    for name, by_setting in candidates.items():
+        tried = {setting: mean_score(figures_under(case), passive) for setting, case in by_setting.items()}
         best = min(tried, key=lambda setting: tried[setting])
-        cases[name] = each[best]
+        cases[name] = by_setting[best]
         chosen[name] = {"setting": best, "score": tried[best], "tried": tried}
     return Choice(cases=cases, chosen=chosen)
 
@@ -138,9 +123,13 @@ def figures(signals: Signals) -> dict[str, float]:
     return found
 
 
-def scores(found: dict[str, float], off: dict[str, float]) -> float:
-    """Mean of the four ratios to i = 0."""
-    return float(np.mean([found[name] / off[name] for name in QUANTITIES]))
+def mean_score(runs: list[dict[str, float]], passive: list[dict[str, float]]) -> float:
+    """Mean of the four ratios to i = 0, over the motions."""
+    scores = [
+        float(np.mean([run[name] / off[name] for name in QUANTITIES]))
+        for run, off in zip(runs, passive, strict=True)
+    ]
+    return float(np.mean(scores))
 
 
 Tests = dict[str, dict[str, Signals]]
@@ -205,14 +194,13 @@ def constant_sweep(
     by_current = [
         [
             figures(run)
-            for run in case_signals(wide, Case(law=constant(current)), motions, rig.frame, threads=threads)
+            for run in case_signals(
+                wide, Case(law=constant_current(current)), motions, rig.frame, threads=threads
+            )
         ]
         for current in currents
     ]
     return {
         "currents": currents,
-        "scores": [
-            float(np.mean([scores(run, off) for run, off in zip(runs, by_current[0], strict=True)]))
-            for runs in by_current
-        ],
+        "scores": [mean_score(runs, by_current[0]) for runs in by_current],
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,9 @@ import mrwork as mr
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.motions import brought_to_rest, scaled_to_peak, trimmed
 from studies.chapter_7.virtual_rig import TABLE
+from studies.common.command import Work
+from studies.common.frame import CHOOSING, RECORDS
 
-RECORDS = (
-    ("El Centro", "el_centro_1940_ns.csv"),
-    ("Hachinohe", "hachinohe_1968_ns.csv"),
-    ("Kobe", "kobe_1995_jma_ns.csv"),
-    ("Northridge", "northridge_1994_sylmar_ns.csv"),
-)
 PEAK = 0.3
 """Peak of the commands [g]."""
 CORNER = 0.4
@@ -30,17 +25,26 @@ LONGEST = 30.0
 """Of a record, whose rest is cut off [s]."""
 # Time after a record, in which the high-pass comes to rest, and padding about it for the filter [s].
 _TAIL, _PADDING = 3.0, 20.0
-# Seeds of motions that stand in for absent records, and of those on which settings are chosen.
-_STAND_IN, CHOOSING = (11, 12, 13, 14), (1940, 1995)
+# Seeds of motions that stand in for absent records.
+_STAND_IN = (11, 12, 13, 14)
 
 
-def natural(records: Path | None) -> list[mr.GroundMotion]:
-    """The four records as they were measured, or four synthetic motions."""
-    if records is None:
+def natural(work: Work) -> list[mr.GroundMotion]:
+    """The four records as they were measured, or four synthetic motions; a short one in the quick form."""
+    if work.quick:
+        return [synthetic(_STAND_IN[0], 8.0)]
+    if work.records is None:
         return [synthetic(seed, 20.0) for seed in _STAND_IN]
     return [
-        replace(trimmed(mr.read_motion(records / file), end=LONGEST), name=name) for name, file in RECORDS
+        replace(trimmed(mr.read_motion(work.records / file), end=LONGEST), name=name)
+        for name, file in RECORDS
     ]
+
+
+def choosing(work: Work) -> list[mr.GroundMotion]:
+    """What the specimen gets of the motions on which settings are chosen."""
+    seeds, duration = (CHOOSING[:1], 8.0) if work.quick else (CHOOSING, 20.0)
+    return driven([synthetic(seed, duration) for seed in seeds])
 
 
 def synthetic(seed: int, duration: float) -> mr.GroundMotion:
@@ -69,10 +73,8 @@ def demands(motions: list[mr.GroundMotion]) -> dict[str, Any]:
     found = {}
     for motion in motions:
         whole = command(motion)
-        taken, scaled = (
-            TABLE.demand(whole),
-            TABLE.demand(scaled_to_peak(whole, PEAK * STANDARD_GRAVITY)),
-        )
+        taken = TABLE.demand(whole)
+        scaled = TABLE.demand(scaled_to_peak(whole, PEAK * STANDARD_GRAVITY))
         found[motion.name] = {
             "peak_g": whole.peak / STANDARD_GRAVITY,
             "stroke_mm": 1e3 * taken.stroke,

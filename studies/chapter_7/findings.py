@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +15,7 @@ from studies.chapter_7.predictions import Predictions
 from studies.chapter_7.rig_damper import IdentifiedDamper
 from studies.chapter_7.sine_tests import SineTest
 from studies.chapter_7.virtual_rig import HARDWARE, NO_GAIN_ERRORS, Rig, other_damper, recorded, true_rig
+from studies.common.command import Work
 
 SEED = 2009
 """Of the noise of the sensors."""
@@ -61,34 +60,31 @@ class Chapter:
     found: dict[str, Any]
 
 
-def chapter_of(*, quick: bool, records: Path | None, threads: int, say: Callable[[str], None]) -> Chapter:
+def chapter_of(work: Work) -> Chapter:
     """Work everything out; the quick form has one short synthetic motion, fewer sine tests and fewer settings."""
     rng = np.random.default_rng(SEED)
     rig = true_rig()
-    say("free vibration")
+    work.say("free vibration")
     frame = frame_tests.identified_frame(rng)
-    natural = [earthquakes.synthetic(11, 8.0)] if quick else earthquakes.natural(records)
+    natural = earthquakes.natural(work)
     motions = earthquakes.driven(natural)
-    campaign = _campaign(rig, frame.frame, motions, rng, quick=quick, threads=threads, say=say)
-    say("constant currents")
-    sweep = controlled_tests.constant_sweep(
-        rig, motions, list(WIDE_CURRENTS[::4] if quick else WIDE_CURRENTS), threads=threads
-    )
+    campaign = _campaign(rig, frame.frame, motions, rng, work)
+    work.say("constant currents")
+    currents = list(WIDE_CURRENTS[::4] if work.quick else WIDE_CURRENTS)
+    sweep = controlled_tests.constant_sweep(rig, motions, currents, threads=work.threads)
     run = {
         "table": earthquakes.demands(natural),
         "damper": rig_damper.figures_of(campaign.damper, rig.damper),
         "sweep": sweep,
         **campaign.figures(),
     }
-    if not quick:
-        say("damper, other ways")
-        ways = rig_damper.other_ways(campaign.damper, threads=threads)
+    if not work.quick:
+        work.say("damper, other ways")
+        ways = rig_damper.other_ways(campaign.damper, threads=work.threads)
         run["ways"] = rig_damper.figures_of_ways(ways, rig.damper)
         other = replace(rig, damper=other_damper())
-        run["other"] = _campaign(
-            other, frame.frame, motions, rng, quick=quick, threads=threads, say=say
-        ).figures()
-    kind = "quick" if quick else "synthetic" if records is None else "measured"
+        run["other"] = _campaign(other, frame.frame, motions, rng, work).figures()
+    kind = "quick" if work.quick else "synthetic" if work.records is None else "measured"
     return Chapter(
         kind=kind,
         motions=motions,
@@ -100,36 +96,23 @@ def chapter_of(*, quick: bool, records: Path | None, threads: int, say: Callable
 
 
 def _campaign(
-    rig: Rig,
-    frame: mr.Building,
-    motions: list[mr.GroundMotion],
-    rng: np.random.Generator,
-    *,
-    quick: bool,
-    threads: int,
-    say: Callable[[str], None],
+    rig: Rig, frame: mr.Building, motions: list[mr.GroundMotion], rng: np.random.Generator, work: Work
 ) -> Campaign:
     """Sine tests, identification, settings, controlled tests and predictions of a rig whose frame was identified."""
-    say(f"{rig.damper.name}: sine tests and damper")
-    sweep, wanted = sine_tests.sweep(quick=quick), sine_tests.for_identification(quick=quick)
+    work.say(f"{rig.damper.name}: sine tests and damper")
+    threads = work.threads
+    sweep, wanted = sine_tests.sweep(quick=work.quick), sine_tests.for_identification(quick=work.quick)
     sines = sine_tests.sine_tests(rig, sweep, rng, threads=threads)
     damper = rig_damper.identified_damper(rig, wanted, rng, threads=threads)
     calibrated = rig_damper.identified_damper(rig, wanted, rng, sensors=NO_GAIN_ERRORS, threads=threads)
     identified = Rig(frame=frame, damper=damper.device, hardware=HARDWARE)
-    say("settings")
-    seeds, length = earthquakes.CHOOSING[: 1 if quick else None], 8.0 if quick else 20.0
-    choice = controlled_tests.chosen_on(
-        identified,
-        earthquakes.driven([earthquakes.synthetic(seed, length) for seed in seeds]),
-        weights=controlled_tests.WEIGHTS[::2] if quick else controlled_tests.WEIGHTS,
-        ratios=controlled_tests.NOISE_RATIOS[::3] if quick else controlled_tests.NOISE_RATIOS,
-        threads=threads,
-    )
-    say("controlled tests")
+    work.say("settings")
+    choice = controlled_tests.chosen_on(identified, earthquakes.choosing(work), work)
+    work.say("controlled tests")
     tests = controlled_tests.controlled_tests(
         rig, choice, motions, frame, threads=threads, seen=lambda signals: recorded(signals, rng)
     )
-    say("predictions")
+    work.say("predictions")
     return Campaign(
         sines=sines,
         predicted_sines=sine_tests.sine_tests(identified, sine_tests.between(sweep), None, threads=threads),

@@ -14,17 +14,14 @@ from argparse import Namespace
 from itertools import chain
 
 from studies.chapter_7.findings import chapter_of
+from studies.chapter_7.page import write_page
 from studies.chapter_7.tables import tables
-from studies.common.command import Command, Findings, Say
-from studies.common.records import ground_motions
+from studies.common.command import Command, Findings, Say, Work
 
 
 def find(options: Namespace, say: Say) -> Findings:
-    records = ground_motions() if ground_motions().is_dir() else None
-    chapter = chapter_of(quick=options.quick, records=records, threads=options.threads, say=say)
+    chapter = chapter_of(Work.of(options, say))
     if not options.quick:
-        from studies.chapter_7.page import write_page
-
         write_page(chapter, options.out / "report.html")
     return Findings(numbers=chapter.found, text=chain(*tables(chapter.found).values()))
 

@@ -28,12 +28,13 @@ from studies.chapter_7.virtual_rig import (
     signals_of,
     true_rig,
 )
+from studies.common.command import Work
 from studies.common.expected import departures
 
 
 @pytest.fixture(scope="module")
 def chapter() -> Chapter:
-    return chapter_of(quick=True, records=None, threads=1, say=lambda what: None)
+    return chapter_of(Work(quick=True, threads=1))
 
 
 def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
