@@ -14,8 +14,7 @@ from mrwork.buildings import (
     with_optimal_tuned_mass,
     with_viscous_damper,
 )
-from mrwork.control import ControlLaw
-from studies.common.frame import FRAME, Bench, Figures, figures, pair
+from studies.common.frame import FRAME, Bench, Figures, figures, idle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +28,7 @@ class Baseline:
 
 def without_pair(over: Bench, frame: Building) -> Figures:
     """The frame, or one to which something was added, without the pair."""
-    none = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * frame.n_coordinates))})
-    return figures(over, none, device=pair(), frame=frame)
+    return figures(over, idle(frame), frame=frame)
 
 
 def baselines(over: Bench) -> Iterator[Baseline]:

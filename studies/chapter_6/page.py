@@ -15,9 +15,8 @@ from studies.chapter_6.tables import remarks, tables, title_of
 from studies.chapter_6.thesis_findings import CONSTANT, LYAPUNOV, SHOWN, sheets_at
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.common.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
-from studies.common.page import swatch
+from studies.common.page import panels, swatch
 
-_COLOURS = dict(zip(LEVELS, (style.MODEL, style.RESIDUAL), strict=True))
 _BASELINES = ("best constant", "i_max")
 _TIMED = (
     "inverse_direct",
@@ -30,6 +29,7 @@ _TIMED = (
 _TONES = (style.MODEL, style.RESIDUAL, style.INK, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
 
 
+@style.drawn_in_style()
 def score_figure(found: dict[str, Any]) -> Figure:
     """A dot for each row and level, best on top; what is no control law is written in a fainter ink."""
     names = [level_name(level) for level in LEVELS]
@@ -40,62 +40,48 @@ def score_figure(found: dict[str, Any]) -> Figure:
         if label in (*TUNED_LAWS, *_BASELINES) or "damper" in label or "active" in label
     ]
     shown.sort(key=lambda label: sum(found[label][name]["score"] for name in names), reverse=True)
-    with style.drawn_in_style():
-        figure = Figure(figsize=(8.0, 0.27 * len(shown) + 0.9), layout="constrained")
-        axes = figure.add_subplot()
-        places = range(len(shown))
-        for place, label in enumerate(shown):
-            pair = [found[label][name]["score"] for name in names]
-            axes.plot(pair, [place, place], color=style.RULE, linewidth=1.2, zorder=1)
-        for level, name in zip(LEVELS, names, strict=True):
-            axes.plot(
-                [found[label][name]["score"] for label in shown],
-                places,
-                "o",
-                color=_COLOURS[level],
-                markersize=5.5,
-                markeredgewidth=0.0,
-                label=name,
-            )
-            axes.axvline(
-                found["best constant"][name]["score"],
-                color=_COLOURS[level],
-                linewidth=0.8,
-                linestyle=(0, (4, 3)),
-            )
-        axes.set_yticks(list(places), [title_of(label) for label in shown])
-        for text, label in zip(axes.get_yticklabels(), shown, strict=True):
-            text.set_color(style.INK if label in TUNED_LAWS else style.FAINT_INK)
-        axes.grid(visible=True, axis="x")
-        axes.grid(visible=False, axis="y")
-        axes.set_ylim(-0.7, len(shown) - 0.3)
-        axes.set_xlabel("Score over i = 0; dashed: best constant current")
-        figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, borderaxespad=0.4)
+    figure = Figure(figsize=(8.0, 0.27 * len(shown) + 0.9), layout="constrained")
+    axes = figure.add_subplot()
+    places = range(len(shown))
+    for place, label in enumerate(shown):
+        pair = [found[label][name]["score"] for name in names]
+        axes.plot(pair, [place, place], color=style.RULE, linewidth=1.2, zorder=1)
+    for name, colour in zip(names, (style.MODEL, style.RESIDUAL), strict=True):
+        scores = [found[label][name]["score"] for label in shown]
+        axes.plot(scores, places, "o", color=colour, markersize=5.5, markeredgewidth=0.0, label=name)
+        best = found["best constant"][name]["score"]
+        axes.axvline(best, color=colour, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.set_yticks(list(places), [title_of(label) for label in shown])
+    for text, label in zip(axes.get_yticklabels(), shown, strict=True):
+        text.set_color(style.INK if label in TUNED_LAWS else style.FAINT_INK)
+    axes.grid(visible=True, axis="x")
+    axes.grid(visible=False, axis="y")
+    axes.set_ylim(-0.7, len(shown) - 0.3)
+    axes.set_xlabel("Score over i = 0; dashed: best constant current")
+    figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, borderaxespad=0.4)
     return figure
 
 
-def sample_time_figure(found: dict[str, Any], level: float) -> Figure:
+@style.drawn_in_style()
+def sample_time_figure(found: dict[str, Any], level: str) -> Figure:
     """The score of a few laws over the controller's sample time."""
     timed = {
-        condition.hardware.sample_time: condition.name
+        1e3 * condition.hardware.sample_time: condition.name
         for condition in CONDITIONS
         if condition.name == "reference" or condition.name.startswith("Ts")
     }
     times = sorted(timed)
-    with style.drawn_in_style():
-        figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT + 0.9), layout="constrained")
-        axes = figure.add_subplot()
-        for law, tone in zip(_TIMED, _TONES, strict=True):
-            scores = [found[law][timed[time]][level_name(level)]["score"] for time in times]
-            axes.plot(
-                [1e3 * time for time in times], scores, "o-", color=tone, markersize=4.5, label=title_of(law)
-            )
-        axes.set_xscale("log")
-        axes.set_xticks([1e3 * time for time in times], [f"{1e3 * time:g}" for time in times])
-        axes.minorticks_off()
-        axes.set_xlabel("Sample time (ms)")
-        axes.set_title(f"Score at {level_name(level)}", loc="left", pad=7)
-        figure.legend(loc="outside lower center", ncols=1)
+    figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT + 0.9), layout="constrained")
+    axes = figure.add_subplot()
+    for law, tone in zip(_TIMED, _TONES, strict=True):
+        scores = [found[law][timed[time]][level]["score"] for time in times]
+        axes.plot(times, scores, "o-", color=tone, markersize=4.5, label=title_of(law))
+    axes.set_xscale("log")
+    axes.set_xticks(times, [f"{time:g}" for time in times])
+    axes.minorticks_off()
+    axes.set_xlabel("Sample time (ms)")
+    axes.set_title(f"Score at {level}", loc="left", pad=7)
+    figure.legend(loc="outside lower center", ncols=1)
     return figure
 
 
@@ -105,27 +91,32 @@ _FORM_OF = {law: "6.3 to 6.6" if law == LYAPUNOV else "6.7 to 6.10" for law in S
 def write_page(found: dict[str, Any], path: Path, *, levels: Sequence[str], records: Path) -> None:
     """Write every table and the figures; sheets and tables of every floor at these levels."""
     over = bench(records)
+    scores, *times = panels(
+        "scores",
+        (
+            (
+                "Scores, settings tuned at each level",
+                score_figure(found["five_storeys"]),
+                "Score of every law at both levels, beside the best constant current",
+            ),
+            *(
+                (
+                    f"Sample time, {level}",
+                    sample_time_figure(found["conditions"], level),
+                    f"Score of six laws over the sample time at {level}",
+                )
+                for level in map(level_name, LEVELS)
+            ),
+        ),
+    )
     write_study_page(
         Path(__file__).parent / "page.html.j2",
         path,
         about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
         "Dampers, University of Technology, Sydney, 2009, chapter 6. Its text was not at hand: storey stiffness and "
         "damping of the frame and the score are ours.",
-        scores=panel(
-            "scores",
-            "Scores, settings tuned at each level",
-            score_figure(found["five_storeys"]),
-            "Score of every law at both levels, beside the best constant current",
-        ),
-        times=[
-            panel(
-                f"times-{place}",
-                f"Sample time, {level_name(level)}",
-                sample_time_figure(found["conditions"], level),
-                f"Score of six laws over the sample time at {level_name(level)}",
-            )
-            for place, level in enumerate(LEVELS)
-        ],
+        scores=scores,
+        times=times,
         tables=list(tables(found)),
         sheets=[
             {"level": name, "panels": _sheets(over, level, found["five_storeys"][CONSTANT][name]["current"])}

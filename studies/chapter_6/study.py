@@ -19,22 +19,23 @@ from studies.chapter_6.page import write_page
 from studies.chapter_6.tables import remarks, tables
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.chapter_6.tuning import keep
-from studies.common.command import Command, Findings, Say
+from studies.common.command import Command, Findings, Say, Work
 from studies.common.frame import LEVELS, bench, level_name
 from studies.common.records import absent, ground_motions
 
 
 def find(options: Namespace, say: Say) -> Findings:
-    records, began = ground_motions(), time.perf_counter()
-    if missing := absent("the records are", records):
+    began = time.perf_counter()
+    if missing := absent("the records are", ground_motions()):
         command.parser.error(missing)
+    work = Work.of(options, say)
     if options.tune is not None:
-        keep(tune(bench(records), options.tune or (*TUNED_LAWS, *ACTIVE), say, near=options.near))
-    found = found_by(quick=options.quick, records=records, on_progress=say)
+        keep(tune(bench(work.records), options.tune or (*TUNED_LAWS, *ACTIVE), say, near=options.near))
+    found = found_by(work)
     found["seconds"] = time.perf_counter() - began
     if not options.quick:
         say("page")
-        write_page(found, options.out / "report.html", levels=options.level, records=records)
+        write_page(found, options.out / "report.html", levels=options.level, records=work.records)
     floors = chain(*thesis_tables(found, options.level).values())
     return Findings(numbers=found, text=(*tables(found), *floors, *remarks(found)))
 

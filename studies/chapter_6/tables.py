@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from mrwork.closed_loop import SCORE
@@ -12,7 +12,7 @@ from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
 from studies.chapter_6.published import QUANTITIES
 from studies.common.frame import LEVELS, level_name
-from studies.common.table import table_of
+from studies.common.table import Cell, alike, table_of
 
 _TITLES = {
     "active": "ideal active force",
@@ -53,119 +53,97 @@ def remarks(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _dyke(found: dict[str, Any]) -> Table:
-    labels = tuple(found)
-    rows = []
-    for name in QUANTITIES:
-        cells = []
-        for label in labels:
-            row = found[label]
-            if name not in row["ours"]:
-                cells += ["", "", ""]
-                continue
-            cells += [
-                f"{row['published'][name]:g}",
-                f"{row['ours'][name]:.3g}" if row["ours"][name] < 100.0 else f"{row['ours'][name]:.0f}",
-                f"{row['deviation'][name]:+.1%}",
-            ]
-        rows.append((name, *cells))
-    return Table(
-        title="Peaks of Dyke et al. 1996: published, ours, deviation",
-        columns=("", *(text for label in labels for text in (label, "ours", "deviation"))),
-        rows=tuple(rows),
-    )
+    columns: list[tuple[str, Cell]] = []
+    for label, row in found.items():
+
+        def cell(text: Callable[[float], str], part: str, row: dict[str, Any] = row) -> Cell:
+            return lambda name: text(row[part][name]) if name in row[part] else ""
+
+        columns += [
+            (label, cell("{:g}".format, "published")),
+            ("ours", cell(lambda peak: f"{peak:.3g}" if peak < 100.0 else f"{peak:.0f}", "ours")),
+            ("deviation", cell("{:+.1%}".format, "deviation")),
+        ]
+    title = "Peaks of Dyke et al. 1996: published, ours, deviation"
+    return table_of(title, "", ((name, name) for name in QUANTITIES), columns)
 
 
 def _causes(plain: dict[str, Any], found: dict[str, Any], spread: dict[str, dict[str, float]]) -> Table:
-    names = tuple(plain["ours"])
-    rows = [
-        (label, *(f"{entry['deviation'][name]:+.1%}" for name in names), f"{entry['largest']:.1%}")
+    rows = {
+        label: {**entry["deviation"], "largest": f"{entry['largest']:.1%}"}
         for label, entry in {"as printed": plain, **found}.items()
-    ]
-    rows += [
-        (f"M, C, K before rounding: {end}", *(f"{spread[name][end]:+.1%}" for name in names), "")
-        for end in ("least", "most")
-    ]
-    return Table(
-        title="The row without a damper: deviations, one thing changed at a time",
-        columns=("", *names, "largest"),
-        rows=tuple(rows),
-    )
+    }
+    for end in ("least", "most"):
+        ends = {name: deviation[end] for name, deviation in spread.items()}
+        rows[f"M, C, K before rounding: {end}"] = {**ends, "largest": ""}
+    columns: dict[str, Cell] = {name: lambda row, name=name: f"{row[name]:+.1%}" for name in plain["ours"]}
+    title = "The row without a damper: deviations, one thing changed at a time"
+    return table_of(title, "", rows, {**columns, "largest": "{largest}"})
 
 
 def _five_storeys(found: dict[str, Any], level: str) -> Table:
-    rows = sorted(found.items(), key=lambda item: item[1][level]["score"])
-    return Table(
-        title=f"Five storeys, four records at {level}, over i = 0",
-        columns=(
-            "law",
-            "phi",
-            "peak drift",
-            "peak acc.",
-            "rms drift",
-            "rms acc.",
-            "mean current [A]",
-            "peak force [N]",
-            "stroke [mm]",
-            "energy error",
-            "",
-        ),
-        rows=tuple(
-            (
-                title_of(label),
-                f"{entry[level]['score']:.4f}",
-                *(f"{entry[level][name]:.3f}" for name in SCORE),
-                f"{entry[level]['mean_current']:.2f}" if not _is_baseline(label) else "",
-                f"{entry[level]['peak_force']:.0f}" if not _is_passive_device(label) else "",
-                f"{1e3 * entry[level]['stroke']:.1f}",
-                f"{entry[level]['energy_error']:.0e}",
-                entry[level]["says"] if label not in ACTIVE else "",
-            )
-            for label, entry in rows
-        ),
+    rows = []
+    for label, levels in sorted(found.items(), key=lambda row: row[1][level]["score"]):
+        is_active = label in ACTIVE
+        is_driven = label in TUNED_LAWS or label in ("i = 0", "best constant", "i_max")
+        entry = levels[level]
+        texts = {
+            "current": f"{entry['mean_current']:.2f}" if is_driven else "",
+            "force": f"{entry['peak_force']:.0f}" if is_driven or is_active else "",
+            "stroke_mm": 1e3 * entry["stroke"],
+            "choice": "" if is_active else entry["says"],
+        }
+        rows.append((title_of(label), {**entry, **texts}))
+    headings = ("peak drift", "peak acc.", "rms drift", "rms acc.")
+    return table_of(
+        f"Five storeys, four records at {level}, over i = 0",
+        "law",
+        rows,
+        {
+            "phi": "{score:.4f}",
+            **alike(".3f", dict(zip(headings, SCORE, strict=True))),
+            "mean current [A]": "{current}",
+            "peak force [N]": "{force}",
+            "stroke [mm]": "{stroke_mm:.1f}",
+            "energy error": "{energy_error:.0e}",
+            "": "{choice}",
+        },
     )
-
-
-def _is_passive_device(label: str) -> bool:
-    return (
-        label not in TUNED_LAWS and label not in ACTIVE and label not in ("i = 0", "best constant", "i_max")
-    )
-
-
-def _is_baseline(label: str) -> bool:
-    return _is_passive_device(label) or label in ACTIVE
 
 
 def _conditions(found: dict[str, Any], level: str) -> Table:
-    names = [condition.name for condition in CONDITIONS]
     order = sorted(found, key=lambda law: found[law][REFERENCE.name][level]["score"])
-    return Table(
-        title=f"Scores by condition at {level}; settings as tuned at Ts 1 ms",
-        columns=("law", *names),
-        rows=tuple(
-            (title_of(law), *(f"{found[law][name][level]['score']:.4f}" for name in names)) for law in order
+    return table_of(
+        f"Scores by condition at {level}; settings as tuned at Ts 1 ms",
+        "law",
+        (
+            (title_of(law), {name: levels[level]["score"] for name, levels in found[law].items()})
+            for law in order
         ),
+        alike(".4f", {condition.name: condition.name for condition in CONDITIONS}),
     )
 
 
 def _steps(found: dict[str, Any]) -> Table:
-    rows = []
-    for law, conditions in found.items():
-        cells = []
-        for level in map(level_name, LEVELS):
-            entry, reference = conditions[HALF_STEP.name][level], conditions[REFERENCE.name][level]
-            cells += [
-                f"{entry['score'] - reference['score']:+.0e}",
-                f"{entry['largest_change']:.0e}",
-                entry["of"],
-                f"{reference['energy_error']:.0e}",
-            ]
-        rows.append((title_of(law), *cells))
-    headings = ("score", "one ratio", "of", "energy error")
-    return Table(
-        title="What half the step changes: the score, and the most that one ratio of one record moves",
-        columns=("law", *(f"{text}, {level_name(level)}" for level in LEVELS for text in headings)),
-        rows=tuple(rows),
-    )
+    columns: dict[str, Cell] = {}
+    for level in map(level_name, LEVELS):
+
+        def of(form: str, level: str = level) -> Cell:
+            def cell(conditions: dict[str, Any]) -> str:
+                half, reference = conditions[HALF_STEP.name][level], conditions[REFERENCE.name][level]
+                change = half["score"] - reference["score"]
+                return form.format(half=half, change=change, error=reference["energy_error"])
+
+            return cell
+
+        columns |= {
+            f"score, {level}": of("{change:+.0e}"),
+            f"one ratio, {level}": of("{half[largest_change]:.0e}"),
+            f"of, {level}": of("{half[of]}"),
+            f"energy error, {level}": of("{error:.0e}"),
+        }
+    title = "What half the step changes: the score, and the most that one ratio of one record moves"
+    return table_of(title, "law", ((title_of(law), conditions) for law, conditions in found.items()), columns)
 
 
 def _faults(found: dict[str, Any]) -> Table:

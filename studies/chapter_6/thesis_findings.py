@@ -16,7 +16,7 @@ from mrwork.closed_loop import Device, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, lyapunov_function, plant_of
 from mrwork.motions import GroundMotion
 from studies.chapter_6.tuning import control_law_of, kept
-from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name, pair
+from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, constant_current, level_name, pair
 
 OFF, CONSTANT = "i = 0", "best constant"
 LYAPUNOV, PROPORTIONAL, INVERSE = "lyapunov_direct", "proportional_direct", "inverse_direct"
@@ -49,11 +49,6 @@ def controlled_at(level: int, constant: float, laws: Sequence[str] = DIRECT) -> 
             for tuned in [settings[law][level]]
         ),
     )
-
-
-def constant_current(*currents: float) -> ControlLaw:
-    """A candidate for each current [A]."""
-    return ControlLaw(name="passive", gains={"command": [[current] for current in currents]})
 
 
 def motions_at(over: Bench, level: int) -> tuple[GroundMotion, ...]:

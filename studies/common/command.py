@@ -32,10 +32,10 @@ class Work:
 
     @classmethod
     def of(cls, options: argparse.Namespace, say: Say) -> Work:
-        """That of a command with the options `quick` and `threads`."""
-        folder = ground_motions()
-        records = folder if folder.is_dir() else None
-        return cls(quick=options.quick, threads=options.threads, say=say, records=records)
+        """That of a command with the option `quick`, and perhaps `threads`."""
+        records = ground_motions() if ground_motions().is_dir() else None
+        threads = getattr(options, "threads", 0)
+        return cls(quick=options.quick, threads=threads, say=say, records=records)
 
 
 class Shown(Protocol):

@@ -18,16 +18,17 @@ def table_of(
     title: str,
     first: str,
     rows: Mapping[str, Any] | Iterable[tuple[str, Any]],
-    columns: Mapping[str, Cell],
+    columns: Mapping[str, Cell] | Iterable[tuple[str, Cell]],
     *,
     note: str = "",
 ) -> Table:
     """Table with a row for each name and what it is about; `first` heads the column of the names."""
     entries = rows.items() if isinstance(rows, Mapping) else rows
+    headings, cells = zip(*(columns.items() if isinstance(columns, Mapping) else columns), strict=True)
     return Table(
         title=title,
-        columns=(first, *columns),
-        rows=tuple((name, *(_text(cell, about) for cell in columns.values())) for name, about in entries),
+        columns=(first, *headings),
+        rows=tuple((name, *(_text(cell, about) for cell in cells)) for name, about in entries),
         note=note,
     )
 

@@ -17,6 +17,7 @@ from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
 from studies.chapter_6.tables import tables
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.chapter_6.tuning import Found, Tuned, about, control_law_of, grid
+from studies.common.command import Work
 from studies.common.expected import departures
 from studies.common.frame import LEVELS, bench, figures, level_name
 
@@ -29,7 +30,7 @@ measured = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
-    return {**found_by(quick=True, records=RECORDS, on_progress=lambda doing: None), "seconds": 0.0}
+    return {**found_by(Work(quick=True, records=RECORDS)), "seconds": 0.0}
 
 
 @measured
