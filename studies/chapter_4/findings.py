@@ -48,9 +48,6 @@ class Comparison:
     tests: TestSet
     trials: tuple[Trial, ...]
 
-    def of(self, model: Model) -> tuple[Trial, ...]:
-        return tuple(trial for trial in self.trials if trial.model == model)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleFinding:

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, Panel, blank, finish, panel, style, write_study_page
+from mrwork.report import SMALL, WIDE, finish, style, write_study_page
 from studies.chapter_4.decay import at_budget, evaluations_to
 from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFinding
 from studies.chapter_4.search_cells import Floats
-from studies.chapter_4.search_settings import (
-    COARSE,
-    EFFICIENT,
-    SEARCHES,
-    STANDARD,
-    SWARM,
-    ComparisonSettings,
-    Model,
-)
+from studies.chapter_4.search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
-from studies.common.page import finish_loop, swatch, tested_points
+from studies.common.page import drawn, finish_loop, panels, sentence_case, swatch, tested_points
 
 _BUDGETS = 120
 
@@ -37,100 +27,88 @@ COLOURS = {STANDARD: style.INK, COARSE: style.DATA, EFFICIENT: style.MODEL, SWAR
 _TICKS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100)
 
 
-def generation_figure(trial: Trial) -> Figure:
+@drawn(SMALL)
+def generation_figure(axes: Axes, trial: Trial) -> None:
     """Least error against generation: median over the runs and the band of nine in ten."""
-    with style.drawn_in_style():
-        figure, axes = blank(SMALL)
-        for search in SEARCHES:
-            best = trial.runs[search].best
-            _band(axes, np.arange(best.shape[1]), best, search)
-        _finish_trace(axes, trial, "Generation")
-    return figure
+    for search in SEARCHES:
+        best = trial.runs[search].best
+        _band(axes, np.arange(best.shape[1]), best, search)
+    _finish_trace(axes, trial, "Generation")
 
 
-def simulation_figure(trial: Trial) -> Figure:
+@drawn(SMALL)
+def simulation_figure(axes: Axes, trial: Trial) -> None:
     """The same against simulations spent."""
-    with style.drawn_in_style():
-        figure, axes = blank(SMALL)
-        for search in SEARCHES:
-            runs = trial.runs[search]
-            # Where every run still goes on.
-            budgets = np.linspace(runs.evaluations[:, 0].max(), runs.evaluations[:, -1].min(), _BUDGETS)
-            _band(axes, budgets / 1e3, at_budget(runs, budgets[:, None]).T, search)
-        _finish_trace(axes, trial, "Simulations (thousands)")
-    return figure
+    for search in SEARCHES:
+        runs = trial.runs[search]
+        # Where every run still goes on.
+        budgets = np.linspace(runs.evaluations[:, 0].max(), runs.evaluations[:, -1].min(), _BUDGETS)
+        _band(axes, budgets / 1e3, at_budget(runs, budgets[:, None]).T, search)
+    _finish_trace(axes, trial, "Simulations (thousands)")
 
 
-def error_figure(comparison: Comparison, model: Model) -> Figure:
-    """Table 4.2 as a figure: mean error and standard deviation against current."""
-    trials = comparison.of(model)
-    currents = comparison.tests.currents
+@drawn(WIDE)
+def error_figure(axes: Axes, trials: Sequence[Trial]) -> None:
+    """Table 4.2 as a figure: mean error and standard deviation against current, of one model."""
+    currents = np.array([trial.test.current for trial in trials])
     aside = 0.012 * float(np.ptp(currents) or 1.0)
-    with style.drawn_in_style():
-        figure, axes = blank(WIDE)
-        for place, search in enumerate(SEARCHES):
-            final = 100.0 * np.array([trial.runs[search].final for trial in trials])
-            axes.errorbar(
-                currents + (place - 1.5) * aside,
-                final.mean(axis=1),
-                yerr=final.std(axis=1, ddof=1),
-                color=COLOURS[search],
-                marker="o",
-                markersize=3.5,
-                linewidth=1.2,
-                elinewidth=1.0,
-                capsize=2.5,
-                label=search,
-            )
-        # Room for the legend above the lines.
-        axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
-        axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=2)
-        finish(axes, "Error after the last generation (% NRMSE)", "Current (A)")
-    return figure
+    for place, search in enumerate(SEARCHES):
+        final = 100.0 * np.array([trial.runs[search].final for trial in trials])
+        axes.errorbar(
+            currents + (place - 1.5) * aside,
+            final.mean(axis=1),
+            yerr=final.std(axis=1, ddof=1),
+            color=COLOURS[search],
+            marker="o",
+            markersize=3.5,
+            linewidth=1.2,
+            elinewidth=1.0,
+            capsize=2.5,
+            label=search,
+        )
+    # Room for the legend above the lines.
+    axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
+    axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=2)
+    finish(axes, "Error after the last generation (% NRMSE)", "Current (A)")
 
 
-def reaching_figure(comparison: Comparison, model: Model) -> Figure:
+@drawn(WIDE)
+def reaching_figure(axes: Axes, trials: Sequence[Trial]) -> None:
     """Share of the runs at all currents that are at their 95 % error level, against simulations spent."""
-    with style.drawn_in_style():
-        figure, axes = blank(WIDE)
-        for search in SEARCHES:
-            cost = np.concatenate(
-                [evaluations_to(trial.runs[search], trial.level) for trial in comparison.of(model)]
-            )
-            reached = np.sort(cost[np.isfinite(cost)])
-            end = max(float(trial.runs[search].evaluations[:, -1].max()) for trial in comparison.of(model))
-            share = 100.0 * np.arange(reached.size + 1) / cost.size
-            axes.step(
-                np.concatenate([[0.0], reached, [end]]) / 1e3,
-                np.append(share, share[-1]),
-                where="post",
-                color=COLOURS[search],
-                linewidth=1.3,
-                label=search,
-            )
-        axes.set_ylim(0.0, 100.0)
-        axes.set_xlim(left=0.0)
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.03))
-        finish(axes, "Runs below the 95 % error level (%)", "Simulations (thousands)")
-    return figure
+    for search in SEARCHES:
+        cost = np.concatenate([evaluations_to(trial.runs[search], trial.level) for trial in trials])
+        reached = np.sort(cost[np.isfinite(cost)])
+        end = max(float(trial.runs[search].evaluations[:, -1].max()) for trial in trials)
+        share = 100.0 * np.arange(reached.size + 1) / cost.size
+        axes.step(
+            np.concatenate([[0.0], reached, [end]]) / 1e3,
+            np.append(share, share[-1]),
+            where="post",
+            color=COLOURS[search],
+            linewidth=1.3,
+            label=search,
+        )
+    axes.set_ylim(0.0, 100.0)
+    axes.set_xlim(left=0.0)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.03))
+    finish(axes, "Runs below the 95 % error level (%)", "Simulations (thousands)")
 
 
-def loop_figure(trial: Trial, search: str, *, over_velocity: bool) -> Figure:
+@drawn(SMALL)
+def loop_figure(axes: Axes, trial: Trial, search: str, *, over_velocity: bool) -> None:
     """One cycle as it was tested, and as the best and the median run of a search reconstruct it."""
     runs, test = trial.runs[search], trial.test
-    box = trial.model.box(test)
-    ranked = runs.ranked
-    with style.drawn_in_style():
-        figure, axes = blank(SMALL)
-        axes.grid(True, axis="both")
-        abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
-        cycle = _last_cycle(test.n_time, test.frequency, test.dt)
-        tested_points(axes, abscissa, test.force, cycle)
-        for place, colour in ((ranked[len(ranked) // 2], style.RESIDUAL), (ranked[0], style.MODEL)):
-            force, _ = free_run(trial.model.spec, np.asarray(box.theta_from_unit(runs.unit[place])), test)
-            axes.plot(abscissa[cycle], force[cycle], color=colour, linewidth=1.1)
-        finish_loop(axes, over_velocity=over_velocity)
-    return figure
+    box, ranked = trial.model.box(test), runs.ranked
+    axes.grid(True, axis="both")
+    abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
+    # One period at the end of the record, closed.
+    period = round(1.0 / ((test.frequency or 1.0) * test.dt))
+    cycle = slice(max(0, test.n_time - 1 - period), test.n_time)
+    tested_points(axes, abscissa, test.force, cycle)
+    for place, colour in ((ranked[len(ranked) // 2], style.RESIDUAL), (ranked[0], style.MODEL)):
+        force, _ = free_run(trial.model.spec, np.asarray(box.theta_from_unit(runs.unit[place])), test)
+        axes.plot(abscissa[cycle], force[cycle], color=colour, linewidth=1.1)
+    finish_loop(axes, over_velocity=over_velocity)
 
 
 def _band(axes: Axes, abscissa: Floats, misfit: Floats, search: str) -> None:
@@ -155,12 +133,6 @@ def _finish_trace(axes: Axes, trial: Trial, abscissa: str) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
 
 
-def _last_cycle(n_time: int, frequency: float | None, dt: float) -> slice:
-    """One period at the end of the record, closed."""
-    period = round(1.0 / ((frequency or 1.0) * dt))
-    return slice(max(0, n_time - 1 - period), n_time)
-
-
 _SYNTHETIC = (
     "Simulated: the static hysteretic model with the published current polynomials of the RD-1005-3, and "
     f"{FORCE_NOISE_N:g} N of white noise on the force. Neither model of the chapter is the truth."
@@ -169,24 +141,6 @@ _MEASURED = (
     "Measured at UTFSM on a small damper, not that of the thesis. Its authors averaged the force over a tenth of a "
     "period; the models are compared without averaging, which increases the error of both."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ModelPart:
-    label: str
-    traces: tuple[Panel, ...]
-    loops: tuple[Panel, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SetPart:
-    anchor: str
-    title: str
-    synthetic: bool
-    about: str
-    summary: tuple[Panel, ...]
-    tables: list[Markup]
-    models: tuple[_ModelPart, ...]
 
 
 def write_page(
@@ -210,16 +164,14 @@ def write_page(
         skipped=skipped,
         footer=footer,
         key=(
-            *_key([(COLOURS[search], "line", search) for search in SEARCHES]),
-            Markup("line: median over the runs, band (but for the coarse one): nine in ten"),
-            *_key([(style.FAINT_INK, "dotted", "95 % error level")]),
+            *(swatch(COLOURS[search], "line", search) for search in SEARCHES),
+            "line: median over the runs, band (but for the coarse one): nine in ten",
+            swatch(style.FAINT_INK, "dotted", "95 % error level"),
         ),
-        loop_key=_key(
-            [
-                (style.DATA, "point", "test"),
-                (style.MODEL, "line", f"best run of the {EFFICIENT}"),
-                (style.RESIDUAL, "line", "its median run"),
-            ]
+        loop_key=(
+            swatch(style.DATA, "point", "test"),
+            swatch(style.MODEL, "line", f"best run of the {EFFICIENT}"),
+            swatch(style.RESIDUAL, "line", "its median run"),
         ),
         sets=[
             _set_part(f"s{place}", comparison, found)
@@ -228,73 +180,60 @@ def write_page(
     )
 
 
-def _set_part(anchor: str, comparison: Comparison, findings: Sequence[TrialFinding]) -> _SetPart:
+def _set_part(anchor: str, comparison: Comparison, findings: Sequence[TrialFinding]) -> dict[str, Any]:
     tests = comparison.tests
-    models = tuple(dict.fromkeys(trial.model.label for trial in comparison.trials))
-    by_label = {trial.model.label: trial.model for trial in comparison.trials}
-    return _SetPart(
-        anchor=anchor,
-        title=tests.name[0].upper() + tests.name[1:],
-        synthetic=tests.synthetic,
-        about=_SYNTHETIC if tests.synthetic else _MEASURED,
-        summary=tuple(
-            panel(
-                f"{anchor}-{kind}{place}",
-                _title(label),
-                draw(comparison, by_label[label]),
-                f"{what}, {label}",
-            )
-            for kind, what, draw in (
-                ("error", "Error against current", error_figure),
-                ("reach", "Share of runs below the 95 % error level against simulations", reaching_figure),
-            )
-            for place, label in enumerate(models)
+    by_model: dict[str, list[Trial]] = {}
+    for trial in comparison.trials:
+        by_model.setdefault(trial.model.label, []).append(trial)
+    return {
+        "anchor": anchor,
+        "title": sentence_case(tests.name),
+        "synthetic": tests.synthetic,
+        "about": _SYNTHETIC if tests.synthetic else _MEASURED,
+        "summary": panels(
+            f"{anchor}-summary",
+            (
+                (sentence_case(label), draw(trials), f"{what}, {label}")
+                for what, draw in (
+                    ("Error against current", error_figure),
+                    ("Share of runs below the 95 % error level against simulations", reaching_figure),
+                )
+                for label, trials in by_model.items()
+            ),
         ),
-        tables=tables_of(findings, tests.name),
-        models=tuple(
-            _model_part(f"{anchor}-m{place}", comparison, by_label[label])
-            for place, label in enumerate(models)
-        ),
-    )
+        "tables": tables_of(findings, tests.name),
+        "models": [
+            _model_part(f"{anchor}-m{place}", label, trials)
+            for place, (label, trials) in enumerate(by_model.items())
+        ],
+    }
 
 
-def _model_part(anchor: str, comparison: Comparison, model: Model) -> _ModelPart:
-    trials = comparison.of(model)
+def _model_part(anchor: str, label: str, trials: Sequence[Trial]) -> dict[str, Any]:
     # The lowest, the middle and the highest current.
-    shown = [trials[place] for place in dict.fromkeys((0, len(trials) // 2, len(trials) - 1))]
-    return _ModelPart(
-        label=model.label,
-        traces=tuple(
-            panel(
-                f"{anchor}-{kind}{place}",
-                _current(trial),
-                draw(trial),
-                f"Least error against {kind}, {model.label}, {_current(trial)}",
-            )
-            for kind, draw in (("generation", generation_figure), ("simulations", simulation_figure))
-            for place, trial in enumerate(shown)
+    shown = {
+        f"{trials[place].test.current:g} A": trials[place] for place in (0, len(trials) // 2, len(trials) - 1)
+    }
+    return {
+        "label": label,
+        "traces": panels(
+            f"{anchor}-trace",
+            (
+                (current, draw(trial), f"Least error against {kind}, {label}, {current}")
+                for kind, draw in (("generation", generation_figure), ("simulations", simulation_figure))
+                for current, trial in shown.items()
+            ),
         ),
-        loops=tuple(
-            panel(
-                f"{anchor}-loop{place}{'v' if over_velocity else 'x'}",
-                _current(trial),
-                loop_figure(trial, EFFICIENT, over_velocity=over_velocity),
-                f"Force against {'velocity' if over_velocity else 'displacement'}, {model.label}, {_current(trial)}",
-            )
-            for over_velocity in (False, True)
-            for place, trial in enumerate(shown)
+        "loops": panels(
+            f"{anchor}-loop",
+            (
+                (
+                    current,
+                    loop_figure(trial, EFFICIENT, over_velocity=abscissa == "velocity"),
+                    f"Force against {abscissa}, {label}, {current}",
+                )
+                for abscissa in ("displacement", "velocity")
+                for current, trial in shown.items()
+            ),
         ),
-    )
-
-
-def _current(trial: Trial) -> str:
-    return f"{trial.test.current:g} A"
-
-
-def _title(label: str) -> str:
-    return label[0].upper() + label[1:]
-
-
-def _key(entries: Sequence[tuple[str, str, str]]) -> tuple[Markup, ...]:
-    """Colour, kind of mark and meaning of each."""
-    return tuple(Markup("{}{}").format(swatch(colour, kind), text) for colour, kind, text in entries)
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.identification import Objective
 from mrwork.records import DamperTest
-from mrwork.search import AbortableObjective, GenerationEvent, Optimiser, run_replicates
+from mrwork.search import AbortableObjective, Optimiser, run_replicates
 from studies.chapter_4.search_settings import ComparisonSettings, Model
 from studies.chapter_5.damper_tests import TestSet
 
@@ -85,9 +85,7 @@ def cells_of(settings: ComparisonSettings, sets: Sequence[TestSet]) -> tuple[Cel
     )
 
 
-def run_cell(
-    cell: Cell, *, threads: int, on_generation: Callable[[GenerationEvent[Any]], None]
-) -> Replicates:
+def run_cell(cell: Cell, *, threads: int) -> Replicates:
     """Run all replicates of a cell together: one call of the simulation per generation."""
     box = cell.model.box(cell.test)
     objective = Objective.of(cell.model.spec, (cell.test,), threads=threads)
@@ -103,7 +101,6 @@ def run_cell(
         rng=cell.seed,
         n_params=len(box.free),
         replicates=range(cell.replicates),
-        on_generation=on_generation,
     )
     course, tally = run.state.course, objective.tally
     return Replicates(

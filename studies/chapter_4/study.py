@@ -35,14 +35,13 @@ def averages(findings: tuple[TrialFinding, ...]) -> dict[str, dict[str, dict[str
     gathered: dict[str, dict[str, dict[str, float]]] = {}
     for model in dict.fromkeys(finding.model for finding in findings):
         trials = [finding for finding in findings if finding.model == model]
-        gathered[model] = {
-            search: {
-                "error_percent": _mean([100.0 * trial.searches[search].mean_error for trial in trials]),
-                "below_level": _mean([trial.searches[search].below for trial in trials]),
-                "evaluations": _mean([trial.searches[search].evaluations for trial in trials]),
+        for search in trials[0].searches:
+            cells = [trial.searches[search] for trial in trials]
+            gathered.setdefault(model, {})[search] = {
+                "error_percent": sum(100.0 * cell.mean_error for cell in cells) / len(cells),
+                "below_level": sum(cell.below for cell in cells) / len(cells),
+                "evaluations": sum(cell.evaluations for cell in cells) / len(cells),
             }
-            for search in trials[0].searches
-        }
     return gathered
 
 
@@ -55,7 +54,7 @@ def find(options: Namespace, say: Say) -> Findings | int:
     cells = cells_of(settings, sets)
     kept = options.out / "cells"
     try:
-        found = run_cells(cells, kept, threads=options.threads, fresh=options.fresh)
+        found = run_cells(cells, kept, threads=options.threads, fresh=options.fresh, say=say)
     except KeyboardInterrupt:
         print(
             f"\nInterrupted. Finished cells are kept in {kept}; the same command, without --fresh, goes on there.",
@@ -90,14 +89,11 @@ def find(options: Namespace, say: Say) -> Findings | int:
         },
         "averages": guarded,
     }
+    numbers = _plain(numbers)
     if options.settings == SETTINGS:
-        return Findings(numbers=_plain(numbers), text=text(), judged=guarded)
+        return Findings(numbers=numbers, text=text(), judged=guarded)
     unjudged = "Not judged: expected.toml is for study.toml."
-    return Findings(numbers=_plain(numbers), text=text(), judged={}, agreement=unjudged)
-
-
-def _mean(values: list[float]) -> float:
-    return sum(values) / len(values)
+    return Findings(numbers=numbers, text=text(), judged={}, agreement=unjudged)
 
 
 def _plain(value: Any) -> Any:

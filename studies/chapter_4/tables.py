@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from mrwork.report import Table, numbers
 from studies.chapter_4.decay import ATTAINABLE, LITERAL, STALL
 from studies.chapter_4.findings import SearchFinding, TrialFinding, adjusted
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
+from studies.common.table import Cell, table_of
 
 _RANGE = "\N{EN DASH}"
+_FIRST = "model and current"
 _NONE = numbers.format_fixed(None, 0)
 
 
@@ -30,39 +33,43 @@ def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[Table, ...]
 
 def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.2: average error and standard deviation."""
-    rows, least = [], []
-    for row, finding in enumerate(findings):
-        means = [finding.searches[search].mean_error for search in SEARCHES]
-        cells = [
-            f"{numbers.format_fixed(100.0 * each.mean_error, 2)} ± {numbers.format_fixed(100.0 * each.deviation, 2)}"
-            for each in (finding.searches[search] for search in SEARCHES)
-        ]
-        least.append((row, 1 + int(np.argmin(means))))
-        rows.append((_place(finding), *cells, numbers.format_fixed(100.0 * finding.least, 2)))
-    return Table(
-        title=f"Form of table 4.2: average error and standard deviation [% NRMSE], {where}",
-        columns=("model and current", *SEARCHES, "least of all"),
-        rows=tuple(rows),
-        strong=frozenset(least),
+
+    def cell(search: str) -> Cell:
+        return lambda finding: " ± ".join(
+            _number(100.0 * value, 2)
+            for value in (finding.searches[search].mean_error, finding.searches[search].deviation)
+        )
+
+    table = table_of(
+        f"Form of table 4.2: average error and standard deviation [% NRMSE], {where}",
+        _FIRST,
+        _by_place(findings),
+        {
+            **{search: cell(search) for search in SEARCHES},
+            "least of all": lambda finding: _number(100.0 * finding.least, 2),
+        },
         note="After the last generation, over all replicates; the lowest mean in bold. Least of all: that of any run.",
     )
+    means = [[finding.searches[search].mean_error for search in SEARCHES] for finding in findings]
+    return replace(table, strong=frozenset((row, 1 + int(np.argmin(mean))) for row, mean in enumerate(means)))
 
 
 def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.3: share of runs below the 95 % error level."""
-    rows = [
-        (
-            _place(finding),
-            numbers.format_fixed(100.0 * finding.level, 2),
-            *(_percent(finding.searches[search].below) for search in SEARCHES),
-        )
-        for finding in findings
-    ]
-    mean = [np.mean([finding.searches[search].below for finding in findings]) for search in SEARCHES]
-    return Table(
-        title=f"Form of table 4.3: runs below the 95 % error level [%], {where}",
-        columns=("model and current", "95 % level [% NRMSE]", *SEARCHES),
-        rows=(*rows, ("all", "", *(_percent(float(share)) for share in mean))),
+
+    def below(search: str) -> Cell:
+        return lambda trials: _percent(float(np.mean([trial.searches[search].below for trial in trials])))
+
+    return table_of(
+        f"Form of table 4.3: runs below the 95 % error level [%], {where}",
+        _FIRST,
+        [*((place, [finding]) for place, finding in _by_place(findings)), ("all", findings)],
+        {
+            "95 % level [% NRMSE]": lambda trials: (
+                "" if trials is findings else _number(100.0 * trials[0].level, 2)
+            ),
+            **{search: below(search) for search in SEARCHES},
+        },
         note="The level is our definition: 95 % of the way from the mean best error of the initial populations to the "
         "least error of any run.",
     )
@@ -70,13 +77,14 @@ def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
 
 def evaluation_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Cost of all generations."""
+    spared = _between([100.0 * finding.searches[SWARM].spared for finding in findings])
     return _cost_table(
         f"Simulations in all generations, {where}",
         findings,
-        lambda each: each.evaluations,
+        lambda cell: cell.evaluations,
         "Means over replicates. Saved: by the efficient against the standard GA. Only chromosomes that changed are "
         "simulated, in the standard GA too; the swarm has no other saving than that a simulation stops once it is "
-        f"worse than the particle's own best: {_steps_spared(findings)} % of its time steps.",
+        f"worse than the particle's own best: {spared} % of its time steps.",
     )
 
 
@@ -85,7 +93,7 @@ def reaching_table(findings: Sequence[TrialFinding], where: str) -> Table:
     return _cost_table(
         f"Simulations for each run that reaches the 95 % error level, {where}",
         findings,
-        lambda each: each.reaching,
+        lambda cell: cell.reaching,
         "Simulations of all runs, each until it is there or ends, over the number that get there: what repeating runs "
         "until one succeeds costs; ∞ where none does.",
     )
@@ -94,51 +102,32 @@ def reaching_table(findings: Sequence[TrialFinding], where: str) -> Table:
 def _cost_table(
     title: str, findings: Sequence[TrialFinding], cost: Callable[[SearchFinding], float], note: str
 ) -> Table:
-    rows = []
-    for finding in findings:
-        costs = {search: cost(finding.searches[search]) for search in SEARCHES}
-        pair = [costs[STANDARD], costs[EFFICIENT]]
-        saved = 1.0 - costs[EFFICIENT] / costs[STANDARD] if np.isfinite(pair).all() else np.nan
-        rows.append(
-            (_place(finding), *(numbers.format_fixed(value, 0) for value in costs.values()), _percent(saved))
-        )
-    return Table(
-        title=title,
-        columns=("model and current", *SEARCHES, "saved by efficient GA [%]"),
-        rows=tuple(rows),
-        note=note,
-    )
+    def saved(finding: TrialFinding) -> str:
+        standard, efficient = (cost(finding.searches[search]) for search in (STANDARD, EFFICIENT))
+        return _percent(1.0 - efficient / standard if np.isfinite([standard, efficient]).all() else np.nan)
 
-
-def _steps_spared(findings: Sequence[TrialFinding]) -> str:
-    shares = [100.0 * finding.searches[SWARM].spared for finding in findings]
-    return _between(shares)
+    columns: dict[str, Cell] = {
+        search: lambda finding, search=search: _number(cost(finding.searches[search])) for search in SEARCHES
+    }
+    columns["saved by efficient GA [%]"] = saved
+    return table_of(title, _FIRST, _by_place(findings), columns, note=note)
 
 
 def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str) -> Table:
     """Whether the difference between the genetic algorithms is more than chance."""
-    generations = adjusted([finding.same_generations[baseline] for finding in findings])
-    simulations = adjusted([finding.same_simulations[baseline] for finding in findings])
-    rows = [
-        (
-            _place(finding),
-            _percent(finding.same_generations[baseline].share),
-            _p_value(float(by_generations)),
-            _percent(finding.same_simulations[baseline].share),
-            _p_value(float(by_simulations)),
-        )
-        for finding, by_generations, by_simulations in zip(findings, generations, simulations, strict=True)
-    ]
-    return Table(
-        title=f"Pairs in which the {EFFICIENT} is lower than the {baseline} [%], {where}",
-        columns=(
-            "model and current",
-            "same generations",
-            "p, generations",
-            "same simulations",
-            "p, simulations",
-        ),
-        rows=tuple(rows),
+    columns: dict[str, Cell] = {}
+    for kind, pairs in (
+        ("generations", [finding.same_generations[baseline] for finding in findings]),
+        ("simulations", [finding.same_simulations[baseline] for finding in findings]),
+    ):
+        p_values = adjusted(pairs)
+        columns[f"same {kind}"] = lambda row, pairs=pairs: _percent(pairs[row].share)
+        columns[f"p, {kind}"] = lambda row, p_values=p_values: _p_value(float(p_values[row]))
+    return table_of(
+        f"Pairs in which the {EFFICIENT} is lower than the {baseline} [%], {where}",
+        _FIRST,
+        ((place, row) for row, (place, _) in enumerate(_by_place(findings))),
+        columns,
         note="A pair has the same initial population. Same simulations: the standard GA stops where it has spent "
         "what the efficient one did. p: Wilcoxon's signed-rank test, two-sided, Holm's correction down each column.",
     )
@@ -146,34 +135,22 @@ def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str)
 
 def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
     """Form of table 4.4: expected and likely terminating generation, and where the test stopped."""
-    rows = []
-    for finding in findings:
-        for search in SEARCHES:
-            each = finding.searches[search]
-            rule = each.rules[LITERAL]
-            rows.append(
-                (
-                    f"{_place(finding)}, {search}",
-                    numbers.format_fixed(each.expected_generation, 0),
-                    numbers.format_fixed(each.likelihood, 2),
-                    _span(each.own_generation),
-                    _percent(rule.share),
-                    _span(rule.generation),
-                    _percent(rule.excess),
-                )
-            )
-    return Table(
-        title=f"Form of table 4.4: terminating generation of the hypothesis test, {where}",
-        columns=(
-            "model, current and search",
-            "expected generation",
-            "its likelihood",
-            "of each run",
-            "runs that it ends [%]",
-            "at generation",
-            "error above the final [%]",
+    return table_of(
+        f"Form of table 4.4: terminating generation of the hypothesis test, {where}",
+        "model, current and search",
+        (
+            (f"{place}, {search}", finding.searches[search])
+            for place, finding in _by_place(findings)
+            for search in SEARCHES
         ),
-        rows=tuple(rows),
+        {
+            "expected generation": lambda cell: _number(cell.expected_generation),
+            "its likelihood": lambda cell: _number(cell.likelihood, 2),
+            "of each run": lambda cell: _span(cell.own_generation),
+            "runs that it ends [%]": lambda cell: _percent(cell.rules[LITERAL].share),
+            "at generation": lambda cell: _span(cell.rules[LITERAL].generation),
+            "error above the final [%]": lambda cell: _percent(cell.rules[LITERAL].excess),
+        },
         note="Expected: where an exponential fitted to the decay of the mean error meets the test; it may lie beyond "
         "the last generation, generation 0 is the initial population. Likelihood: of just that generation (our "
         f"definition). Of each run: the same from its own decay. Median and 5{_RANGE}95 % of the runs.",
@@ -185,43 +162,41 @@ def rule_table(findings: Sequence[TrialFinding], where: str) -> Table:
     rows = []
     for model in dict.fromkeys(finding.model for finding in findings):
         for search in SEARCHES:
+            cells = [finding.searches[search] for finding in findings if finding.model == model]
+            whole = sum(cell.evaluations for cell in cells)
             for rule in (LITERAL, ATTAINABLE, STALL):
-                cells = [finding.searches[search] for finding in findings if finding.model == model]
-                ends = [each.rules[rule] for each in cells]
-                spent = sum(end.evaluations for end in ends) / sum(each.evaluations for each in cells)
-                rows.append(
-                    (
-                        f"{model}, {search}, {rule}",
-                        _percent(float(np.mean([end.share for end in ends]))),
-                        _between([end.generation[1] for end in ends]),
-                        _percent(spent),
-                        _between([100.0 * end.excess for end in ends]),
-                    )
-                )
-    return Table(
-        title=f"What a rule would have done, {where}",
-        columns=(
-            "model, search and rule",
-            "runs that it ends [%]",
-            "median generation, by current",
-            "simulations spent [%]",
-            "median error above the final [%], by current",
-        ),
-        rows=tuple(rows),
+                ends = [cell.rules[rule] for cell in cells]
+                rows.append((f"{model}, {search}, {rule}", (ends, whole)))
+    return table_of(
+        f"What a rule would have done, {where}",
+        "model, search and rule",
+        rows,
+        {
+            "runs that it ends [%]": lambda row: _percent(float(np.mean([end.share for end in row[0]]))),
+            "median generation, by current": lambda row: _between([end.generation[1] for end in row[0]]),
+            "simulations spent [%]": lambda row: _percent(sum(end.evaluations for end in row[0]) / row[1]),
+            "median error above the final [%], by current": lambda row: _between(
+                [100.0 * end.excess for end in row[0]]
+            ),
+        },
         note="Each rule alone, from the first generation on. Stall: a gain of less than 0.1 % in 80 generations.",
     )
 
 
-def _place(finding: TrialFinding) -> str:
-    return f"{finding.model}, {finding.current:g} A"
+def _by_place(findings: Sequence[TrialFinding]) -> list[tuple[str, TrialFinding]]:
+    return [(f"{finding.model}, {finding.current:g} A", finding) for finding in findings]
+
+
+def _number(value: float, digits: int = 0) -> str:
+    return numbers.format_fixed(value, digits)
 
 
 def _percent(share: float) -> str:
-    return numbers.format_fixed(100.0 * share, 0)
+    return _number(100.0 * share)
 
 
 def _span(quantiles: tuple[float, ...]) -> str:
-    low, middle, high = (numbers.format_fixed(value, 0) for value in quantiles)
+    low, middle, high = map(_number, quantiles)
     return _NONE if middle == _NONE else f"{middle} ({low}{_RANGE}{high})"
 
 
@@ -229,9 +204,9 @@ def _between(values: Sequence[float]) -> str:
     known = [value for value in values if np.isfinite(value)]
     if not known:
         return _NONE
-    low, high = numbers.format_fixed(min(known), 0), numbers.format_fixed(max(known), 0)
+    low, high = _number(min(known)), _number(max(known))
     return low if low == high else f"{low} to {high}"
 
 
 def _p_value(value: float) -> str:
-    return "< 0.001" if value < 1e-3 else numbers.format_fixed(value, 3)
+    return "< 0.001" if value < 1e-3 else _number(value, 3)

@@ -86,7 +86,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(cells: tuple[Cell, ...], folder: Path) -> tuple[Replicates, ...]:
-    return run_cells(cells, folder, threads=1, fresh=False)
+    return run_cells(cells, folder, threads=1, fresh=False, say=quiet)
 
 
 @pytest.fixture(scope="module")
@@ -135,10 +135,8 @@ def test_a_rule_judged_afterwards_stops_where_it_would_have(cells: tuple[Cell, .
         min_generations=1,
     )
     cell = next(cell for cell in cells if cell.search == EFFICIENT)
-    whole = run_cell(cell, threads=1, on_generation=quiet)
-    ruled = run_cell(
-        replace(cell, optimiser=replace(cell.optimiser, stop=rule)), threads=1, on_generation=quiet
-    )
+    whole = run_cell(cell, threads=1)
+    ruled = run_cell(replace(cell, optimiser=replace(cell.optimiser, stop=rule)), threads=1)
     ends = ending(whole, replace(rule, max_generations=GENERATIONS + 1))
     assert np.count_nonzero(ends.ended) > 0
     np.testing.assert_array_equal(ends.at(whole.best), ruled.final)
@@ -171,7 +169,7 @@ def test_a_damaged_cell_is_run_again(
     (path,) = tmp_path.iterdir()
     path.write_bytes(path.read_bytes()[:-100])
     assert recall(tmp_path, cells[0]) is None
-    again = run_cells(cells[:1], tmp_path, threads=1, fresh=False)[0]
+    again = run_cells(cells[:1], tmp_path, threads=1, fresh=False, say=quiet)[0]
     np.testing.assert_array_equal(again.best, found[0].best)
 
 
@@ -180,10 +178,10 @@ def test_ctrl_c_keeps_the_finished_cells_and_they_are_not_run_again(
 ) -> None:
     third = replace(cells[2], optimiser=InterruptedGA())
     with pytest.raises(KeyboardInterrupt):
-        run_cells((*cells[:2], third, cells[3]), tmp_path, threads=1, fresh=False)
+        run_cells((*cells[:2], third, cells[3]), tmp_path, threads=1, fresh=False, say=quiet)
     finished = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert [recall(tmp_path, cell) is not None for cell in cells[:4]] == [True, True, False, False]
-    resumed = run_cells(cells[:4], tmp_path, threads=1, fresh=False)
+    resumed = run_cells(cells[:4], tmp_path, threads=1, fresh=False, say=quiet)
     assert all(path.stat().st_mtime_ns == written for path, written in finished.items())
     for runs, uninterrupted in zip(resumed, found, strict=False):
         np.testing.assert_array_equal(runs.best, uninterrupted.best)
