@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 import mrwork as mr
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, Panel, blank, branches_figure, finish, panel, style, write_study_page
+from mrwork.report import SMALL, WIDE, branches_figure, finish, style, write_study_page
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
-from studies.common.page import finish_loop, swatch, tested_points
+from studies.common.page import drawn, finish_loop, panels, sentence_case, swatch, tested_points
 from studies.common.table import with_symbols
 
 _FINE = 60
@@ -34,104 +34,82 @@ _MODEL_COLOURS = {
 }
 
 
-def parameter_figure(outcomes: Sequence[SetOutcome], model: Model, name: str) -> Figure:
+@drawn(SMALL)
+def parameter_figure(axes: Axes, outcomes: Sequence[SetOutcome], model: Model, name: str) -> None:
     """One parameter of a model against current, every frequency of one damper."""
     place = mr.damper(model.damper).names.index(name)
     unit = mr.damper(model.damper).parameters[place].unit
-    with style.drawn_in_style():
-        figure, axes = blank(SMALL)
-        seen: list[Floats] = []
-        for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False):
-            each, laws = outcome.each[model.label], outcome.laws[model.label]
-            fine = np.linspace(each.currents[0], each.currents[-1], _FINE)
-            true = outcome.true_laws
-            if true is not None and model.damper == "static_hysteretic":
-                axes.plot(fine, true.at(name, fine), color=style.RULE, linewidth=5.0, zorder=1)
-                seen.append(true.at(name, fine))
-            values, errors = each.values[:, place], each.errors[:, place]
-            known = np.isfinite(errors)
-            axes.errorbar(
-                each.currents[known],
-                values[known],
-                yerr=errors[known],
-                fmt="o",
-                color=colour,
-                markersize=4.0,
-                elinewidth=1.0,
-                capsize=2.0,
-                zorder=3,
-            )
-            axes.plot(
-                each.currents[~known],
-                values[~known],
-                "o",
-                color=colour,
-                markersize=4.0,
-                markerfacecolor="white",
-                zorder=3,
-            )
-            axes.plot(fine, laws.through.at(name, fine), color=colour, linewidth=1.0, zorder=2)
-            axes.plot(
-                fine, laws.joint.at(name, fine), color=colour, linewidth=1.3, linestyle=(0, (4, 2)), zorder=2
-            )
-            seen += [values[known & (errors < abs(values))], laws.joint.at(name, fine)]
-        _limit(axes, np.concatenate(seen))
-        finish(axes, f"{_letter(name)}{f' ({unit})' if unit != '1' else ''}", "Current (A)")
-    return figure
+    seen: list[Floats] = []
+    for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False):
+        fits, laws = outcome.each[model.label], outcome.laws[model.label]
+        fine = np.linspace(fits.currents[0], fits.currents[-1], _FINE)
+        true = outcome.true_laws
+        if true is not None and model.damper == "static_hysteretic":
+            axes.plot(fine, true.at(name, fine), color=style.RULE, linewidth=5.0, zorder=1)
+            seen.append(true.at(name, fine))
+        values, errors = fits.values[:, place], fits.errors[:, place]
+        known = np.isfinite(errors)
+        axes.errorbar(
+            fits.currents[known],
+            values[known],
+            yerr=errors[known],
+            fmt="o",
+            color=colour,
+            markersize=4.0,
+            elinewidth=1.0,
+            capsize=2.0,
+            zorder=3,
+        )
+        hollow = {"markersize": 4.0, "markerfacecolor": "white", "zorder": 3}
+        axes.plot(fits.currents[~known], values[~known], "o", color=colour, **hollow)
+        axes.plot(fine, laws.through.at(name, fine), color=colour, linewidth=1.0, zorder=2)
+        joint = laws.joint.at(name, fine)
+        axes.plot(fine, joint, color=colour, linewidth=1.3, linestyle=(0, (4, 2)), zorder=2)
+        seen += [values[known & (errors < abs(values))], joint]
+    _limit(axes, np.concatenate(seen))
+    finish(axes, f"{_letter(name)}{f' ({unit})' if unit != '1' else ''}", "Current (A)")
 
 
-def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Figure:
+@drawn(SMALL)
+def loop_figure(axes: Axes, outcome: SetOutcome, model: Model, *, over_velocity: bool) -> None:
     """Force loops at three currents, points of the test and line of the model identified at that current."""
-    each = outcome.each[model.label]
-    places = np.unique(np.round(np.linspace(0, len(each.fits) - 1, _LOOPS)).astype(int))
-    with style.drawn_in_style():
-        figure, axes = blank(SMALL)
-        axes.grid(True, axis="both")
-        for place in places:
-            test, fit = outcome.tests.tests[place], each.fits[place]
-            abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
-            force, _ = free_run(mr.damper(model.damper), np.array(fit.theta), test)
-            cycle = _middle_cycle(test)
-            tested_points(axes, abscissa, test.force, cycle)
-            axes.plot(abscissa[cycle], force[cycle], color=style.MODEL, linewidth=1.1)
-            top = int(np.argmax(force[cycle]))
-            axes.annotate(
-                f"{test.current:g} A",
-                (abscissa[cycle][top], force[cycle][top]),
-                xytext=(0, 4),
-                textcoords="offset points",
-                ha="right" if over_velocity else "center",
-                fontsize=style.SMALL_TEXT_SIZE,
-            )
-        axes.margins(y=0.12)
-        finish_loop(axes, over_velocity=over_velocity)
-    return figure
+    fits = outcome.each[model.label].fits
+    axes.grid(True, axis="both")
+    for place in np.unique(np.round(np.linspace(0, len(fits) - 1, _LOOPS)).astype(int)):
+        test, fit = outcome.tests.tests[place], fits[place]
+        abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
+        force, _ = free_run(mr.damper(model.damper), np.array(fit.theta), test)
+        cycle = _middle_cycle(test)
+        tested_points(axes, abscissa, test.force, cycle)
+        axes.plot(abscissa[cycle], force[cycle], color=style.MODEL, linewidth=1.1)
+        top = int(np.argmax(force[cycle]))
+        axes.annotate(
+            f"{test.current:g} A",
+            (abscissa[cycle][top], force[cycle][top]),
+            xytext=(0, 4),
+            textcoords="offset points",
+            ha="right" if over_velocity else "center",
+            fontsize=style.SMALL_TEXT_SIZE,
+        )
+    axes.margins(y=0.12)
+    finish_loop(axes, over_velocity=over_velocity)
 
 
-def rms_figure(outcome: SetOutcome) -> Figure:
+@drawn(WIDE)
+def rms_figure(axes: Axes, outcome: SetOutcome) -> None:
     """RMS error against current: figure 5.9 of the thesis."""
-    with style.drawn_in_style():
-        figure, axes = blank(WIDE)
-        for label, each in outcome.each.items():
-            axes.plot(
-                each.currents,
-                each.rms_n,
-                marker="o",
-                markersize=3.5,
-                color=_MODEL_COLOURS[each.model.damper],
-                linewidth=1.2,
-                label=label,
-            )
-        if outcome.tests.synthetic:
-            axes.axhline(
-                FORCE_NOISE_N, color=style.DATA, linewidth=1.2, linestyle=(0, (1.2, 1.8)), label="noise"
-            )
-        largest = max(float(each.rms_n.max()) for each in outcome.each.values())
-        # Room for the legend above the lines.
-        axes.set_ylim(0.0, 1.5 * largest)
-        axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=1)
-        finish(axes, "RMS error (N)", "Current (A)")
-    return figure
+    for label, fits in outcome.each.items():
+        tone = _MODEL_COLOURS[fits.model.damper]
+        axes.plot(
+            fits.currents, fits.rms_n, marker="o", markersize=3.5, color=tone, linewidth=1.2, label=label
+        )
+    if outcome.tests.synthetic:
+        dots = (0, (1.2, 1.8))
+        axes.axhline(FORCE_NOISE_N, color=style.DATA, linewidth=1.2, linestyle=dots, label="noise")
+    # Room for the legend above the lines.
+    axes.set_ylim(0.0, 1.5 * max(float(fits.rms_n.max()) for fits in outcome.each.values()))
+    axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=1)
+    finish(axes, "RMS error (N)", "Current (A)")
 
 
 def _limit(axes: Axes, values: Floats) -> None:
@@ -170,31 +148,6 @@ _ABOUT = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ModelPart:
-    label: str
-    key: tuple[Markup, ...]
-    panels: tuple[Panel, ...]
-    tables: list[Markup]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _DamperPart:
-    anchor: str
-    title: str
-    synthetic: bool
-    about: str
-    rms: tuple[Panel, ...]
-    rms_tables: list[Markup]
-    loop_motion: str
-    loop_note: str
-    loops: tuple[Panel, ...]
-    branches: tuple[Panel, ...]
-    branch_tables: list[Markup]
-    models: tuple[_ModelPart, ...]
-    law_rms: list[Markup]
-
-
 def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, footer: str) -> None:
     """Write the page of all sets, those of one damper together."""
     dampers = dict.fromkeys(outcome.tests.damper for outcome in outcomes)
@@ -216,91 +169,90 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
     )
 
 
-def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
+def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> dict[str, Any]:
     first = outcomes[0]
-    name = first.tests.damper
-    return _DamperPart(
-        anchor=anchor,
-        title=name[0].upper() + name[1:],
-        synthetic=first.tests.synthetic,
-        about=_ABOUT[name],
-        rms=tuple(
-            panel(
-                f"{anchor}-rms{place}", outcome.tests.motion, rms_figure(outcome), "RMS error against current"
-            )
-            for place, outcome in enumerate(outcomes)
+    name, kind = first.tests.damper, "synthetic" if first.tests.synthetic else "measured"
+    return {
+        "anchor": anchor,
+        "title": sentence_case(name),
+        "synthetic": first.tests.synthetic,
+        "about": _ABOUT[name],
+        "rms": panels(
+            f"{anchor}-rms",
+            (
+                (outcome.tests.motion, rms_figure(outcome), "RMS error against current")
+                for outcome in outcomes
+            ),
         ),
-        rms_tables=with_symbols(map(rms_table, outcomes)),
-        loop_motion=first.tests.motion,
-        loop_note="Points: "
-        + ("synthetic" if first.tests.synthetic else "measured")
-        + ". Line: the model identified at that current, one cycle.",
-        loops=tuple(
-            panel(
-                f"{anchor}-loop{place}{'v' if over_velocity else 'x'}",
-                model.label[0].upper() + model.label[1:],
-                loop_figure(first, model, over_velocity=over_velocity),
-                f"Force against {'velocity' if over_velocity else 'displacement'} at three currents, {model.label}",
-            )
-            for over_velocity in (False, True)
-            for place, model in enumerate(MODELS)
-            if model.label in first.each
+        "rms_tables": with_symbols(map(rms_table, outcomes)),
+        "loop_motion": first.tests.motion,
+        "loop_note": f"Points: {kind}. Line: the model identified at that current, one cycle.",
+        "loops": panels(
+            f"{anchor}-loop",
+            (
+                (
+                    sentence_case(model.label),
+                    loop_figure(first, model, over_velocity=abscissa == "velocity"),
+                    f"Force against {abscissa} at three currents, {model.label}",
+                )
+                for abscissa in ("displacement", "velocity")
+                for model in MODELS
+                if model.label in first.each
+            ),
         ),
-        branches=tuple(_branch_panels(anchor, outcomes)),
-        branch_tables=with_symbols(map(loops_table, outcomes)),
-        models=tuple(
+        "branches": panels(f"{anchor}-branches", _branch_figures(outcomes)),
+        "branch_tables": with_symbols(map(loops_table, outcomes)),
+        "models": [
             _model_part(f"{anchor}-m{place}", outcomes, model)
             for place, model in enumerate(WITH_LAWS)
             if model.label in first.laws
-        ),
-        law_rms=with_symbols(map(law_rms_table, outcomes)),
-    )
+        ],
+        "law_rms": with_symbols(map(law_rms_table, outcomes)),
+    }
 
 
-def _branch_panels(anchor: str, outcomes: list[SetOutcome]) -> Iterator[Panel]:
+def _branch_figures(outcomes: list[SetOutcome]) -> Iterator[tuple[str, Figure, str]]:
     """Thickness and mean, both motions over the velocity and the first over the displacement, a static model each."""
     for over, shown in (("velocity", outcomes), ("displacement", outcomes[:1])):
-        for place, outcome in enumerate(shown):
-            for number, label in enumerate(name for name in STATIC_MODELS if name in outcome.each):
-                yield panel(
-                    f"{anchor}-branches{place}{number}{over[0]}",
-                    f"{outcome.tests.motion}, {label}, over {over}",
-                    branches_figure(outcome.tests.tests, forces(outcome, outcome.each[label]), over=over),
-                    f"Thickness and mean of the loops against {over}, {outcome.tests.motion}, {label}",
-                )
+        for outcome in shown:
+            for label in (name for name in STATIC_MODELS if name in outcome.each):
+                motion = outcome.tests.motion
+                figure = branches_figure(outcome.tests.tests, forces(outcome, outcome.each[label]), over=over)
+                about = f"Thickness and mean of the loops against {over}, {motion}, {label}"
+                yield f"{motion}, {label}, over {over}", figure, about
 
 
-def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _ModelPart:
-    return _ModelPart(
-        label=model.label,
-        key=_key(outcomes, model),
-        panels=tuple(
-            panel(
-                f"{anchor}-{name}", name, parameter_figure(outcomes, model, name), f"{name} against current"
-            )
-            for name in model.free
+def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> dict[str, Any]:
+    return {
+        "label": model.label,
+        "key": _key(outcomes, model),
+        "panels": panels(
+            anchor,
+            (
+                (name, parameter_figure(outcomes, model, name), f"{name} against current")
+                for name in model.free
+            ),
         ),
-        tables=with_symbols(
+        "tables": with_symbols(
             table(outcome, outcome.each[model.label])
             for outcome in outcomes
             for table in (per_current_table, law_table)
         ),
-    )
+    }
 
 
-def _key(outcomes: list[SetOutcome], model: Model) -> tuple[Markup, ...]:
+def _key(outcomes: list[SetOutcome], model: Model) -> list[Markup | str]:
     """Meaning of the marks in a parameter's panel."""
-    lines = [
-        Markup('{}<span style="color:{}">{}</span>').format(
-            swatch(colour, "point"), colour, outcome.tests.motion
-        )
+    coloured = Markup('<span style="color:{}">{}</span>')
+    lines: list[Markup | str] = [
+        swatch(colour, "point", coloured.format(colour, outcome.tests.motion))
         for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False)
     ]
     lines += [
-        Markup("points: at each current, bars of one standard error; hollow: no standard error"),
-        Markup("{}polynomial through them").format(swatch(style.INK, "line")),
-        Markup("{}law identified jointly").format(swatch(style.INK, "dashed")),
+        "points: at each current, bars of one standard error; hollow: no standard error",
+        swatch(style.INK, "line", "polynomial through them"),
+        swatch(style.INK, "dashed", "law identified jointly"),
     ]
     if model == STATIC and outcomes[0].true_laws is not None:
-        lines.append(Markup("{}truth, published").format(swatch(style.RULE, "wide")))
-    return tuple(lines)
+        lines.append(swatch(style.RULE, "wide", "truth, published"))
+    return lines
