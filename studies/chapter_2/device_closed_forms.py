@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
@@ -20,18 +21,12 @@ _SHARP = 50.0
 _SLOW = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClosedForm:
-    """A figure of the loop and that of a formula."""
+ClosedForm = dict[str, Any]
+"""A figure of the loop and that of a formula, the relative deviation of the loop from it, and what the formula says."""
 
-    loop: float
-    formula: float
-    says: str
 
-    @property
-    def deviation(self) -> float:
-        """Relative deviation of the loop from the formula."""
-        return self.loop / self.formula - 1.0
+def _beside(loop: float, formula: float, says: str) -> ClosedForm:
+    return {"loop": loop, "formula": formula, "deviation": loop / formula - 1.0, "says": says}
 
 
 def closed_forms() -> dict[str, ClosedForm]:
@@ -59,7 +54,7 @@ def _friction_cycle(ratio: float) -> ClosedForm:
     amplitude = ratio * slip / brace
     loop = _damping_ratio(frame, amplitude)
     formula = 2.0 * slip * (amplitude - slip / brace) / (pi * _STIFFNESS * amplitude**2)
-    return ClosedForm(loop=loop, formula=formula, says="2 F_s (X - x_s) / (pi k X^2)")
+    return _beside(loop, formula, "2 F_s (X - x_s) / (pi k X^2)")
 
 
 def _yielding_cycle(ratio: float) -> ClosedForm:
@@ -75,7 +70,7 @@ def _yielding_cycle(ratio: float) -> ClosedForm:
     amplitude = ratio * displacement
     loop = _damping_ratio(frame, amplitude)
     formula = 2.0 * force * (1.0 - share) * (amplitude - displacement) / (pi * _STIFFNESS * amplitude**2)
-    return ClosedForm(loop=loop, formula=formula, says="2 (1 - r) F_y (X - x_y) / (pi k X^2)")
+    return _beside(loop, formula, "2 (1 - r) F_y (X - x_y) / (pi k X^2)")
 
 
 def _damping_ratio(frame: Building, amplitude: float) -> float:
@@ -110,7 +105,7 @@ def _bounding_slip_load() -> ClosedForm:
     while upper - lower > 0.01:
         middle = 0.5 * (lower + upper)
         lower, upper = (lower, middle) if is_bounded(middle) else (middle, upper)
-    return ClosedForm(loop=upper, formula=pi / 4.0, says="F_s = (pi / 4) m a_g (Den Hartog)")
+    return _beside(upper, pi / 4.0, "F_s = (pi / 4) m a_g (Den Hartog)")
 
 
 def _head_loss_cycle() -> ClosedForm:
@@ -119,10 +114,10 @@ def _head_loss_cycle() -> ClosedForm:
     frame = _storey()
     element = PassiveElement(name="orifice", row=frame.storeys[0], head_loss=loss)
     formula = 8.0 / 3.0 * loss * (2.0 * pi * _SLOW) ** 2 * amplitude**3
-    return ClosedForm(
-        loop=_damping_ratio(replace(frame, elements=(element,)), amplitude),
-        formula=formula / (4.0 * pi * 0.5 * _STIFFNESS * amplitude**2),
-        says="4 d omega^2 X / (3 pi k)",
+    return _beside(
+        _damping_ratio(replace(frame, elements=(element,)), amplitude),
+        formula / (4.0 * pi * 0.5 * _STIFFNESS * amplitude**2),
+        "4 d omega^2 X / (3 pi k)",
     )
 
 
@@ -146,7 +141,7 @@ def _column_optimum() -> dict[str, ClosedForm]:
     ).x
     names = ("liquid column, best frequency ratio", "liquid column, best damping ratio")
     return {
-        name: ClosedForm(loop=float(loop), formula=formula, says="Yalla, Kareem (2000)")
+        name: _beside(float(loop), formula, "Yalla, Kareem (2000)")
         for name, loop, formula in zip(names, found, published, strict=True)
     }
 

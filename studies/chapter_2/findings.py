@@ -61,10 +61,7 @@ class Chapter:
 def chapter_of(work: Work) -> Chapter:
     """Work everything out; the quick form tries few settings under one short motion, and has no measured motions."""
     work.say("closed forms")
-    forms = {
-        name: {"loop": form.loop, "formula": form.formula, "deviation": form.deviation, "says": form.says}
-        for name, form in closed_forms().items()
-    }
+    forms = closed_forms()
     bench = _Bench(work)
     families = {}
     for family in FAMILIES:

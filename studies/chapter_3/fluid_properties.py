@@ -17,7 +17,7 @@ FIELD = 150e3
 """Field of the columns of table 3.2 [A/m]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Range:
     """A remembered range of magnetorheological fluids in SI, and how table 3.1 prints it."""
 
@@ -30,17 +30,11 @@ class Range:
 
 
 RANGES = {
-    "yield stress": Range(
-        least=50e3, most=100e3, factor=1e-3, text="50 to 100", unit="kPa", electro="2 to 5 kPa"
-    ),
-    "plastic viscosity": Range(
-        least=0.1, most=1.0, factor=1.0, text="0.1 to 1", unit="Pa s", electro="0.1 to 1 Pa s"
-    ),
-    "density": Range(
-        least=3000.0, most=4000.0, factor=1e-3, text="3 to 4", unit="g/cm3", electro="1 to 2 g/cm3"
-    ),
+    "yield stress": Range(50e3, 100e3, 1e-3, "50 to 100", "kPa", "2 to 5 kPa"),
+    "plastic viscosity": Range(0.1, 1.0, 1.0, "0.1 to 1", "Pa s", "0.1 to 1 Pa s"),
+    "density": Range(3000.0, 4000.0, 1e-3, "3 to 4", "g/cm3", "1 to 2 g/cm3"),
     "viscosity over yield stress squared": Range(
-        least=1e-11, most=1e-10, factor=1.0, text="1e-11 to 1e-10", unit="s/Pa", electro="1e-8 to 1e-7 s/Pa"
+        1e-11, 1e-10, 1.0, "1e-11 to 1e-10", "s/Pa", "1e-8 to 1e-7 s/Pa"
     ),
 }
 _WORDS = (
@@ -70,8 +64,8 @@ def properties() -> dict[str, dict[str, float]]:
 def within(found: dict[str, dict[str, float]]) -> dict[str, int]:
     """For each range of table 3.1 the number of fluids of the package in it."""
     return {
-        name: sum(each.least <= fluid[name] <= each.most for fluid in found.values())
-        for name, each in RANGES.items()
+        name: sum(limits.least <= fluid[name] <= limits.most for fluid in found.values())
+        for name, limits in RANGES.items()
     }
 
 

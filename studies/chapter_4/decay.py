@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,24 +95,18 @@ def ending(found: Replicates, rule: StopRules) -> Ending:
 
 def rules(confidence: float) -> dict[str, StopRules]:
     """Rules that end a run, each alone: the literal hypothesis test, the test on the attainable error, and a stall."""
-    never = np.iinfo(np.int64).max
-    literal = StopRules(
-        max_generations=never,
+    none = StopRules(
+        max_generations=np.iinfo(np.int64).max,
         spread_tolerance=None,
-        confidence=confidence,
+        confidence=None,
         stall_generations=None,
         min_generations=1,
     )
-    stall = StopRules(max_generations=never, spread_tolerance=None, confidence=None, min_generations=1)
-    attainable = StopRules(
-        max_generations=never,
-        spread_tolerance=None,
-        confidence=confidence,
-        floor_share=1.0,
-        stall_generations=None,
-        min_generations=1,
-    )
-    return {LITERAL: literal, ATTAINABLE: attainable, STALL: stall}
+    return {
+        LITERAL: replace(none, confidence=confidence),
+        ATTAINABLE: replace(none, confidence=confidence, floor_share=1.0),
+        STALL: replace(none, stall_generations=StopRules().stall_generations),
+    }
 
 
 LITERAL, ATTAINABLE, STALL = "hypothesis test", "the same above the least error", "stall"

@@ -7,6 +7,7 @@ import re
 import time
 import zipfile
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -35,15 +36,8 @@ def keep(folder: Path, cell: Cell, found: Replicates) -> None:
     path = _path(folder, cell)
     unfinished = path.with_suffix(".part")
     with unfinished.open("wb") as file:
-        np.savez_compressed(
-            file,
-            fingerprint=np.array(fingerprint(cell)),
-            best=found.best,
-            evaluations=found.evaluations,
-            unit=found.unit,
-            spared=np.array(found.spared),
-            seconds=np.array(found.seconds),
-        )
+        parts = {field.name: np.asarray(getattr(found, field.name)) for field in fields(found)}
+        np.savez_compressed(file, fingerprint=np.array(fingerprint(cell)), **parts)
     unfinished.replace(path)
 
 
@@ -56,13 +50,8 @@ def recall(folder: Path, cell: Cell) -> Replicates | None:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
             if str(kept["fingerprint"]) != fingerprint(cell):
                 return None
-            return Replicates(
-                best=kept["best"],
-                evaluations=kept["evaluations"],
-                unit=kept["unit"],
-                spared=float(kept["spared"]),
-                seconds=float(kept["seconds"]),
-            )
+            parts = {field.name: kept[field.name] for field in fields(Replicates)}
+            return Replicates(**parts | {name: float(parts[name]) for name in ("spared", "seconds")})
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
         return None
 

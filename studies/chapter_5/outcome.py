@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.dampers import DamperSpec, LawName
 from mrwork.identification import Fit, free_run
+from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from studies.chapter_5.damper_tests import SIDE_M, STATIC_LAWS, TestSet
+from studies.common.command import Say
 
 Floats = NDArray[np.float64]
 
@@ -123,31 +125,37 @@ class LawComparison:
     joint: Laws
 
 
-def identify_each(
-    model: Model, tests: TestSet, *, search: EfficientGA, rng: int, on_progress: Callable[[str], None]
-) -> PerCurrent:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitting:
+    """How models are identified, and who is told."""
+
+    search: EfficientGA
+    rng: int
+    say: Say = lambda what: None
+
+    def fit(self, model: Model, spec: DamperSpec, tests: DamperTest | tuple[DamperTest, ...]) -> Fit:
+        """The model, or the model with its laws, identified from one test or all of them."""
+        return mr.identify(spec, tests, bounds=model.bounds, observe="none", search=self.search, rng=self.rng)
+
+
+def identify_each(model: Model, tests: TestSet, fitting: Fitting) -> PerCurrent:
     fits = []
     for test in tests.tests:
-        on_progress(f"{test.name}: {model.label}")
-        fits.append(
-            mr.identify(model.damper, test, bounds=model.bounds, observe="none", search=search, rng=rng)
-        )
+        fitting.say(f"{test.name}: {model.label}")
+        fits.append(fitting.fit(model, mr.damper(model.damper), test))
     return PerCurrent(model=model, currents=tests.currents, fits=tuple(fits))
 
 
-def compare_laws(
-    each: PerCurrent, tests: TestSet, *, search: EfficientGA, rng: int, on_progress: Callable[[str], None]
-) -> LawComparison:
+def compare_laws(each: PerCurrent, tests: TestSet, fitting: Fitting) -> LawComparison:
     model = each.model
-    on_progress(f"{tests.name}: {model.label}, all currents at once")
-    fit = mr.identify(model.spec, tests.tests, bounds=model.bounds, observe="none", search=search, rng=rng)
-    errors = [_or_nan(estimate.standard_error) for estimate in fit.estimates]
+    fitting.say(f"{tests.name}: {model.label}, all currents at once")
+    fit = fitting.fit(model, model.spec, tests.tests)
     return LawComparison(
         through=_laws_through(each, tests, weighted=False),
         weighted=_laws_through(each, tests, weighted=True),
         joint=Laws(
             coefficients=_by_parameter(model, fit.theta),
-            errors=_by_parameter(model, errors),
+            errors=_by_parameter(model, [_or_nan(estimate.standard_error) for estimate in fit.estimates]),
             rms_n=np.array([quality.rmse_n for quality in fit.quality]),
         ),
     )
@@ -221,23 +229,11 @@ class SetOutcome:
     true_laws: Laws | None
 
 
-def study_set(
-    tests: TestSet,
-    *,
-    models: tuple[Model, ...],
-    search: EfficientGA,
-    rng: int,
-    on_progress: Callable[[str], None],
-) -> SetOutcome:
+def study_set(tests: TestSet, models: tuple[Model, ...], fitting: Fitting) -> SetOutcome:
     """Identify every model at each current, and the laws of those that have them."""
-    each = {
-        model.label: identify_each(model, tests, search=search, rng=rng, on_progress=on_progress)
-        for model in models
-    }
+    each = {model.label: identify_each(model, tests, fitting) for model in models}
     laws = {
-        model.label: compare_laws(each[model.label], tests, search=search, rng=rng, on_progress=on_progress)
-        for model in models
-        if model in WITH_LAWS
+        model.label: compare_laws(each[model.label], tests, fitting) for model in models if model in WITH_LAWS
     }
     true = None if tests.coefficients is None else laws_of(STATIC, tests.coefficients, tests)
     return SetOutcome(tests=tests, each=each, laws=laws, true_laws=true)

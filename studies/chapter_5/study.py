@@ -18,7 +18,7 @@ import numpy as np
 
 from mrwork.search import EfficientGA
 from studies.chapter_5.damper_tests import measured_sets, synthetic_sets
-from studies.chapter_5.outcome import MODELS, WITH_LAWS, Laws, SetOutcome, study_set
+from studies.chapter_5.outcome import MODELS, WITH_LAWS, Fitting, Laws, SetOutcome, study_set
 from studies.chapter_5.page import write_page
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import as_numbers, compared, loops_table
@@ -66,10 +66,9 @@ def find(options: Namespace, say: Say) -> Findings:
     began = time.perf_counter()
     measured = measured_sets(damper_tests())
     skipped = "" if measured else absent("Skipped: the measured UTFSM tests are", damper_tests()) + "."
-    outcomes = [
-        study_set(tests, models=MODELS, search=EfficientGA(), rng=options.seed, on_progress=say)
-        for tests in (*synthetic_sets(seed=options.seed), *measured)
-    ]
+    fitting = Fitting(search=EfficientGA(), rng=options.seed, say=say)
+    sets = (*synthetic_sets(seed=options.seed), *measured)
+    outcomes = [study_set(tests, MODELS, fitting) for tests in sets]
     seconds = time.perf_counter() - began
     found = {outcome.tests.name: summary(outcome) for outcome in outcomes}
     report = options.out / "report.html"

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -78,13 +78,8 @@ BROKEN: tuple[tuple[float | Literal["hold"], str], ...] = (
 """Values of a broken sensor, and what they are called in the table."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """A fault and what came of it: an outcome with the score under El Centro at 0.3 g, or a refusal."""
-
-    fault: str
-    outcome: str
-    score: float | None = None
+Case = tuple[str, dict[str, Any]]
+"""A fault, and what came of it: an outcome with the score under El Centro at 0.3 g, or a refusal without one."""
 
 
 def cases(records: Path, tuned: Tuned) -> Iterator[Case]:
@@ -127,15 +122,15 @@ def _ran(over: Bench, fault: str, law: ControlLaw, tuned: Tuned, hardware: Hardw
     responses = simulate_loop(FRAME, [pair(tuned.largest_current)], law, over.motions, hardware, threads=1)
     outcome = Outcome(int(responses.outcome[-1])).name.lower()
     score = float(figures_of(over, responses).score[0, -1])
-    return Case(fault=fault, outcome=outcome, score=score if math.isfinite(score) else None)
+    return fault, {"outcome": outcome, "score": score if math.isfinite(score) else None}
 
 
 def _refused(fault: str, attempt: Callable[[], object]) -> Case:
     try:
         attempt()
     except MrworkError as error:
-        return Case(fault=fault, outcome=f"{type(error).__name__}: {error}")
-    return Case(fault=fault, outcome="not refused")
+        return fault, {"outcome": f"{type(error).__name__}: {error}", "score": None}
+    return fault, {"outcome": "not refused", "score": None}
 
 
 def _simulated(over: Bench, frame: Building, gain: np.ndarray | None = None) -> object:

@@ -16,7 +16,7 @@ from mrwork.control import control_laws
 from studies.chapter_6.baselines import baselines
 from studies.chapter_6.conditions import CONDITIONS, REFERENCE, cases, scores_under
 from studies.chapter_6.identified_damper import identified_damper
-from studies.chapter_6.published import QUANTITIES, PeakRow, causes, frequencies, motion_of, rounding, rows
+from studies.chapter_6.published import QUANTITIES, causes, frequencies, motion_of, rounding, rows
 from studies.chapter_6.thesis_findings import (
     CONSTANT,
     OFF,
@@ -154,16 +154,9 @@ def found_by(work: Work) -> dict[str, Any]:
     motion = motion_of(work.records)
     work.say("Dyke et al. 1996")
     found: dict[str, Any] = {
-        "frequencies": {
-            building.building: {
-                "hertz": list(building.found),
-                "stated": {str(mode): value for mode, value in building.stated.items()},
-                "deviation": building.deviation,
-            }
-            for building in frequencies()
-        },
-        "dyke": {row.label: _peaks(row) for row in rows(motion)},
-        "dyke_causes": {row.label: _peaks(row) for row in causes(motion)},
+        "frequencies": frequencies(),
+        "dyke": {row.label: row.numbers for row in rows(motion)},
+        "dyke_causes": {row.label: row.numbers for row in causes(motion)},
     }
     low, high = rounding(motion, 6 if work.quick else 100)
     found["dyke_rounding"] = {
@@ -171,10 +164,7 @@ def found_by(work: Work) -> dict[str, Any]:
         for name, least, most in zip(QUANTITIES, low, high, strict=False)
     }
     work.say("faults")
-    found["faults"] = {
-        case.fault: {"outcome": case.outcome, "score": case.score}
-        for case in cases(work.records, kept()["clipped_optimal"][-1])
-    }
+    found["faults"] = dict(cases(work.records, kept()["clipped_optimal"][-1]))
     found["five_storeys"] = five_storeys(over, work)
     if not work.quick:
         found["conditions"] = loop_conditions(over, work.say)
@@ -203,14 +193,3 @@ def _thesis(over: Bench, best: dict[str, Any], work: Work) -> dict[str, Any]:
     if not work.quick:
         found["chain"] = {"status": damper.status, "steps": damper.n_steps}
     return found
-
-
-def _peaks(row: PeakRow) -> dict[str, Any]:
-    names = QUANTITIES[: len(row.ours)]
-    return {
-        "ours": dict(zip(names, row.ours.tolist(), strict=True)),
-        "published": dict(zip(names, row.published.tolist(), strict=True)),
-        "deviation": dict(zip(names, row.deviations.tolist(), strict=True)),
-        "largest": float(np.abs(row.deviations).max()),
-        "energy_error": row.energy_error,
-    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,27 +26,18 @@ STATED: dict[str, dict[int, float]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Frequencies:
-    """Natural frequencies of one building [Hz]; `deviation` is the largest relative one, `None` if none is stated."""
-
-    building: str
-    found: tuple[float, ...]
-    stated: dict[int, float]
-
-    @property
-    def deviation(self) -> float | None:
-        """Largest relative deviation from the stated frequencies."""
-        if not self.stated:
-            return None
-        return max(abs(self.found[mode - 1] / value - 1.0) for mode, value in self.stated.items())
-
-
-def frequencies() -> Iterator[Frequencies]:
-    """Frequencies of every published building."""
-    for each in buildings():
-        found = tuple(float(value) for value in each.frequencies)
-        yield Frequencies(building=each.name, found=found, stated=STATED.get(each.name, {}))
+def frequencies() -> dict[str, dict[str, Any]]:
+    """Frequencies of every published building [Hz], and the largest relative deviation from those that are stated."""
+    found = {}
+    for published in buildings():
+        ours, stated = published.frequencies.tolist(), STATED.get(published.name, {})
+        deviations = [abs(ours[mode - 1] / value - 1.0) for mode, value in stated.items()]
+        found[published.name] = {
+            "hertz": ours,
+            "stated": {str(mode): value for mode, value in stated.items()},
+            "deviation": max(deviations, default=None),
+        }
+    return found
 
 
 Floats = NDArray[np.float64]
@@ -84,6 +76,18 @@ class PeakRow:
     def deviations(self) -> Floats:
         """Ours over published, less 1."""
         return self.ours / self.published - 1.0
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """What the study finds of the row."""
+        columns = {"ours": self.ours, "published": self.published, "deviation": self.deviations}
+        return {
+            **{
+                name: dict(zip(QUANTITIES, column.tolist(), strict=False)) for name, column in columns.items()
+            },
+            "largest": float(np.abs(self.deviations).max()),
+            "energy_error": self.energy_error,
+        }
 
 
 def motion_of(records: Path) -> GroundMotion:

@@ -11,20 +11,24 @@ import pytest
 import mrwork as mr
 from mrwork.search import EfficientGA, StopRules
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, measured_sets, synthetic_sets
-from studies.chapter_5.outcome import STATIC, PerCurrent, SetOutcome, identify_each, laws_of, study_set
+from studies.chapter_5.outcome import (
+    STATIC,
+    Fitting,
+    PerCurrent,
+    SetOutcome,
+    identify_each,
+    laws_of,
+    study_set,
+)
 from studies.chapter_5.page import write_page
 from studies.chapter_5.tables import per_current_table
 from studies.chapter_5.thickness_and_mean import compared, loops_table
 
-SEARCH = EfficientGA(population=40, stop=StopRules(max_generations=40))
+FITTING = Fitting(search=EfficientGA(population=40, stop=StopRules(max_generations=40)), rng=1)
 # Three are the fewest that a quadratic law can be found from.
 CURRENTS = (0.5, 1.0, 1.5)
 # The RMS of n white samples scatters by 1/sqrt(2 n), 2.2 % for the thousand here.
 SCATTER = 0.1
-
-
-def quiet(_: str) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +38,7 @@ def sets() -> tuple[TestSet, ...]:
 
 @pytest.fixture(scope="module")
 def static(sets: tuple[TestSet, ...]) -> SetOutcome:
-    return study_set(sets[0], models=(STATIC,), search=SEARCH, rng=1, on_progress=quiet)
+    return study_set(sets[0], (STATIC,), FITTING)
 
 
 def test_the_true_model_is_recovered_at_each_current(static: SetOutcome) -> None:
@@ -68,7 +72,7 @@ def test_a_law_of_as_many_numbers_as_currents_passes_through_the_values(static: 
 
 def test_a_damper_that_the_model_is_not_leaves_more_than_the_noise(sets: tuple[TestSet, ...]) -> None:
     largest = replace(sets[1], tests=sets[1].tests[-1:])
-    each = identify_each(STATIC, largest, search=SEARCH, rng=1, on_progress=quiet)
+    each = identify_each(STATIC, largest, FITTING)
     assert np.all(each.rms_n > (1.0 + SCATTER) * FORCE_NOISE_N)
 
 
