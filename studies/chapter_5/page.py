@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import mrwork as mr
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, branches_figure, finish, style, write_study_page
+from mrwork.report import SMALL, WIDE, draw_points, finish, style, write_study_page
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
+from studies.chapter_5.loop_branches import Abscissa, branches
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
@@ -110,6 +112,37 @@ def rms_figure(axes: Axes, outcome: SetOutcome) -> None:
     axes.set_ylim(0.0, 1.5 * max(float(fits.rms_n.max()) for fits in outcome.each.values()))
     axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=1)
     finish(axes, "RMS error (N)", "Current (A)")
+
+
+@style.drawn_in_style()
+def branches_figure(tests: Sequence[mr.DamperTest], forces: Sequence[Floats], over: Abscissa) -> Figure:
+    """Thickness of the loops of tests of a damper, and the mean of their branches.
+
+    Points are means over the cycles of a test, in a band of one standard deviation of a cycle; lines are the `forces`
+    of a model on the motions of the tests.
+    """
+    figure = Figure(figsize=(style.PANEL_WIDTH, 6.2), layout="constrained")
+    rows = figure.subplots(2, 1, sharex=True)
+    loops = [branches(test, over=over) for test in tests]
+    unit = style.force_unit(max(float(np.abs(loop.mean).max()) for loop in loops))
+    for axes, quantity, title in zip(
+        rows, ("thickness", "mean"), ("Thickness", "Mean of the branches"), strict=True
+    ):
+        for number, (test, loop, force) in enumerate(zip(tests, loops, forces, strict=True)):
+            tone = to_hex(style.TONES(number / max(len(tests) - 1, 1)))
+            cycles = unit.factor * getattr(loop, quantity)
+            mean, deviation, at = cycles.mean(axis=0), cycles.std(axis=0, ddof=1), 1e3 * loop.abscissa
+            axes.fill_between(at, mean - deviation, mean + deviation, color=tone, alpha=0.25, linewidth=0)
+            draw_points(axes, at[::2], mean[::2], size=3.0, colour=tone)
+            model = branches(test, over=over, force=force)
+            modelled = unit.factor * getattr(model, quantity).mean(axis=0)
+            name = f"{test.current:g} A"
+            axes.plot(1e3 * model.abscissa, modelled, color=tone, linewidth=1.2, label=name)
+        finish(axes, f"{title} ({unit.symbol})")
+        axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
+    rows[1].set_xlabel("Velocity (mm/s)" if over == "velocity" else "Displacement (mm)")
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
 
 
 def _limit(axes: Axes, values: Floats) -> None:

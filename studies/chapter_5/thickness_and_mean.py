@@ -1,6 +1,6 @@
 """Thickness and mean of the loops over the velocity: figures 5.6 and 5.7 of the thesis in form.
 
-Both are those of `mr.records.branches`, of the test and of the model identified at its current, on the same motion.
+Both are those of `branches`, of the test and of the model identified at its current, on the same motion.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.identification import free_run
-from mrwork.records import Branches, branches
 from mrwork.report import Table, numbers
 from studies.chapter_5.damper_tests import Floats
+from studies.chapter_5.loop_branches import Branches, branches
 from studies.chapter_5.outcome import WITH_LAWS, PerCurrent, SetOutcome
 
 STATIC_MODELS = tuple(model.label for model in WITH_LAWS)

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from mrwork.buildings import ModeEstimate, fourier_peak, logarithmic_decrement, shear_building
+from mrwork.buildings import shear_building
 from mrwork.motions import ricker
+from studies.chapter_7.free_vibration import ModeEstimate, fourier_peak, logarithmic_decrement
 from studies.chapter_7.virtual_rig import (
     FRAME,
     NO_DAMPER,

@@ -1,4 +1,4 @@
-"""Figures of fits, of branches of loops and of effects of parameters: true to the data, legible, no side effects."""
+"""Figures of fits and of effects of parameters: true to the data, legible, no side effects."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import StoredRun
 from mrwork.identification.fit import SearchTrace
-from mrwork.records import branches
-from mrwork.report import branches_figure, figures, parameter_effects_figure, style
+from mrwork.report import figures, parameter_effects_figure, style
 from mrwork.report.canvas import inline_svg, svg_bytes
 from mrwork.report.figures import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
@@ -288,36 +287,6 @@ def test_a_name_is_drawn_as_text() -> None:
     svg = inline_svg(figures.force_history(comparison(name)), identifier="f", description="")
     assert f">{html.escape(name)}</text>" in svg
     assert svg_bytes(figures.hysteresis_loops(comparison(name)))
-
-
-TEST = mr.synthetic_test("rd1005_1a")
-
-
-@pytest.mark.parametrize("over", ["velocity", "displacement"])
-def test_the_panels_are_thickness_and_mean_of_test_and_model(over: str) -> None:
-    force = 0.5 * TEST.force
-    figure = branches_figure([TEST], [force], over=over)
-    loop, model = branches(TEST, over=over), branches(TEST, over=over, force=force)
-    for axes, quantity in zip(figure.axes, ("thickness", "mean"), strict=True):
-        points, line = axes.lines[0].get_xydata(), axes.lines[1].get_xydata()
-        np.testing.assert_allclose(points.T[1], getattr(loop, quantity).mean(axis=0)[::2])
-        np.testing.assert_allclose(line.T[0], 1e3 * model.abscissa)
-        np.testing.assert_allclose(line.T[1], getattr(model, quantity).mean(axis=0))
-        band = axes.collections[0].get_paths()[0].vertices
-        deviation = getattr(loop, quantity).std(axis=0, ddof=1)
-        assert np.ptp(band[:, 1]) >= np.ptp(points.T[1]) + deviation.min()
-
-
-def test_tests_are_named_by_their_command_in_tones_of_their_own() -> None:
-    tests = [replace(TEST, current=current) for current in (0.0, 0.5, None)]
-    legend = branches_figure(tests).legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["0 A", "0.5 A", TEST.name]
-    assert len({line.get_color() for line in legend.get_lines()}) == 3
-
-
-def test_branches_that_cannot_be_drawn_are_refused(refused: Refused) -> None:
-    refused(branches_figure, [])
-    refused(branches_figure, [TEST], [TEST.force, TEST.force])
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in mr.damper_models()])

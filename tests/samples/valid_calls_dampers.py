@@ -113,7 +113,7 @@ def simulation_calls(_: Path) -> Calls:
 
 def record_calls(files: Path) -> Calls:
     """Damper tests, read, built and repaired."""
-    test, harmonic = small_test(), mr.synthetic_test("spencer1997")
+    test = small_test()
 
     def record() -> Path:
         path = files / "rig.csv"
@@ -152,13 +152,6 @@ def record_calls(files: Path) -> Calls:
         mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=np.full(test.n_time, 0.5)
     )
     yield call(test.part, first=2, last=100, every=2)
-    yield call(records.branches, test=harmonic, over="displacement", force=harmonic.force, points=21)
-    yield call(
-        mr.report.branches_figure,
-        tests=[harmonic, harmonic],
-        forces=[harmonic.force, harmonic.force],
-        over="displacement",
-    )
     yield call(records.cut, test=test, start=0.1, end=1.5, every=2)
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
     yield call(records.observed, test=test, observe=["average=0.02", "gain=1.1"])

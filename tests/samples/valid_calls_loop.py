@@ -13,8 +13,6 @@ import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.linear.plant import Outputs
 
-_FREE = np.exp(-0.3 * np.linspace(0.0, 10.0, 2000)) * np.cos(20.0 * np.linspace(0.0, 10.0, 2000))
-
 
 def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:
     return np.abs(sample.rate)
@@ -142,17 +140,6 @@ def buildings_calls(_: Path) -> Calls:
         tuning="sadek",
         mode=1,
         name="tuned",
-    )
-    yield call(of.fourier_peak, signal=_FREE, dt=0.005, band=(1.0, 6.0))
-    yield call(of.logarithmic_decrement, signal=_FREE, dt=0.005, band=(1.0, 6.0), smallest=0.05)
-    yield call(
-        of.mode_estimate,
-        method="fourier",
-        omega=6.0,
-        omega_error=0.1,
-        decay=0.1,
-        decay_error=0.01,
-        n_extremes=3,
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 import mrwork as mr
 from mrwork.search import EfficientGA, StopRules
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, measured_sets, synthetic_sets
+from studies.chapter_5.loop_branches import branches
 from studies.chapter_5.outcome import (
     STATIC,
     Fitting,
@@ -20,7 +21,7 @@ from studies.chapter_5.outcome import (
     laws_of,
     study_set,
 )
-from studies.chapter_5.page import write_page
+from studies.chapter_5.page import branches_figure, write_page
 from studies.chapter_5.tables import per_current_table
 from studies.chapter_5.thickness_and_mean import compared, loops_table
 
@@ -108,6 +109,23 @@ def test_loops_of_a_wrong_model_differ_by_more(static: SetOutcome) -> None:
     # The middle one is in its place.
     assert np.all(missed["thickness"][[0, 2]] > 0.2)
     assert np.all(missed["mean"][[0, 2]] > 0.2)
+
+
+@pytest.mark.parametrize("over", ["velocity", "displacement"])
+def test_the_panels_are_thickness_and_mean_of_test_and_model(over: str) -> None:
+    test = replace(mr.synthetic_test("rd1005_1a"), current=1.0)
+    force = 0.5 * test.force
+    figure = branches_figure([test], [force], over)
+    loop, model = branches(test, over=over), branches(test, over=over, force=force)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [f"{test.current:g} A"]
+    for axes, quantity in zip(figure.axes, ("thickness", "mean"), strict=True):
+        points, line = axes.lines[0].get_xydata(), axes.lines[1].get_xydata()
+        np.testing.assert_allclose(points.T[1], getattr(loop, quantity).mean(axis=0)[::2])
+        np.testing.assert_allclose(line.T[0], 1e3 * model.abscissa)
+        np.testing.assert_allclose(line.T[1], getattr(model, quantity).mean(axis=0))
+        band = axes.collections[0].get_paths()[0].vertices
+        deviation = getattr(loop, quantity).std(axis=0, ddof=1)
+        assert np.ptp(band[:, 1]) >= np.ptp(points.T[1]) + deviation.min()
 
 
 def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(static: SetOutcome, tmp_path: Path) -> None:

@@ -5,9 +5,6 @@ from .additions import with_modal_damping as with_modal_damping
 from .additions import with_rayleigh_coefficients as with_rayleigh_coefficients
 from .additions import with_rayleigh_damping as with_rayleigh_damping
 from .additions import with_viscous_damper as with_viscous_damper
-from .free_vibration import fourier_peak as fourier_peak
-from .free_vibration import logarithmic_decrement as logarithmic_decrement
-from .free_vibration import mode_estimate as mode_estimate
 from .from_file import read_building as read_building
 from .matrices import Building as Building
 from .passive_devices import with_friction_damper as with_friction_damper
@@ -30,7 +27,6 @@ from .state_space import read_system as read_system
 from .state_space import system_of as system_of
 
 if True:  # the lower tier
-    from .free_vibration import ModeEstimate as ModeEstimate
     from .matrices import PassiveElement as PassiveElement
     from .passive_devices import TUNINGS as TUNINGS
     from .passive_devices import column_length as column_length

@@ -2,7 +2,6 @@ from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
 from .damper_test import OperatingRange as OperatingRange
-from .loop_branches import branches as branches
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
@@ -20,6 +19,6 @@ if True:  # the lower tier
     from .damper_test import Outside as Outside
     from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
-    from .loop_branches import Branches as Branches
+    from .motion import regular_cycles as regular_cycles
     from .rig_table import ListedTest as ListedTest
     from .smoothing import detect_smoothing as detect_smoothing
