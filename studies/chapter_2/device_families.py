@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.dampers import LawName
+from studies.common.damper import driven
 from studies.common.frame import DRIVER_RATE, FRAME, LARGEST_CURRENT, actuator, pair, regulators
 
 Floats = NDArray[np.float64]
@@ -242,26 +242,10 @@ def _told(frame: Building, storey: str, *, damping: float | None = None) -> Buil
     return replace(frame, elements=(*frame.elements, element))
 
 
-# Laws of the command by the number of their coefficients.
-_LAWS: dict[int, LawName] = {2: "linear", 3: "exponential"}
-
-
 def _valve(frame: Building, storey: str, model: str, **parameters: float | tuple[float, ...]) -> mr.Device:
     """A device whose parameter with coefficients follows a command from 0 to 1, behind the lag of the driver."""
-    plain = mr.damper(model)
-    laws = {name: _LAWS[len(value)] for name, value in parameters.items() if isinstance(value, tuple)}
-    spec = plain.with_current_laws(laws, unit="V", lagged=True)
-    theta: list[float] = []
-    for parameter in plain.parameters:
-        value = parameters.get(parameter.name, 0.0)
-        theta += value if isinstance(value, tuple) else [value]
-    return mr.Device(
-        name=storey,
-        spec=spec,
-        theta=[*theta, DRIVER_RATE],
-        row=frame.storey_row(storey),
-        largest_command=1.0,
-    )
+    spec, theta = driven(model, parameters, unit="V", rate=DRIVER_RATE, of_three="exponential")
+    return mr.Device(name=storey, spec=spec, theta=theta, row=frame.storey_row(storey), largest_command=1.0)
 
 
 def _pair(frame: Building, storey: str, share: float) -> mr.Device:

@@ -10,7 +10,6 @@ from scipy import stats
 
 from mrwork.search import StopRules
 from studies.chapter_4.search_cells import Floats, Integers, Replicates
-from studies.chapter_4.termination import expected_termination
 
 # Share of the attainable decay that is done at the level: our definition of the 95 % error level.
 LEVEL = 0.95
@@ -110,30 +109,6 @@ def rules(confidence: float) -> dict[str, StopRules]:
 
 
 LITERAL, ATTAINABLE, STALL = "hypothesis test", "the same above the least error", "stall"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Expectation:
-    """Terminating generation expected from the decay of the mean error, and from that of each run.
-
-    `likelihood` is the probability of exactly that generation; `own` has the expected generation of each run, `nan`
-    where a decay cannot be fitted.
-    """
-
-    generation: float
-    likelihood: float
-    own: Floats
-
-
-def expectation(found: Replicates, confidence: float) -> Expectation:
-    """Fit the decays of a cell over all generations."""
-    generation, likelihood = expected_termination(found.best.mean(axis=0), confidence)
-    own = [expected_termination(trace, confidence).generation for trace in found.best]
-    return Expectation(
-        generation=np.nan if generation is None else generation,
-        likelihood=likelihood,
-        own=np.array([np.nan if each is None else each for each in own]),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

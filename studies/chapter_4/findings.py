@@ -15,13 +15,13 @@ from studies.chapter_4.decay import (
     ending,
     error_level,
     evaluations_to,
-    expectation,
     expected_evaluations,
     holm,
     rules,
 )
 from studies.chapter_4.search_cells import Cell, Floats, Replicates
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, ComparisonSettings, Model
+from studies.chapter_4.termination import expected_termination
 from studies.chapter_5.damper_tests import TestSet
 
 # Of a run in twenty on either side.
@@ -146,7 +146,8 @@ def _trial(trial: Trial, confidence: float) -> TrialFinding:
 
 
 def _search(runs: Replicates, level: float, confidence: float) -> SearchFinding:
-    expected = expectation(runs, confidence)
+    expected = expected_termination(runs.best.mean(axis=0), confidence)
+    own = [expected_termination(trace, confidence).generation for trace in runs.best]
     cost = evaluations_to(runs, level)
     # Of infinite costs a median between two of them would be no number.
     median = float(np.quantile(cost, 0.5, method="inverted_cdf"))
@@ -157,9 +158,9 @@ def _search(runs: Replicates, level: float, confidence: float) -> SearchFinding:
         evaluations=float(runs.evaluations[:, -1].mean()),
         reaching=expected_evaluations(runs, level),
         median_reaching=median,
-        expected_generation=expected.generation,
+        expected_generation=np.nan if expected.generation is None else expected.generation,
         likelihood=expected.likelihood,
-        own_generation=_quantiles(expected.own[np.isfinite(expected.own)]),
+        own_generation=_quantiles([generation for generation in own if generation is not None]),
         rules={name: _rule(runs, name, confidence) for name in rules(confidence)},
         spared=runs.spared,
         seconds=runs.seconds,
@@ -177,7 +178,7 @@ def _rule(runs: Replicates, name: str, confidence: float) -> RuleFinding:
     )
 
 
-def _quantiles(values: Floats) -> tuple[float, ...]:
-    if not values.size:
+def _quantiles(values: Floats | Sequence[float]) -> tuple[float, ...]:
+    if not len(values):
         return (np.nan,) * len(QUANTILES)
     return tuple(float(value) for value in np.quantile(values, QUANTILES))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.dampers import DamperSpec, LawName
 from mrwork.records import AS_IT_IS, DamperTest, build_damper_test, cut, observed
+from studies.common.damper import driven
 
 Floats = NDArray[np.float64]
 
@@ -42,12 +43,8 @@ RD_1005_3: dict[str, tuple[float, ...]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Element:
-    """A model with current laws and its coefficients, shape (n_params,)."""
-
-    spec: DamperSpec
-    theta: Floats
+Element = tuple[DamperSpec, Floats]
+"""A model with current laws and its coefficients, shape (n_params,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,9 +79,7 @@ class TestSet:
 
 def rd_1005_3() -> tuple[Element, ...]:
     """The static hysteretic model with the published polynomials."""
-    spec = mr.damper("static_hysteretic").with_current_laws(STATIC_LAWS)
-    coefficients = [value for name in mr.damper(spec.name).names for value in RD_1005_3[name]]
-    return (Element(spec=spec, theta=np.array(coefficients)),)
+    return (driven("static_hysteretic", RD_1005_3),)
 
 
 def two_stage() -> tuple[Element, ...]:
@@ -92,25 +87,16 @@ def two_stage() -> tuple[Element, ...]:
 
     Our own numbers, of the size of the RD-1005-3.
     """
-    bouc_wen = mr.damper("normalised_bouc_wen").with_current_laws({"c": "linear", "k_w": "quadratic"})
-    dahl = mr.damper("dahl").with_current_laws({"k_w": "linear"})
-    sharp = dict.fromkeys(bouc_wen.names, 0.0) | {
-        "c.0": 1200.0,
-        "c.1": 1500.0,
+    sharp = {
+        "c": (1200.0, 1500.0),
         "k": 1500.0,
         "x0": -0.02,
-        "k_w.0": 40.0,
-        "k_w.1": 800.0,
-        "k_w.2": -220.0,
+        "k_w": (40.0, 800.0, -220.0),
         "rho": 4000.0,
         "sigma": 0.8,
         "n": 1.3,
     }
-    broad = dict.fromkeys(dahl.names, 0.0) | {"k_w.0": 40.0, "k_w.1": 300.0, "rho": 150.0}
-    return (
-        Element(spec=bouc_wen, theta=np.array([sharp[name] for name in bouc_wen.names])),
-        Element(spec=dahl, theta=np.array([broad[name] for name in dahl.names])),
-    )
+    return driven("normalised_bouc_wen", sharp), driven("dahl", {"k_w": (40.0, 300.0), "rho": 150.0})
 
 
 def synthetic_sets(
@@ -159,7 +145,7 @@ def _synthetic_test(
         command=current,
         command_unit="A",
     )
-    force = sum(mr.simulate_force(element.spec, element.theta, loading) for element in elements)
+    force = sum(mr.simulate_force(spec, theta, loading) for spec, theta in elements)
     return build_damper_test(
         name=name,
         time=time,

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +66,12 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
+def _every(**values: Iterable[float]) -> Iterator[Settings]:
+    """Every combination of the values of each setting, those of the last changing fastest."""
+    for chosen in product(*values.values()):
+        yield dict(zip(values, map(_rounded, chosen), strict=True))
+
+
 def _regulators(steps: int = 13, reach: float = 4.0) -> Iterator[Settings]:
     for weighed, middle in _WEIGHED:
         for exponent in np.linspace(-reach, reach, steps):
@@ -80,74 +86,49 @@ def _clipped() -> Iterator[Settings]:
 def _lyapunov() -> Iterator[Settings]:
     """Diagonals of Q_P: displacements against velocities, lower floors against upper, and drawn ones."""
     yield {}
+    weights = []
     # A displacement beside a velocity counts as the square of the first natural frequency.
     for ratio, slope in product((0.0, 0.1, 1.0, 10.0, 1e3), (-1.0, 0.0, 1.0, 3.0)):
         floors = np.arange(1.0, 6.0) ** slope
-        weight = np.concatenate([ratio * 355.0 * floors, floors])
-        yield {"state_weight": tuple(_rounded(value) for value in weight)}
+        weights.append(np.concatenate([ratio * 355.0 * floors, floors]))
     rng = np.random.default_rng(6)
-    for exponents in rng.uniform(-2.0, 2.0, (60, 10)):
-        weight = 10.0**exponents * np.repeat([355.0, 1.0], 5)
+    weights += [
+        10.0**exponents * np.repeat([355.0, 1.0], 5) for exponents in rng.uniform(-2.0, 2.0, (60, 10))
+    ]
+    for weight in weights:
         yield {"state_weight": tuple(_rounded(value) for value in weight)}
 
 
-def _proportional() -> Iterator[Settings]:
-    for slope in np.geomspace(1e-6, 1.0, 25):
-        yield {"slope": _rounded(slope)}
-    for slope, control_weight in product(np.geomspace(1e-6, 1e2, 17), (1e-8, 1e-7, 1e-6, 1e-5)):
-        yield {"slope": _rounded(slope), "control_weight": control_weight}
-
-
-def _sliding() -> Iterator[Settings]:
-    for peak, bandwidth in product(np.geomspace(0.02, 10.0, 14), (10.0, 30.0, 100.0, 180.0)):
-        yield {"peak_acceleration": _rounded(peak), "bandwidth": bandwidth, "largest_force": 2000.0}
-
-
-def _adaptive() -> Iterator[Settings]:
-    for peak, bandwidth, force in product(
-        np.geomspace(0.02, 5.0, 8), (10.0, 50.0, 150.0), (300.0, 1000.0, 3000.0)
-    ):
-        yield {"peak_acceleration": _rounded(peak), "bandwidth": bandwidth, "largest_force": force}
-
-
-def _super_twisting() -> Iterator[Settings]:
-    for peak, frequency in product(np.geomspace(1e-3, 10.0, 14), (0.2, 1.0, 5.0, 20.0)):
-        yield {"peak_acceleration": _rounded(peak), "frequency": frequency, "largest_force": 2000.0}
-
-
-def _friction() -> Iterator[Settings]:
-    for slope in np.geomspace(2e4, 2e7, 25):
-        yield {"slope": _rounded(slope)}
-
-
-def _fuzzy() -> Iterator[Settings]:
-    for deformation, rate in product(np.geomspace(5e-4, 0.5, 10), np.geomspace(1e-3, 1.0, 10)):
-        yield {"deformation": _rounded(deformation), "rate": _rounded(rate)}
-
-
-def _network() -> Iterator[Settings]:
-    for settings in _regulators():
-        yield {**settings, "amplitude": 0.01, "velocity": 0.25}
-
-
-_GRIDS: dict[str, Callable[[], Iterator[Settings]]] = {
-    "clipped_optimal": _regulators,
-    "modified_clipped_optimal": _clipped,
-    "proportional_clipped_optimal": _clipped,
-    "lyapunov": _lyapunov,
-    "modulated_homogeneous_friction": _friction,
-    "sliding_mode": _sliding,
-    "adaptive_sliding_mode": _adaptive,
-    "super_twisting": _super_twisting,
-    "fuzzy": _fuzzy,
-    "lyapunov_direct": _lyapunov,
-    "lyapunov_parabola": _lyapunov,
-    "lyapunov_direct_bang_bang": _lyapunov,
-    "proportional_direct": _proportional,
-    "inverse_direct": _regulators,
-    "inverse_parabola": _regulators,
-    "inverse_network": _network,
-    "active": _regulators,
+_GRIDS: dict[str, Callable[[], Iterable[Settings]]] = {
+    **dict.fromkeys(("clipped_optimal", "inverse_direct", "inverse_parabola", "active"), _regulators),
+    **dict.fromkeys(("modified_clipped_optimal", "proportional_clipped_optimal"), _clipped),
+    **dict.fromkeys(
+        ("lyapunov", "lyapunov_direct", "lyapunov_parabola", "lyapunov_direct_bang_bang"), _lyapunov
+    ),
+    "modulated_homogeneous_friction": lambda: _every(slope=np.geomspace(2e4, 2e7, 25)),
+    "sliding_mode": lambda: _every(
+        peak_acceleration=np.geomspace(0.02, 10.0, 14),
+        bandwidth=(10.0, 30.0, 100.0, 180.0),
+        largest_force=[2000.0],
+    ),
+    "adaptive_sliding_mode": lambda: _every(
+        peak_acceleration=np.geomspace(0.02, 5.0, 8),
+        bandwidth=(10.0, 50.0, 150.0),
+        largest_force=(300.0, 1000.0, 3000.0),
+    ),
+    "super_twisting": lambda: _every(
+        peak_acceleration=np.geomspace(1e-3, 10.0, 14),
+        frequency=(0.2, 1.0, 5.0, 20.0),
+        largest_force=[2000.0],
+    ),
+    "fuzzy": lambda: _every(deformation=np.geomspace(5e-4, 0.5, 10), rate=np.geomspace(1e-3, 1.0, 10)),
+    "proportional_direct": lambda: chain(
+        _every(slope=np.geomspace(1e-6, 1.0, 25)),
+        _every(slope=np.geomspace(1e-6, 1e2, 17), control_weight=(1e-8, 1e-7, 1e-6, 1e-5)),
+    ),
+    "inverse_network": lambda: (
+        {**settings, "amplitude": 0.01, "velocity": 0.25} for settings in _regulators()
+    ),
 }
 
 

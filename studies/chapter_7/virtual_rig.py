@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
 from mrwork.motions import ShakeTable
+from studies.common.damper import driven
 
 Floats = NDArray[np.float64]
 
@@ -120,40 +121,27 @@ def rd_1005_3() -> mr.Device:
 
 def other_damper() -> mr.Device:
     """A Bouc-Wen damper of like size, which the static hysteretic model does not contain; the numbers are ours."""
-    spec = mr.damper("normalised_bouc_wen").with_current_laws(
-        {"c": "linear", "k_w": "quadratic"}, unit="A", lagged=True
-    )
     coefficients = {
-        "c.0": 1200.0,
-        "c.1": 1500.0,
+        "c": (1200.0, 1500.0),
         "k": 4000.0,
         "x0": -0.014,
-        "k_w.0": 40.0,
-        "k_w.1": 900.0,
-        "k_w.2": -230.0,
+        "k_w": (40.0, 900.0, -230.0),
         "rho": 1500.0,
         "sigma": 0.8,
         "n": 1.3,
     }
-    return mr.Device(
-        name="Bouc-Wen damper",
-        spec=spec,
-        theta=[*(coefficients[name] for name in spec.names[:-1]), DRIVER_RATE],
-        row=FRAME.storeys[0],
-        largest_command=LARGEST_CURRENT,
-    )
+    return _device("Bouc-Wen damper", *driven("normalised_bouc_wen", coefficients, rate=DRIVER_RATE))
 
 
 def damper_of(theta: object, *, rate: float) -> mr.Device:
     """One damper between table and frame: coefficients of its current laws, and the rate of its driver [1/s]."""
     spec = mr.damper("static_hysteretic").with_current_laws(LAWS, unit="A", lagged=True)
-    return mr.Device(
-        name="RD-1005-3",
-        spec=spec,
-        theta=np.append(np.asarray(theta, dtype=np.float64), rate),
-        row=FRAME.storeys[0],
-        largest_command=LARGEST_CURRENT,
-    )
+    return _device("RD-1005-3", spec, np.append(np.asarray(theta, dtype=np.float64), rate))
+
+
+def _device(name: str, spec: mr.DamperSpec, theta: Floats) -> mr.Device:
+    row = FRAME.storeys[0]
+    return mr.Device(name=name, spec=spec, theta=theta, row=row, largest_command=LARGEST_CURRENT)
 
 
 def signals_of(
