@@ -6,11 +6,11 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from mrwork.report import SMALL, WIDE, finish, style, write_study_page
+from mrwork.report import SMALL, WIDE, finish, style
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, Judged
 from studies.chapter_2.tables import SETS, findings, tables
-from studies.common.page import drawn, finish_loop, panels
+from studies.common.page import drawn, finish_loop, panels, write_chapter_page
 
 _TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
 # The setting over which a passive device is drawn, where it is one number.
@@ -68,8 +68,8 @@ def write_page(chapter: Chapter, path: Path) -> None:
     """Write figures and tables, a section for each part."""
     families = chapter.families
     sets = [name for name in SETS if name in next(iter(families.values())).figures]
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
         tables=tables(chapter.found),
         trades=panels(

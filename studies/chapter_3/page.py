@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from mrwork.dampers import design
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, Panel, cross_section_figure, finish, style, write_study_page
+from mrwork.report import SMALL, WIDE, Panel, cross_section_figure, finish, style
 from studies.chapter_3.findings import Chapter
 from studies.chapter_3.fluid_properties import FIELD
 from studies.chapter_3.models_on_one_test import MODELS, SHOWN_TEST
@@ -19,7 +19,7 @@ from studies.chapter_3.sized_frame import SizedFrame
 from studies.chapter_3.sized_front import front_figure
 from studies.chapter_3.slot_flow import STRESSES, errors
 from studies.chapter_3.tables import tables
-from studies.common.page import TONES, drawn, panels, tested_points
+from studies.common.page import TONES, drawn, panels, tested_points, write_chapter_page
 
 Floats = NDArray[np.float64]
 
@@ -118,8 +118,8 @@ def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
             ),
         ),
     )
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
         skipped=skipped,
         tables=tables(chapter.found),

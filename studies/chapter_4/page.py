@@ -11,14 +11,22 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, finish, style, write_study_page
+from mrwork.report import SMALL, WIDE, finish, style
 from studies.chapter_4.decay import at_budget, evaluations_to
 from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFinding
 from studies.chapter_4.search_cells import Floats
 from studies.chapter_4.search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
-from studies.common.page import drawn, finish_loop, panels, sentence_case, swatch, tested_points
+from studies.common.page import (
+    drawn,
+    finish_loop,
+    panels,
+    sentence_case,
+    swatch,
+    tested_points,
+    write_chapter_page,
+)
 
 _BUDGETS = 120
 
@@ -153,14 +161,11 @@ def write_page(
     footer: str,
 ) -> None:
     """Write the page of all sets."""
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
         subject=f"{settings.replicates} runs of each search of each model on each test, {settings.population} "
         f"candidates, {settings.generations} generations",
-        about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
-        "Dampers, University of Technology, Sydney, 2009, chapter 4: the form of its tables 4.2 to 4.4. Its "
-        "values were not at hand and are not reproduced here.",
         skipped=skipped,
         footer=footer,
         key=(

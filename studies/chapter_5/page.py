@@ -14,13 +14,21 @@ from matplotlib.figure import Figure
 
 import mrwork as mr
 from mrwork.identification import free_run
-from mrwork.report import SMALL, WIDE, draw_points, finish, style, write_study_page
+from mrwork.report import SMALL, WIDE, draw_points, finish, style
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
 from studies.chapter_5.loop_branches import Abscissa, branches
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
-from studies.common.page import drawn, finish_loop, panels, sentence_case, swatch, tested_points
+from studies.common.page import (
+    drawn,
+    finish_loop,
+    panels,
+    sentence_case,
+    swatch,
+    tested_points,
+    write_chapter_page,
+)
 from studies.common.table import with_symbols
 
 _FINE = 60
@@ -188,14 +196,9 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
         _damper_part(f"d{place}", [outcome for outcome in outcomes if outcome.tests.damper == damper])
         for place, damper in enumerate(dampers, start=1)
     ]
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
-        subject="Static hysteretic, polynomial-fitting and Bouc-Wen models, identified one current at a time and "
-        "for all currents at once",
-        about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
-        "Dampers, University of Technology, Sydney, 2009, chapter 5: the form of its tables 5.2 and 5.3 and of "
-        "its figures 5.6, 5.7 and 5.9. Its text was not at hand.",
         skipped=skipped,
         footer=footer,
         dampers=parts,

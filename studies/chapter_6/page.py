@@ -8,14 +8,14 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mrwork.report import Panel, panel, response_sheet_figure, style, write_study_page
+from mrwork.report import Panel, panel, response_sheet_figure, style
 from studies.chapter_6.conditions import CONDITIONS
 from studies.chapter_6.loop_findings import TUNED_LAWS
 from studies.chapter_6.tables import remarks, tables, title_of
 from studies.chapter_6.thesis_findings import CONSTANT, LYAPUNOV, SHOWN, sheets_at
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.common.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
-from studies.common.page import panels, swatch
+from studies.common.page import panels, swatch, write_chapter_page
 
 _BASELINES = ("best constant", "i_max")
 _TIMED = (
@@ -109,12 +109,9 @@ def write_page(found: dict[str, Any], path: Path, *, levels: Sequence[str], reco
             ),
         ),
     )
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
-        about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
-        "Dampers, University of Technology, Sydney, 2009, chapter 6. Its text was not at hand: storey stiffness and "
-        "damping of the frame and the score are ours.",
         scores=scores,
         times=times,
         tables=list(tables(found)),

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mrwork.report import WIDE, finish, style, write_study_page
+from mrwork.report import WIDE, finish, style
 from studies.chapter_7.controlled_tests import BEST, CLIPPED, LYAPUNOV, OFF, Tests
 from studies.chapter_7.earthquakes import LEAD, PEAK
 from studies.chapter_7.findings import Chapter
@@ -27,7 +27,7 @@ from studies.chapter_7.virtual_rig import (
     Signals,
     rd_1005_3,
 )
-from studies.common.page import TONES, drawn, panels
+from studies.common.page import TONES, drawn, panels, write_chapter_page
 
 _PART_TONES = (
     *(style.INK, style.MODEL, style.BAND_EDGE, style.RESIDUAL),
@@ -253,8 +253,8 @@ def write_page(chapter: Chapter, path: Path) -> None:
             ("Whose error it is", part_figure(chapter), "Rms errors with one part true"),
         ),
     )
-    write_study_page(
-        Path(__file__).parent / "page.html.j2",
+    write_chapter_page(
+        Path(__file__).parent,
         path,
         tables=tables(chapter.found),
         measured=chapter.kind == "measured",

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import wraps
-from typing import Concatenate, ParamSpec
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
+from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mrwork.report import Panel, blank, draw_points, finish, panel, style
+from mrwork.report import Panel, blank, draw_points, finish, panel, style, write_study_page
 
 Floats = NDArray[np.float64]
 Arguments = ParamSpec("Arguments")
@@ -54,6 +56,19 @@ def panels(anchor: str, figures: Iterable[tuple[str, Figure, str]]) -> list[Pane
         panel(f"{anchor}-{place}", title, figure, description)
         for place, (title, figure, description) in enumerate(figures)
     ]
+
+
+def write_chapter_page(folder: Path, path: Path, **content: Any) -> None:
+    """Fill in `page.html.j2` of a chapter, which extends the layout of all chapters, and write it."""
+    environment = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+    )
+    layout, macros = (
+        environment.from_string((Path(__file__).parent / f"{name}.html.j2").read_text(encoding="utf-8"))
+        for name in ("layout", "figures")
+    )
+    shared = {"layout": layout, "macros": macros, "skipped": "", "footer": ""}
+    write_study_page(folder / "page.html.j2", path, **shared | content)
 
 
 def sentence_case(label: str) -> str:
