@@ -11,6 +11,7 @@ from wrong_arguments import Calls, call
 
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
+from mrwork.control.linear.lqr import weighed_state
 from mrwork.control.linear.plant import Outputs
 
 
@@ -172,7 +173,7 @@ def gains_calls(_: Path) -> Calls:
     plant = of.plant_of(frame, frame.storeys[:2])
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
-    weighed = of.lqr.weighed_state(plant, plant.energy)
+    weighed = weighed_state(plant, plant.energy)
     yield call(
         of.loop_margins,
         plant=plant,
