@@ -69,11 +69,6 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     """Return the building with given modal damping ratios, one for each mode or a single one for all.
 
     `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
-
-    Raises
-    ------
-    SettingError
-        If the number of ratios is neither 1 nor n, or a ratio is negative.
     """
     _check_ratios(ratios, building.name)
     omega, modes = modes_of(building.mass, building.stiffness)
@@ -105,11 +100,6 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
         Number from 1, or name.
     damping
         Sum over all dampers of the storey [N s/m].
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such storey.
     """
     row = building.storey_row(storey)
     name = building.storey_name(storey)
@@ -192,11 +182,6 @@ def with_brace(
         Mass that moves with the deformation of the brace [kg].
     name
         Name of the new row; by default "damper in" and the storey.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such storey.
     """
     row = building.storey_row(storey)
     where = building.storey_name(storey)

@@ -226,24 +226,12 @@ class Building(Summarised):
 
     @checked
     def storey_row(self, storey: int | str) -> Floats:
-        """Row of a storey, shape (n,), by its number from 1 or by its name.
-
-        Raises
-        ------
-        UnknownNameError
-            If no storey has that number or name.
-        """
+        """Row of a storey, shape (n,), by its number from 1 or by its name."""
         return np.asarray(self.storeys[self._storey(storey)])
 
     @checked
     def floor_row(self, floor: int | str) -> Floats:
-        """Row of a floor, shape (n,), by its number from 1 or by its name.
-
-        Raises
-        ------
-        UnknownNameError
-            If no floor has that number or name.
-        """
+        """Row of a floor, shape (n,), by its number from 1 or by its name."""
         return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
 
     @checked
@@ -453,11 +441,6 @@ class Device(Summarised):
         Whether as many dampers act in the opposite direction, so that constant forces cancel.
     tested
         Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
-
-    Raises
-    ------
-    SettingError
-        If `theta` does not fit the model, or a number is not positive.
     """
 
     _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"

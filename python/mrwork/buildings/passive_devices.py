@@ -51,11 +51,6 @@ def with_yielding_damper(
         See `PassiveElement`.
     name
         Name of the element; by default "yielding damper in" and the storey.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such storey.
     """
     where = building.storey_name(storey)
     title = name or f"yielding damper in {where}"
@@ -96,11 +91,6 @@ def with_friction_damper(
         Of the brace along the drift, until it slips [N/m].
     storey, sharpness, name
         As of `with_yielding_damper`; the name is by default "friction damper in" and the storey.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such storey.
     """
     title = name or f"friction damper in {building.storey_name(storey)}"
     return _with_element(
@@ -197,11 +187,6 @@ def with_liquid_column(
         alpha, horizontal over whole length of the column, above 0 and below 1.
     head_loss
         xi, coefficient of head loss of the orifice and the tube.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such floor.
     """
     row = building.floor_row(floor)
     elevation = np.append(np.zeros(building.n_coordinates), 1.0)
@@ -292,8 +277,6 @@ def with_optimal_liquid_column(
     ------
     SettingError
         If a number is out of range, or the mode does not exist or does not move the floor.
-    UnknownNameError
-        If there is no such floor.
     """
     tuned = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
@@ -393,11 +376,6 @@ def with_tuned_mass(
         Mass [kg].
     frequency, ratio
         Frequency [Hz] and damping ratio of the mass on its spring, with the floor fixed.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such floor.
     """
     row = building.floor_row(floor)
     omega = 2.0 * np.pi * frequency
@@ -450,8 +428,6 @@ def with_optimal_tuned_mass(
     SettingError
         If the mass ratio is not positive, there is no such mode, the mode does not move the floor, or the tuned mass
         is at least twice the effective mass of the mode.
-    UnknownNameError
-        If there is no such floor or tuning.
     """
     if tuning not in TUNINGS:
         raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")

@@ -52,11 +52,6 @@ def shear_building(
     floor_names, storey_names
         Default: "floor 1", "storey 1" and so on.
 
-    Raises
-    ------
-    SettingError
-        If the numbers of masses and stiffnesses differ, a stiffness is not positive, or a damping is negative.
-
     Examples
     --------
     >>> frame = shear_building(name="frame", masses=[300.0], stiffnesses=[1.0659e5])
@@ -97,11 +92,6 @@ def chain(storeys: Floats, values: Sequence[float]) -> Floats:
         Row e of each storey, shape (n_storeys, n).
     values
         Stiffness or damping of each storey.
-
-    Raises
-    ------
-    SettingError
-        If there is not one value for each row.
     """
     if storeys.ndim != 2 or len(storeys) != len(values):
         raise SettingError(
@@ -203,11 +193,6 @@ def buildings() -> tuple[Building, ...]:
 @checked
 def building(name: str) -> Building:
     """Return the published building with this name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none with this name; the message lists all names.
 
     Examples
     --------

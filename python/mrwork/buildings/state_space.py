@@ -35,11 +35,6 @@ class LinearSystem(Summarised):
         Shapes (n, n), (n, n_inputs), (n_outputs, n), (n_outputs, n_inputs).
     input_names, output_names
         By default "input 1", "output 1" and so on.
-
-    Raises
-    ------
-    SettingError
-        If shapes disagree or a number is not finite.
     """
 
     _made_by: ClassVar[str] = "mr.buildings.system_of(building) or mr.buildings.read_system(path)"
@@ -105,13 +100,7 @@ class LinearSystem(Summarised):
 
     @checked
     def select(self, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearSystem:
-        """Return the system with selected inputs and outputs, by name and in that order; an empty selection means all.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is no such input or output.
-        """
+        """Return the system with selected inputs and outputs, by name and in that order; an empty selection is all."""
         columns = _indices(inputs, self.input_names, "input")
         rows = _indices(outputs, self.output_names, "output")
         return LinearSystem(
@@ -146,13 +135,7 @@ class LinearSystem(Summarised):
 
 @checked
 def from_control(system: StateSpace) -> LinearSystem:
-    """Convert a StateSpace of python-control to a linear system.
-
-    Raises
-    ------
-    SettingError
-        If it is a discrete-time system.
-    """
+    """Convert a StateSpace of python-control to a linear system."""
     if not all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt", "input_labels", "output_labels")):
         raise ArgumentError(
             f"`system` of from_control is a {type(system).__name__}; give a StateSpace of python-control"
@@ -209,8 +192,6 @@ def system_of(
     ------
     SettingError
         If the building has passive elements, which no linear system has.
-    UnknownNameError
-        If there is no such output or storey.
 
     Examples
     --------
@@ -372,11 +353,6 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
     With `q = modes y` over the modes kept and modes' M modes = I, the mass is I, the stiffness omega^2, the damping
     modes' C modes including the coupling between modes, and the influence `modes' M r`. Floors and storeys remain the
     same; the contribution of the truncated modes is lost, including its static part.
-
-    Raises
-    ------
-    SettingError
-        If there are fewer modes.
     """
     if not 1 <= n_modes <= building.n_coordinates:
         raise SettingError(

@@ -216,11 +216,6 @@ class OpenSeesBoucWen:
         ``rho d sigma / e`` for sigma >= 1/2; below, ``rho d max(1/e, ln(1/(2 sigma))) / 2``. Irregular motions with
         reversals within the loop reach up to 1.05 times this for sigma >= 1/2 and 1.42 times below, for which there is
         a margin.
-
-        Raises
-        ------
-        SettingError
-            If the material degrades, or its z is not bounded.
         """
         if not self.is_bounded:
             raise SettingError(

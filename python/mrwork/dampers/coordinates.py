@@ -72,13 +72,7 @@ class Box:
 
     @checked
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
-        """Return the box with some ranges replaced; equal bounds fix a parameter.
-
-        Raises
-        ------
-        SettingError
-            If a name is unknown, a bound is not finite, the two are reversed, or one is outside the admissible range.
-        """
+        """Return the box with some ranges replaced; equal bounds fix a parameter."""
         lower, upper = list(self.lower), list(self.upper)
         for name, (low, high) in bounds.items():
             if name not in self.names:
@@ -147,13 +141,7 @@ class Box:
 
     @checked
     def unit_from_theta(self, theta: AnyArray) -> Array:
-        """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params).
-
-        Raises
-        ------
-        SettingError
-            Where a parameter on a logarithmic scale is not positive.
-        """
+        """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
         self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         start, span, log = self._spread(xp)

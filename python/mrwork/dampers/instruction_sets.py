@@ -54,11 +54,6 @@ def instruction_set() -> InstructionSets:
     InstructionSets
         `MRWORK_INSTRUCTION_SET` chooses another one that is built; a build from source with `MRWORK_BUILD_SETS=all` has
         every set of the architecture.
-
-    Raises
-    ------
-    SettingError
-        If `MRWORK_INSTRUCTION_SET` names a set that cannot be used here.
     """
     built, machine = _rust.instruction_sets()
     try:

@@ -66,14 +66,7 @@ class Loading(Summarised):
         keep_arrays(self, "displacement", "velocity", "command")
 
     def history(self) -> _rust.LoadingHistory:
-        """Spline representation of the history, as simulations use it.
-
-        Raises
-        ------
-        SettingError
-            If the arrays do not fit together or hold a value that is not finite, or the command is negative or beyond
-            any driver.
-        """
+        """Spline representation of the history, as simulations use it."""
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
         command = None
@@ -234,8 +227,6 @@ def simulate_force(
     ------
     SimulationError
         If the simulation diverges or cannot be resolved.
-    SettingError
-        If the unit of the command differs between model and loading.
 
     Examples
     --------

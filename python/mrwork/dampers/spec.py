@@ -226,13 +226,6 @@ class DamperSpec(Summarised):
         lagged
             Whether the command reaches the coil through a first-order lag; its rate `eta` is a further parameter.
 
-        Raises
-        ------
-        UnknownNameError
-            If the model has no such parameter.
-        SettingError
-            If the model already has current laws.
-
         Examples
         --------
         >>> import mrwork as mr
@@ -260,11 +253,6 @@ class DamperSpec(Summarised):
     @checked
     def preset(self, name: str) -> Preset:
         """Return a published parameter set of the model.
-
-        Raises
-        ------
-        UnknownNameError
-            If the model has no such set; the message lists its sets.
 
         Examples
         --------
@@ -365,11 +353,6 @@ def damper_models() -> tuple[DamperSpec, ...]:
 @checked
 def damper(name: str) -> DamperSpec:
     """Return the damper model with this name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such model; the message lists all names.
 
     Examples
     --------

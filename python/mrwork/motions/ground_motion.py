@@ -31,11 +31,6 @@ class GroundMotion(Summarised):
 
     `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
     others, such as its soil; tables of a study have the score of each group.
-
-    Raises
-    ------
-    RecordError
-        If there are fewer than two samples, a value is not finite, or the step is not positive.
     """
 
     _made_by: ClassVar[str] = "mr.read_motion(path)"
@@ -178,13 +173,7 @@ def _largest_correlation(one: Floats, other: Floats) -> float:
 
 @checked
 def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
-    """Multiply the acceleration of a motion by `factor`.
-
-    Raises
-    ------
-    SettingError
-        The factor is zero.
-    """
+    """Multiply the acceleration of a motion by `factor`."""
     if factor == 0.0:
         raise SettingError(f"ground motion {motion.name}: scaled by 0; give another factor")
     return replace_samples(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
@@ -192,13 +181,7 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
 @checked
 def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
-    """Scale a motion to the peak ground acceleration `peak` [m/s^2].
-
-    Raises
-    ------
-    SettingError
-        The peak is not positive, or the motion is zero throughout.
-    """
+    """Scale a motion to the peak ground acceleration `peak` [m/s^2]."""
     if not peak > 0.0:
         raise SettingError(
             f"ground motion {motion.name}: a peak of {peak} m/s2 was requested; give a positive one"
@@ -215,11 +198,6 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
     Accelerations do not change, as similitude requires for a model of length scale `factor` squared.
 
-    Raises
-    ------
-    SettingError
-        The factor is not positive.
-
     Examples
     --------
     >>> from mrwork.motions.synthetic import synthetic_motion
@@ -233,13 +211,7 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
 @checked
 def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) -> GroundMotion:
-    """Keep the samples from `start` to `end` [s], both included; an end after the last sample keeps the rest.
-
-    Raises
-    ------
-    SettingError
-        The window holds fewer than two samples.
-    """
+    """Keep the samples from `start` to `end` [s], both included; an end after the last sample keeps the rest."""
     # A bound that is a multiple of the step up to rounding includes its sample.
     slack = 1e-6 * motion.dt
     first = max(0, math.ceil((min(start, motion.duration) - slack) / motion.dt)) if start > 0.0 else 0
@@ -279,11 +251,6 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
 
     A finer grid that contains the old samples gives the same motion. A coarser grid aliases frequencies above half its
     rate; use `resampled_band_limited` there. A remainder of less than a step at the end is dropped.
-
-    Raises
-    ------
-    SettingError
-        The step is not positive, or longer than the motion.
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
@@ -343,13 +310,8 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     Parameters
     ----------
     order
-        Order of the polynomial, fitted to the acceleration by least squares: 0 removes the mean, 1 a straight line.
-        The corresponding drift of the velocity is one order higher.
-
-    Raises
-    ------
-    SettingError
-        The order is negative, above 10, or too high for the length of the record.
+        Order of the polynomial, 0 to 10, fitted to the acceleration by least squares: 0 removes the mean, 1 a straight
+        line. The corresponding drift of the velocity is one order higher.
     """
     highest = min(HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:

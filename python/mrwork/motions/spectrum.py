@@ -103,11 +103,6 @@ def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: floa
     damping
         Damping ratio, from 0 to below 1.
 
-    Raises
-    ------
-    SettingError
-        A period is not positive, or the damping is not in [0, 1).
-
     Examples
     --------
     >>> from mrwork.motions.synthetic import synthetic_motion

@@ -80,11 +80,6 @@ def synthetic_motion(
     peak
         Peak ground acceleration [m/s^2] to which the motion is scaled; by default it is not scaled.
 
-    Raises
-    ------
-    SettingError
-        Duration, step or peak is not positive, or the duration is shorter than the step.
-
     Examples
     --------
     >>> motion = synthetic_motion(peak=3.0)
@@ -331,11 +326,6 @@ def suite(
     -------
     tuple of GroundMotion
         Motions ordered by soil; `groups` have soil and pulse, `source` all drawn numbers.
-
-    Raises
-    ------
-    SettingError
-        The number of motions, the step or the peak is not positive.
 
     Examples
     --------

@@ -362,13 +362,7 @@ class DamperTest(WithAxes, Summarised):
     def part(
         self, first: Annotated[int, Within(least=0)], last: Annotated[int, Within(least=0)], every: Count = 1
     ) -> DamperTest:
-        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples.
-
-        Raises
-        ------
-        SettingError
-            If no sample would remain.
-        """
+        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
         window = slice(first, last, every)
         if not self.force[window].size:
             raise SettingError(

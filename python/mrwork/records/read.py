@@ -141,8 +141,6 @@ def test_from_arrays(
     ------
     RecordError
         The channels are not a valid test; the message names the first invalid row.
-    SettingError
-        A command has no unit, or is given twice.
 
     Examples
     --------

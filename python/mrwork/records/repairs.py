@@ -70,11 +70,6 @@ def repair(
     test, log
         The log is also part of the findings of the test; a repair that was not needed is recorded as a note.
 
-    Raises
-    ------
-    SettingError
-        An amount is given for another kind, is outside its range, or leaves too few samples.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -241,11 +236,6 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
 
     `detect` averages over the window that was found in the force of the whole record, see `detect_smoothing`; where
     none was found it has no effect.
-
-    Raises
-    ------
-    SettingError
-        Where a word is not understood, or a value is impossible for this record.
     """
     if test.observation != AS_IT_IS:
         _check_fits(test, test.observation, {})

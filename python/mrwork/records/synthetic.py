@@ -45,11 +45,6 @@ def synthetic_test(name: str) -> DamperTest:
     The force is simulated for the exact motion. White sensor noise is then added, with standard deviations of 8 N for
     the force, 5 um for the displacement and 0.5 mm/s for the velocity.
 
-    Raises
-    ------
-    UnknownNameError
-        If there is no such synthetic test.
-
     Examples
     --------
     >>> import mrwork as mr

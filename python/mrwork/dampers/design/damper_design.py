@@ -62,12 +62,7 @@ class MagneticCircuit(Summarised):
     gap, gap_area
         Length [m] and area [m^2] of one crossing of the gap.
     areas, lengths
-        Cross-sections [m^2] of the parts of steel, and lengths [m] of the path of the flux in them.
-
-    Raises
-    ------
-    SettingError
-        If there is no part of steel, or not a length for each area.
+        Cross-section [m^2] of each part of steel, and length [m] of the path of the flux in it.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"gap": "m", "gap_area": "m^2", "areas": "m^2", "lengths": "m"}
@@ -459,11 +454,6 @@ class DamperDesign(Summarised):
         ----------
         supply
             Voltage of a current driver for all coils in series [V]; without it the voltage of the largest current.
-
-        Raises
-        ------
-        SettingError
-            If the supply cannot drive the current.
         """
         share = None if supply is None else supply / self.stages
         return self.circuit.rise_time(
@@ -484,11 +474,6 @@ class DamperDesign(Summarised):
             Voltage of the current driver [V], see `response_time`.
         transition
             Velocity over which the yield force changes sign [m/s]; 1/50 of the rated velocity by default.
-
-        Raises
-        ------
-        SettingError
-            If the supply cannot drive the largest current.
         """
         plain = damper("bingham")
         least = {parameter.name: parameter.lower for parameter in plain.plain}

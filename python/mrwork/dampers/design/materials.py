@@ -107,11 +107,6 @@ FLUIDS = (
 def fluid(name: str) -> MRFluid:
     """Return the fluid with this name.
 
-    Raises
-    ------
-    UnknownNameError
-        If there is no such fluid; the message lists all names.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -190,13 +185,7 @@ STEELS = (
 
 @checked
 def steel(name: str) -> Steel:
-    """Return the steel with this name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such steel; the message lists all names.
-    """
+    """Return the steel with this name."""
     for each in STEELS:
         if each.name == name:
             return each

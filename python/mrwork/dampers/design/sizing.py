@@ -235,8 +235,6 @@ def size_damper(
         On Ctrl-C, carrying the `SizedDamper` so far, `None` where no candidate meets the wishes.
     SettingError
         If no candidate meets the wishes; the message says what the best one misses.
-    UnknownNameError
-        If there is no such search.
 
     Examples
     --------
