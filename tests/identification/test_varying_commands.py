@@ -20,7 +20,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.dampers import LawName
-from mrwork.dampers.command import Command
+from mrwork.dampers.command import CommandValues
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
@@ -79,7 +79,7 @@ def record(
     time = DT * np.arange(2000)
     omega = 2.0 * np.pi * frequency
     displacement, velocity = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
-    sent: Command = command(time) if callable(command) else command
+    sent: CommandValues = command(time) if callable(command) else command
     loading = mr.Loading(dt=DT, displacement=displacement, velocity=velocity, command=sent, command_unit="A")
     force = mr.simulate_force(SPEC, THETA, loading)
     return build_damper_test(

@@ -91,25 +91,25 @@ def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, sc
 
 
 @pytest.mark.parametrize(
-    ("name", "amplitude", "frequency", "current", "voltage"),
+    ("name", "amplitude", "frequency", "command"),
     [
-        ("10mm1Hz0x5A", 0.010, 1.0, 0.5, None),
-        ("25mm0x25Hz_0.75A", 0.025, 0.25, 0.75, None),
-        ("unfiltered_5mm3Hz_1.0A", 0.005, 3.0, 1.0, None),
-        ("2mm_5hz_0a", 0.002, 5.0, 0.0, None),
-        ("rig3-12.5mm2Hz2x25V", 0.0125, 2.0, None, 2.25),
-        ("10mm1Hz", 0.010, 1.0, None, None),
-        ("ensaio.A.1", None, None, None, None),
-        ("10mm", None, None, None, None),
-        ("10mm1HzA", None, None, None, None),
+        ("10mm1Hz0x5A", 0.010, 1.0, (0.5, "A")),
+        ("25mm0x25Hz_0.75A", 0.025, 0.25, (0.75, "A")),
+        ("unfiltered_5mm3Hz_1.0A", 0.005, 3.0, (1.0, "A")),
+        ("2mm_5hz_0a", 0.002, 5.0, (0.0, "A")),
+        ("rig3-12.5mm2Hz2x25V", 0.0125, 2.0, (2.25, "V")),
+        ("10mm1Hz", 0.010, 1.0, None),
+        ("ensaio.A.1", None, None, None),
+        ("10mm", None, None, None),
+        ("10mm1HzA", None, None, None),
     ],
 )
 def test_file_names_give_nominal_values(
-    name: str, amplitude: float | None, frequency: float | None, current: float | None, voltage: float | None
+    name: str, amplitude: float | None, frequency: float | None, command: tuple[float, str] | None
 ) -> None:
     nominal = nominal_from_name(name)
     assert (nominal.amplitude, nominal.frequency) == (amplitude, frequency)
-    assert (nominal.current, nominal.voltage) == (current, voltage)
+    assert nominal.command == command
 
 
 def test_the_name_gives_the_current_where_no_column_does(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.dampers.command import is_stepped, levels_of_command, same_command
+from mrwork.dampers.command import Command, is_stepped, levels_of_command
 from mrwork.records import DamperTest, build_damper_test, cut, read_damper_test, repair
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.window import excerpt, varied_excerpt
@@ -242,11 +242,12 @@ def test_levels_of_a_stepped_command_are_those_without_noise() -> None:
 
 
 def test_commands_are_the_same_sample_by_sample() -> None:
-    assert same_command(0.5, 0.5)
-    assert not same_command(0.5, None)
-    assert not same_command(SWITCHING, 0.5)
-    assert same_command(SWITCHING, SWITCHING.copy())
-    assert not same_command(SWITCHING, 1.0 - SWITCHING)
+    half, switching = Command(0.5, "A"), Command(SWITCHING, "A")
+    assert half.equals(Command(0.5, "A"))
+    assert not half.equals(Command(0.5, "V"))
+    assert not switching.equals(half)
+    assert switching.equals(Command(SWITCHING.copy(), "A"))
+    assert not switching.equals(Command(1.0 - SWITCHING, "A"))
 
 
 @pytest.mark.parametrize("heading", ["current_A", "command [A]", "setpoint_a", "i_cmd"])

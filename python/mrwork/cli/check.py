@@ -15,7 +15,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
 from mrwork.cli.output import print_json, reading_line
 from mrwork.cli.terminal import note, show
-from mrwork.dampers.command import Command, command_range
+from mrwork.dampers.command import CommandValues, command_range
 from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings
@@ -130,7 +130,7 @@ def _facts(test: DamperTest) -> dict[str, Any]:
     }
 
 
-def _plain(command: Command | None) -> float | dict[str, float] | None:
+def _plain(command: CommandValues | None) -> float | dict[str, float] | None:
     """A command for JSON: the range of one that varies."""
     if not isinstance(command, np.ndarray):
         return command

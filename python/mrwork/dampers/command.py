@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import of_unit
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, freeze_samples
 
-Command = float | Floats
-"""Command: a number if it is constant, else shape (n_time,)."""
+CommandValues = float | Floats
+"""A number if the command is constant, else shape (n_time,)."""
 
 LARGEST_COMMAND: Final = COMMAND_SCALES["A"].largest
 """Largest command [A or V] that a test may have."""
@@ -43,71 +43,123 @@ _GLITCH: Final = 3
 _STEPPED: Final = 0.8
 
 
-def command_range(command: Command) -> tuple[float, float]:
+def quantity_of_command(unit: CommandUnit) -> Literal["current", "voltage", "command"]:
+    """Name of the channel of a command in this unit."""
+    if unit == "A":
+        return "current"
+    return "voltage" if unit == "V" else "command"
+
+
+class Command(NamedTuple):
+    """A command in its unit: one number, or one value per sample, shape (n_time,)."""
+
+    values: CommandValues
+    unit: CommandUnit
+
+    @property
+    def quantity(self) -> str:
+        """Name of the channel: current, voltage, or command where the unit is another one."""
+        return quantity_of_command(self.unit)
+
+    @property
+    def varies(self) -> bool:
+        """Whether the command has a value per sample."""
+        return isinstance(self.values, np.ndarray)
+
+    @property
+    def in_words(self) -> str:
+        """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
+        if not isinstance(self.values, np.ndarray):
+            return of_unit(self.values, self.unit)
+        low, high = range_in_words(self.values)
+        return f"{low} to {high} {self.unit}, {'stepped' if is_stepped(self.values) else 'varying'}"
+
+    @property
+    def impossibility(self) -> str:
+        """Fault as the predicate of a sentence: negative beyond noise, or beyond any driver; empty without.
+
+        A command that only rings below zero is not negative.
+        """
+        low, high = command_range(self.values)
+        if beyond := self.beyond_any_driver:
+            return beyond
+        negative = low < -command_noise(max(-low, high), self.unit)
+        if COMMAND_SCALES[self.unit].is_signed or not negative or self.rings_below_zero:
+            return ""
+        return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
+
+    @property
+    def beyond_any_driver(self) -> str:
+        """Predicate of a sentence on how far the command is beyond any driver; empty where it is not."""
+        low, high = command_range(self.values)
+        largest = COMMAND_SCALES[self.unit].largest
+        if max(-low, high) <= largest:
+            return ""
+        shared = "A or V" if self.unit in ("A", "V") else self.unit
+        return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
+
+    @property
+    def rings_below_zero(self) -> bool:
+        """Whether the command is below zero, beyond noise, only in passing, as of an underdamped driver after a step.
+
+        It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three
+        quarters of its highest level; one or two samples are a glitch and may go further.
+        """
+        command = self.values
+        # Most commands are never below zero, and their levels take longer to find.
+        if not isinstance(command, np.ndarray) or command.size <= _GLITCH or command.min() >= 0.0:
+            return False
+        if COMMAND_SCALES[self.unit].is_signed:
+            return False
+        levels = levels_of_command(command)
+        noise = command_noise(levels[-1], self.unit)
+        below = command < -noise
+        if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
+            return False
+        # The highest of any samples in succession: a glitch does not lower it.
+        highest = np.lib.stride_tricks.sliding_window_view(command, _GLITCH).max(axis=1)
+        return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
+
+    def without_ringing(self) -> Command:
+        """Command with ringing below zero replaced by zero; any other command unchanged."""
+        return Command(np.maximum(self.values, 0.0), self.unit) if self.rings_below_zero else self
+
+    def ringing_samples(self, n_time: int) -> NDArray[np.bool_]:
+        """Samples, (n_time,), while a driver rings below zero and as long after: current and force are unknown."""
+        left_out = np.zeros(n_time, dtype=np.bool_)
+        if self.rings_below_zero:
+            below = self.values < -command_noise(float(np.max(self.values)), self.unit)
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
+            for first, last in zip(edges[::2], edges[1::2], strict=True):
+                left_out[first : 2 * last - first] = True
+        return left_out
+
+    def resampled(self, time: Floats, grid: Floats) -> Command:
+        """The command at other times [s], shape (n_grid,): the last value before each if stepped, else linear."""
+        if not isinstance(self.values, np.ndarray):
+            return self
+        if not is_stepped(self.values):
+            return Command(np.interp(grid, time, self.values), self.unit)
+        # Times that are equal except for rounding are the same sample.
+        last = np.searchsorted(time, grid + 1e-6 * float(np.median(np.diff(time))), side="right") - 1
+        return Command(self.values[np.clip(last, 0, self.values.size - 1)], self.unit)
+
+    def part(self, first: int, last: int, every: int = 1) -> Command:
+        """Every `every`-th sample from `first` up to `last`: the value at the middle of those it stands for."""
+        if not isinstance(self.values, np.ndarray):
+            return self
+        values = self.values[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]
+        return Command(freeze_samples(values), self.unit)
+
+    def equals(self, other: Command) -> bool:
+        """Whether two commands are equal, sample by sample where they vary."""
+        same_kind = self.unit == other.unit and np.shape(self.values) == np.shape(other.values)
+        return bool(same_kind and np.all(np.equal(self.values, other.values)))
+
+
+def command_range(command: CommandValues) -> tuple[float, float]:
     """Lowest and highest value of a command."""
     return float(np.min(command)), float(np.max(command))
-
-
-def impossible_command(command: Command, unit: CommandUnit) -> str:
-    """Fault of a command as the predicate of a sentence: negative beyond noise, or beyond any driver; empty without.
-
-    A command that only rings below zero is not negative.
-    """
-    low, high = command_range(command)
-    if beyond := beyond_any_driver(command, unit):
-        return beyond
-    if COMMAND_SCALES[unit].is_signed:
-        return ""
-    if low < -command_noise(max(-low, high), unit) and not (
-        isinstance(command, np.ndarray) and rings_below_zero(command, unit)
-    ):
-        return f"goes down to {low:g}: the force does not depend on its direction; give its magnitude"
-    return ""
-
-
-def beyond_any_driver(command: Command, unit: CommandUnit) -> str:
-    """Predicate of a sentence on how far a command is beyond any driver; empty where it is not."""
-    low, high = command_range(command)
-    largest = COMMAND_SCALES[unit].largest
-    if max(-low, high) <= largest:
-        return ""
-    shared = "A or V" if unit in ("A", "V") else unit
-    return f"reaches {low if -low > high else high:g}, and no driver gives more than {largest:g} {shared}"
-
-
-def rings_below_zero(command: Floats, unit: CommandUnit) -> bool:
-    """Whether a command is below zero, beyond noise, only in passing, as that of an underdamped driver after a step.
-
-    It stays at no level below zero, is there for at most a tenth of the time, and goes no further than three quarters
-    of its highest level; one or two samples are a glitch and may go further.
-    """
-    # Most commands are never below zero, and their levels take longer to find.
-    if command.size <= _GLITCH or COMMAND_SCALES[unit].is_signed or command.min() >= 0.0:
-        return False
-    levels = levels_of_command(command)
-    noise = command_noise(levels[-1], unit)
-    below = command < -noise
-    if levels[0] < -noise or not 0.0 < float(np.mean(below)) <= _RINGING:
-        return False
-    # The highest of any samples in succession: a glitch does not lower it.
-    highest = np.lib.stride_tricks.sliding_window_view(command, _GLITCH).max(axis=1)
-    return bool(highest.min() >= -_RINGING_DEPTH * levels[-1])
-
-
-def without_ringing(command: Floats, unit: CommandUnit) -> Floats:
-    """Command with ringing below zero replaced by zero; any other command unchanged."""
-    return np.maximum(command, 0.0) if rings_below_zero(command, unit) else command
-
-
-def ringing_samples(command: Floats, unit: CommandUnit) -> NDArray[np.bool_]:
-    """Samples, (n_time,), while a driver rings below zero and as long after, where current and force are not known."""
-    left_out = np.zeros(command.size, dtype=np.bool_)
-    if rings_below_zero(command, unit):
-        below = command < -command_noise(float(command.max()), unit)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
-            left_out[first : 2 * last - first] = True
-    return left_out
 
 
 def command_noise(level: float, unit: CommandUnit) -> float:
@@ -118,14 +170,6 @@ def command_noise(level: float, unit: CommandUnit) -> float:
 def command_level(value: float, unit: CommandUnit) -> float:
     """Set point of a measured command: measured commands of one level differ by noise."""
     return round(value, COMMAND_SCALES[unit].decimals)
-
-
-def command_in_words(command: Command, unit: str) -> str:
-    """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
-    if not isinstance(command, np.ndarray):
-        return of_unit(command, unit)
-    low, high = range_in_words(command)
-    return f"{low} to {high} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
 
 
 def range_in_words(command: Floats) -> tuple[str, str]:
@@ -163,7 +207,7 @@ def _jumps(command: Floats) -> bool:
     return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
 
 
-def steps_of_command(command: Command) -> NDArray[np.intp]:
+def steps_of_command(command: CommandValues) -> NDArray[np.intp]:
     """First sample after each step of a command, shape (n_steps,), measured ones over several samples included."""
     if not isinstance(command, np.ndarray):
         return np.empty(0, dtype=np.intp)
@@ -171,7 +215,7 @@ def steps_of_command(command: Command) -> NDArray[np.intp]:
     return np.flatnonzero(changes & ~np.concatenate([[False], changes[:-1]])) + 1
 
 
-def levels_of_command(command: Command) -> tuple[float, ...]:
+def levels_of_command(command: CommandValues) -> tuple[float, ...]:
     """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, a dozen.
 
     A level is the median of the samples of a mode, which neither noise nor the ringing of a driver shifts.
@@ -194,30 +238,3 @@ def levels_of_command(command: Command) -> tuple[float, ...]:
         # Samples beside a mode are its noise.
         left = left[np.abs(left - levels[-1]) > width]
     return tuple(sorted(levels))
-
-
-def resampled_command(time: Floats, command: Floats, grid: Floats) -> Floats:
-    """A command at other times [s], shape (n_grid,): the last value before each if it is stepped, else linear."""
-    if not is_stepped(command):
-        return np.asarray(np.interp(grid, time, command))
-    # Times that are equal except for rounding are the same sample.
-    last = np.searchsorted(time, grid + 1e-6 * float(np.median(np.diff(time))), side="right") - 1
-    return np.asarray(command[np.clip(last, 0, command.size - 1)])
-
-
-def part_of_command(command: Command | None, first: int, last: int, every: int = 1) -> Command | None:
-    """Command of every `every`-th sample from `first` up to `last`, that of the middle of those it stands for."""
-    if not isinstance(command, np.ndarray):
-        return command
-    part = command[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]
-    if part.size and np.ptp(part) == 0.0:
-        return float(part[0])
-    part.setflags(write=False)
-    return part
-
-
-def same_command(one: Command | None, other: Command | None) -> bool:
-    """Whether two commands are equal, sample by sample where they vary."""
-    if one is None or other is None:
-        return one is other
-    return bool(np.shape(one) == np.shape(other) and np.all(np.equal(one, other)))

@@ -15,7 +15,7 @@ from mrwork.base.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shap
 from mrwork.base.summary import Summarised
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
-from mrwork.dampers.command import impossible_command, without_ringing
+from mrwork.dampers.command import Command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, SettingError, SimulationError
 
@@ -71,13 +71,11 @@ class Loading(Summarised):
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
         command = None
         if self.command is not None:
-            unit = self.command_unit or "A"
-            command = np.array(
-                np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
-            )
-            if wrong := impossible_command(command, unit):
+            values = np.array(np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape))
+            sent = Command(values, self.command_unit or "A")
+            if wrong := sent.impossibility:
                 raise SettingError(f"`command` {wrong}")
-            command = np.ascontiguousarray(without_ringing(command, unit))
+            command = np.ascontiguousarray(sent.without_ringing().values)
         with core_refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 

@@ -16,7 +16,7 @@ from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.command import Command, command_in_words, command_level
+from mrwork.dampers.command import CommandValues, command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
 from mrwork.dampers.spec import DamperSpec, damper
@@ -249,7 +249,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     levels = sorted(
         {(unit, command_level(value, unit)) for value, unit in known if not isinstance(value, np.ndarray)}
     )
-    varying = {command_in_words(value, unit) for value, unit in known if isinstance(value, np.ndarray)}
+    varying = {command.in_words for command in known if command.varies}
     constant = [spec.name for spec in specs if spec.current is None]
     if not constant or len(levels) + 2 * len(varying) < 2:
         return ()
@@ -280,7 +280,7 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
     )
 
 
-def _digest_command(command: Command | None) -> float | str | None:
+def _digest_command(command: CommandValues | None) -> float | str | None:
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
 

@@ -19,7 +19,7 @@ from mrwork.base.units import (
     known_units,
     quantity_of,
 )
-from mrwork.dampers.command import LARGEST_COMMAND, impossible_command
+from mrwork.dampers.command import LARGEST_COMMAND, Command
 from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
@@ -178,7 +178,7 @@ class StatedCommand:
         if number is None:
             return cls(quantity=None, column=column, unit=own)
         value = float(number.replace(",", "."))
-        if wrong := impossible_command(value, own):
+        if wrong := Command(value, own).impossibility:
             raise SettingError(f"the command '{text}' {wrong}")
         return cls(quantity=None, value=value, unit=own)
 

@@ -14,18 +14,15 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import (
     Command,
-    beyond_any_driver,
     command_noise,
     command_range,
-    impossible_command,
+    quantity_of_command,
     range_in_words,
-    rings_below_zero,
     variation_in_words,
-    without_ringing,
 )
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
-from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.damper_test import DamperTest, Finding, Measured, fields_of_commands
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
@@ -34,10 +31,9 @@ _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
 
 
-def command_of(
-    samples: Floats, quantity: str, unit: CommandUnit, *, source: str
-) -> tuple[Command, tuple[Finding, ...]]:
+def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Command, tuple[Finding, ...]]:
     """A command: its median, if it varies no more than a measured constant does; else as it varies, with findings."""
+    quantity = quantity_of_command(unit)
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
         problem = "has no value" if present.size == 0 else "has infinite values"
@@ -46,43 +42,32 @@ def command_of(
     tolerance = command_noise(value, unit)
     low, high = np.percentile(present, [1.0, 99.0])
     is_constant = high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance)
-    command: Command = value if is_constant else present
-    if beyond := beyond_any_driver(command, unit):
+    command = Command(value if is_constant else present, unit)
+    if beyond := command.beyond_any_driver:
         raise RecordError(f"{source}: the {quantity} {beyond}; check its unit, or leave the column out")
-    wrong = impossible_command(command, unit)
-    negative = (
-        (Finding(code="command_negative", severity="warning", message=f"the {quantity} {wrong}"),)
-        if wrong
-        else ()
-    )
-    if is_constant:
-        return value, negative
-    rings = _rings(present, quantity, unit)
-    lowest, highest = range_in_words(without_ringing(present, unit))
-    span = float(highest) - float(lowest)
-    message = (
-        f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}, by {span:.4g} {unit}; a model "
-        "follows it by current laws (--law)"
-    )
-    measured = Measured(value=span, unit=unit)
-    varies = Finding.note("command_varies", message, measured=measured)
-    return samples, (varies, *rings, *negative)
-
-
-def _rings(present: Floats, quantity: str, unit: CommandUnit) -> tuple[Finding, ...]:
-    """A note on a command that rings below zero."""
-    if not rings_below_zero(present, unit):
-        return ()
-    lowest = float(present.min())
-    share = 100.0 * float(np.mean(present < -command_noise(lowest, unit)))
-    return (
-        Finding.note(
-            "command_rings",
-            f"the {quantity} rings below zero, to {lowest:.3g} {unit} ({share:.2g} % of the samples); it is taken as "
-            "zero there, and the force is not compared until as long after",
-            measured=Measured(value=lowest, unit=unit),
-        ),
-    )
+    findings = []
+    if not is_constant:
+        lowest, highest = range_in_words(np.asarray(command.without_ringing().values))
+        span = float(highest) - float(lowest)
+        message = (
+            f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}, by {span:.4g} {unit}; a "
+            "model follows it by current laws (--law)"
+        )
+        measured = Measured(value=span, unit=unit)
+        findings.append(Finding.note("command_varies", message, measured=measured))
+    if command.rings_below_zero:
+        lowest_sample = float(present.min())
+        share = 100.0 * float(np.mean(present < -command_noise(lowest_sample, unit)))
+        message = (
+            f"the {quantity} rings below zero, to {lowest_sample:.3g} {unit} ({share:.2g} % of the samples); it is "
+            "taken as zero there, and the force is not compared until as long after"
+        )
+        measured = Measured(value=lowest_sample, unit=unit)
+        findings.append(Finding.note("command_rings", message, measured=measured))
+    if wrong := command.impossibility:
+        message = f"the {quantity} {wrong}"
+        findings.append(Finding(code="command_negative", severity="warning", message=message))
+    return Command(value if is_constant else samples, unit), tuple(findings)
 
 
 def _has_pulse(outside: NDArray[np.bool_]) -> bool:
@@ -117,20 +102,17 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
 
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
-    stated: tuple[float | None, CommandUnit, str] = (nominal.current, "A", "current")
-    if nominal.current is None:
-        stated = (nominal.voltage, "V", "voltage")
-    value, unit, quantity = stated
-    if value is None:
+    if nominal.command is None:
         return test
-    recorded = {of_unit: command for command, of_unit in test.commands}
+    value, unit = float(nominal.command.values), nominal.command.unit
+    recorded = {own: command for command, own in test.commands}
     named = f"{value:g} {unit}"
     findings: tuple[Finding, ...] = ()
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(value, *command_range(recorded[unit])))
         if abs(nearest - value) > command_noise(value, unit):
-            findings = (_disagrees(quantity, value, nearest, unit),)
+            findings = (_disagrees(nominal.command.quantity, value, nearest, unit),)
     elif recorded:
         message = f"the command is {test.command_in_words}; the {named} of the file name are not used"
         findings = (Finding.note("name_not_used", message),)
@@ -144,7 +126,7 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
             ),
         )
     else:
-        return replace(test, current=value) if unit == "A" else replace(test, voltage=value)
+        return replace(test, **fields_of_commands([nominal.command]))
     return replace(test, findings=(*test.findings, *findings))
 
 
@@ -167,12 +149,11 @@ _NAME: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nominal:
-    """Nominal values from a file name: amplitude [m], frequency [Hz], current [A], voltage [V]; `None` if absent."""
+    """Nominal values from a file name: amplitude [m], frequency [Hz], and the command in A or V; `None` if absent."""
 
     amplitude: float | None = None
     frequency: float | None = None
-    current: float | None = None
-    voltage: float | None = None
+    command: Command | None = None
 
 
 def nominal_from_name(stem: str) -> Nominal:
@@ -186,14 +167,12 @@ def nominal_from_name(stem: str) -> Nominal:
     match = _NAME.search(stem)
     if match is None:
         return Nominal()
-    command = None if match["command"] is None else _value(match["command"])
-    in_volts = (match["unit"] or "").upper() == "V"
+    unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
     return Nominal(
         # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.
         amplitude=_value(match["amplitude"]) / 1000.0,
         frequency=_value(match["frequency"]),
-        current=None if in_volts else command,
-        voltage=command if in_volts else None,
+        command=None if match["command"] is None else Command(_value(match["command"]), unit),
     )
 
 

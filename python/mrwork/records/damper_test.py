@@ -5,11 +5,11 @@ The observation model states how the recorded force follows from the force of th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
-from mrwork.dampers.command import Command, command_in_words, part_of_command, same_command
+from mrwork.dampers.command import Command, CommandValues
 from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import Exceedance as Exceedance
@@ -268,9 +268,9 @@ class DamperTest(WithAxes, Summarised):
     velocity_source: VelocitySource
     n_settle: Whole = 0
     uncompared: tuple[tuple[Whole, Whole], ...] = ()
-    current: Command | None = None
-    voltage: Command | None = None
-    command: Command | None = None
+    current: CommandValues | None = None
+    voltage: CommandValues | None = None
+    command: CommandValues | None = None
     command_unit: CommandUnit | None = None
     amplitude: NotNegative | None = None
     frequency: NotNegative | None = None
@@ -334,36 +334,38 @@ class DamperTest(WithAxes, Summarised):
         return int(np.arange(self.n_time)[self.counted].size)
 
     @property
-    def commands(self) -> tuple[tuple[Command, CommandUnit], ...]:
+    def commands(self) -> tuple[Command, ...]:
         """The known commands, each with its unit."""
-        pairs: tuple[tuple[Command | None, CommandUnit | None], ...] = (
+        pairs: tuple[tuple[CommandValues | None, CommandUnit | None], ...] = (
             (self.current, "A"),
             (self.voltage, "V"),
             (self.command, self.command_unit),
         )
-        return tuple((command, unit) for command, unit in pairs if command is not None and unit is not None)
+        return tuple(
+            Command(values, unit) for values, unit in pairs if values is not None and unit is not None
+        )
 
     @checked
-    def command_in(self, unit: CommandUnit | None) -> Command | None:
+    def command_in(self, unit: CommandUnit | None) -> CommandValues | None:
         """The command in this unit, `None` where it is not known."""
-        return next((command for command, own in self.commands if own == unit), None)
+        return next((command.values for command in self.commands if command.unit == unit), None)
 
     @property
     def has_varying_command(self) -> bool:
         """Whether a command changes during the test."""
-        return any(isinstance(command, np.ndarray) for command, _ in self.commands)
+        return any(command.varies for command in self.commands)
 
     @property
     def command_in_words(self) -> str:
         """The known commands with their units, the range of one that varies; empty if none is known."""
-        return ", ".join(command_in_words(command, unit) for command, unit in self.commands)
+        return ", ".join(command.in_words for command in self.commands)
 
     @checked
     def part(
         self, first: Annotated[int, Within(least=0)], last: Annotated[int, Within(least=0)], every: Count = 1
     ) -> DamperTest:
         """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
-        window = slice(first, last, every)
+        window, end = slice(first, last, every), min(last, self.n_time)
         if not self.force[window].size:
             raise SettingError(
                 f"{self.label}: a part from sample {first} up to {last} of {self.n_time} has none; give others"
@@ -373,12 +375,10 @@ class DamperTest(WithAxes, Summarised):
             displacement=freeze_samples(self.displacement[window]),
             velocity=freeze_samples(self.velocity[window]),
             force=freeze_samples(self.force[window]),
-            current=part_of_command(self.current, first, min(last, self.n_time), every),
-            voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
-            command=part_of_command(self.command, first, min(last, self.n_time), every),
-            uncompared=_spans_of_part(self.uncompared, first, min(last, self.n_time), every),
+            uncompared=_spans_of_part(self.uncompared, first, end, every),
             dt=self.dt * every,
             start_time=self.start_time + first * self.dt,
+            **fields_of_commands([command.part(first, end, every) for command in self.commands]),
         )
 
     @property
@@ -401,18 +401,10 @@ class DamperTest(WithAxes, Summarised):
             "force": (self.force, "N", "damper force, as recorded"),
             "compared": (compared, "", "whether the sample is compared with a model"),
         }
+        words = "command, held until the next sample"
         commands = {
-            name: (
-                np.broadcast_to(command, self.force.shape),
-                unit or "",
-                "command, held until the next sample",
-            )
-            for name, command, unit in (
-                ("current", self.current, "A"),
-                ("voltage", self.voltage, "V"),
-                ("command", self.command, self.command_unit),
-            )
-            if command is not None
+            command.quantity: (np.broadcast_to(command.values, self.force.shape), command.unit, words)
+            for command in self.commands
         }
         return NamedArrays(
             title=f"Damper test {self.name}",
@@ -482,13 +474,20 @@ def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
     )
 
 
+def fields_of_commands(commands: Iterable[Command]) -> dict[str, Any]:
+    """Fields of a `DamperTest` that hold these commands."""
+    fields: dict[str, Any] = {}
+    for command in commands:
+        fields[command.quantity] = command.values
+        if command.quantity == "command":
+            fields["command_unit"] = command.unit
+    return fields
+
+
 def same_commands(one: DamperTest, other: DamperTest) -> bool:
     """Whether the commands of two tests are equal, sample by sample where they vary."""
-    return (
-        same_command(one.current, other.current)
-        and same_command(one.voltage, other.voltage)
-        and same_command(one.command, other.command)
-        and one.command_unit == other.command_unit
+    return len(one.commands) == len(other.commands) and all(
+        mine.equals(theirs) for mine, theirs in zip(one.commands, other.commands, strict=True)
     )
 
 

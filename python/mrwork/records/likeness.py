@@ -17,7 +17,7 @@ import numpy as np
 from mrwork.base.arguments import NotNegative, Positive
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import Command, command_range
+from mrwork.dampers.command import CommandValues, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 from mrwork.store.codec import Related
@@ -343,7 +343,7 @@ def _decode_samples(text: str) -> Floats:
     return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
 
 
-def _largest(command: Command | None) -> float | None:
+def _largest(command: CommandValues | None) -> float | None:
     return None if command is None else command_range(command)[1]
 
 

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.base.summary import list_names
-from mrwork.base.units import CommandUnit
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
-from mrwork.dampers.command import Command, ringing_samples, without_ringing
+from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.named_columns import ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
@@ -47,7 +47,7 @@ from mrwork.records.contradictions import (
     still_findings,
 )
 from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
-from mrwork.records.damper_test import DamperTest, Finding, VelocitySource
+from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, fields_of_commands
 from mrwork.records.motion import SmoothMotion, motion_of
 from mrwork.records.resolution import resolution_findings
 from mrwork.records.rig_table import (
@@ -150,16 +150,7 @@ def test_from_arrays(
     >>> [finding.code for finding in test.findings]
     ['velocity_derived', 'force_sign_flipped']
     """
-    if command is not None and command_unit is None:
-        raise SettingError(
-            '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'
-        )
-    if command is not None and command_unit in ("A", "V"):
-        twice = current if command_unit == "A" else voltage
-        if twice is not None:
-            raise SettingError(f"a command in {command_unit} is given twice; give it once")
-        current, voltage = (command, voltage) if command_unit == "A" else (current, command)
-        command, command_unit = None, None
+    sent = _sent_commands(current, voltage, command, command_unit)
     source = path or name
     where = locate or (lambda row: f"sample {row + 1}")
     raw = Signals(
@@ -168,12 +159,14 @@ def test_from_arrays(
         force=_channel(force, "force", source),
         velocity=None if velocity is None else _channel(velocity, "velocity", source),
     )
-    amperes, about_current = _command(current, "current", "A", source, raw.time.size)
-    volts, about_voltage = _command(voltage, "voltage", "V", source, raw.time.size)
-    scalar, about_scalar = _command(command, "command", command_unit or "A", source, raw.time.size)
-    commands: dict[str, Command | None] = {"current": amperes, "voltage": volts, "command": scalar}
-    given = replace(raw, **{name: sent for name, sent in commands.items() if isinstance(sent, np.ndarray)})
-    for channel_name, channel in given.channels():
+    commands: list[Command] = []
+    about_commands: list[Finding] = []
+    for samples, unit in sent:
+        read, about = _command(samples, unit, source, raw.time.size)
+        commands.append(read)
+        about_commands += about
+    given = replace(raw, commands=tuple(command for command in commands if command.varies))
+    for channel_name, channel in given.channels.items():
         if channel.size != raw.time.size:
             raise RecordError(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
@@ -182,7 +175,7 @@ def test_from_arrays(
     findings: list[Finding] = []
     complete, first_row, dropped = complete_rows(given, source=source, locate=where)
     check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
-    for channel_name, channel in complete.channels():
+    for channel_name, channel in complete.channels.items():
         checks.check_possible(channel, channel_name, source=source)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
@@ -206,28 +199,27 @@ def test_from_arrays(
             signals.velocity, displaced, motion, uncompared
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
-    for channel_name, unit in (("current", "A"), ("voltage", "V"), ("command", command_unit)):
-        sent = getattr(signals, channel_name)
-        if sent is not None and unit is not None:
-            rings |= ringing_samples(sent, unit)
-            commands[channel_name] = freeze_samples(without_ringing(sent, unit))
+    for varying in signals.commands:
+        rings |= varying.ringing_samples(displaced.size)
+    on_grid = {varying.unit: varying.without_ringing() for varying in signals.commands}
+    fields = fields_of_commands(
+        [on_grid.get(given_command.unit, given_command) for given_command in commands]
+    )
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
         *about_sign,
         # A varying command weighs the directions of motion differently, so that the mean force is no static one.
-        *(() if given.has_commands else checks.force_offset(resisting, motion.velocity)),
+        *(() if given.commands else checks.force_offset(resisting, motion.velocity)),
         *checks.rest_before_motion(displaced, dt, motion.frequency),
         *checks.samples_per_cycle(motion.frequency, dt),
-        *about_current,
-        *about_voltage,
-        *about_scalar,
+        *about_commands,
         *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
     ]
     test = DamperTest(
         name=name,
         path=path,
-        sha256=_digest(raw, current, voltage, command) if sha256 is None else sha256,
+        sha256=_digest(raw, sent) if sha256 is None else sha256,
         dt=dt,
         start_time=float(signals.time[0]),
         displacement=freeze_samples(displaced),
@@ -236,13 +228,10 @@ def test_from_arrays(
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
         uncompared=spans_with(uncompared, rings),
-        current=commands["current"],
-        voltage=commands["voltage"],
-        command=commands["command"],
-        command_unit=command_unit,
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,
+        **{"command_unit": command_unit if command is None else None, **fields},
     )
     test = replace(test, smoothing=smoothing_of(test, motion.frequency))
     return replace(test, findings=(*findings, *examine(test, motion)))
@@ -266,11 +255,33 @@ def _channel(samples: ArrayLike, name: str, source: str) -> Floats:
     return channel
 
 
+def _sent_commands(
+    current: ArrayLike | None,
+    voltage: ArrayLike | None,
+    command: ArrayLike | None,
+    command_unit: CommandUnit | None,
+) -> list[tuple[ArrayLike, CommandUnit]]:
+    """Samples of the commands that are given, each with its unit."""
+    sent: dict[CommandUnit, ArrayLike] = {}
+    given: tuple[tuple[ArrayLike | None, CommandUnit | None], ...]
+    given = ((current, "A"), (voltage, "V"), (command, command_unit))
+    for samples, unit in given:
+        if samples is None:
+            continue
+        if unit is None:
+            raise SettingError(
+                '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'
+            )
+        if unit in sent:
+            raise SettingError(f"a command in {unit} is given twice; give it once")
+        sent[unit] = samples
+    return [(sent[unit], unit) for unit in COMMAND_SCALES if unit in sent]
+
+
 def _command(
-    samples: ArrayLike | None, quantity: str, unit: CommandUnit, source: str, n_time: int
-) -> tuple[Command | None, tuple[Finding, ...]]:
-    if samples is None:
-        return None, ()
+    samples: ArrayLike, unit: CommandUnit, source: str, n_time: int
+) -> tuple[Command, tuple[Finding, ...]]:
+    quantity = quantity_of_command(unit)
     channel = _channel(np.atleast_1d(samples), quantity, source)
     # A constant one is not compared with the other channels later; a number of a MATLAB file is an array of one.
     if channel.size not in (1, n_time):
@@ -278,17 +289,16 @@ def _command(
             f"{source}: the {quantity} has {channel.size} samples where the time has {n_time}; give one value per "
             "sample, or a number"
         )
-    return command_of(channel, quantity, unit, source=source)
+    return command_of(channel, unit, source=source)
 
 
-def _digest(raw: Signals, *commands: ArrayLike | None) -> str:
-    named = [*raw.channels(), *zip(("current", "voltage", "command"), commands, strict=True)]
+def _digest(raw: Signals, commands: Iterable[tuple[ArrayLike, CommandUnit]]) -> str:
+    sent = [(quantity_of_command(unit), samples) for samples, unit in commands]
     digest = hashlib.sha256()
-    for name, samples in named:
-        if samples is not None:
-            digest.update(name.encode())
-            # Little-endian on every machine, so that the hash depends on the values only.
-            digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
+    for name, samples in (*raw.channels.items(), *sent):
+        digest.update(name.encode())
+        # Little-endian on every machine, so that the hash depends on the values only.
+        digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
     return digest.hexdigest()
 
 
@@ -525,9 +535,8 @@ def _stated_command(
     if scalar is not None:
         return f"{scalar.column}:{scalar.unit}", ""
     nominal = nominal_from_name(file.stem)
-    for value, unit in ((nominal.current, "A"), (nominal.voltage, "V")):
-        if value is not None:
-            return f"{value:g} {unit}", ""
+    if nominal.command is not None:
+        return f"{nominal.command.values:g} {nominal.command.unit}", ""
     numbers = {
         f"{match[1].replace('x', '.').replace(',', '.')} {match[2]}"
         for match in _COMMAND_IN_NAME.finditer(file.stem)

@@ -7,7 +7,7 @@ in the spectrum of the noise.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,18 +51,17 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
     """Signals with straight lines across the spikes, except in commands, and which samples these are."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
+    bridges: dict[str, Any] = {}
     findings = []
-    for name, samples in signals.channels():
-        if name not in _SEARCHED:
-            continue
+    for name, samples in signals.measured.items():
         spiky = spikes_of(samples)
         if not spiky.any():
             continue
         line = np.interp(signals.time, signals.time[~spiky], samples[~spiky])
         findings.append(_finding(name, signals.time[spiky], samples[spiky]))
-        signals = replace(signals, **{name: line})
+        bridges[name] = line
         bridged |= spiky
-    return signals, bridged, tuple(findings)
+    return replace(signals, **bridges), bridged, tuple(findings)
 
 
 _SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from math import ceil
 from typing import Final
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Count, checked
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import levels_of_command, resampled_command
+from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding
@@ -30,39 +30,40 @@ _GAP_STEPS: Final = 3.0
 
 @array_dataclass()
 class Signals:
-    """Channels in SI on one time base, each of shape (n_time,); `None` for a channel that was not measured.
-
-    `current`, `voltage` and `command`, of another unit, are the commands that vary.
-    """
+    """Channels in SI on one time base, each of shape (n_time,); `commands` are those that vary."""
 
     time: Floats
     displacement: Floats
     force: Floats
     velocity: Floats | None = None
-    current: Floats | None = None
-    voltage: Floats | None = None
-    command: Floats | None = None
-
-    def channels(self) -> tuple[tuple[str, Floats], ...]:
-        """Name and samples of every channel that exists."""
-        named = ((each.name, getattr(self, each.name)) for each in fields(self))
-        return tuple((name, channel) for name, channel in named if channel is not None)
+    commands: tuple[Command, ...] = ()
 
     @property
-    def has_commands(self) -> bool:
-        """Whether a command varies."""
-        return any(sent is not None for sent in (self.current, self.voltage, self.command))
+    def measured(self) -> dict[str, Floats]:
+        """Samples of displacement, force and velocity, where that was measured."""
+        channels = {"displacement": self.displacement, "force": self.force}
+        return channels if self.velocity is None else {**channels, "velocity": self.velocity}
 
-    def through(self, change: Callable[[Floats], Floats]) -> Signals:
-        """Signals with the same change applied to every channel."""
-        return replace(self, **{name: change(channel) for name, channel in self.channels()})
+    @property
+    def channels(self) -> dict[str, Floats]:
+        """Samples of every channel, the time and the commands included."""
+        commands = {command.quantity: np.asarray(command.values) for command in self.commands}
+        return {"time": self.time, **self.measured, **commands}
+
+    def rows(self, chosen: slice) -> Signals:
+        """The chosen samples of every channel."""
+        return Signals(
+            time=self.time[chosen],
+            **{name: channel[chosen] for name, channel in self.measured.items()},
+            commands=tuple(Command(np.asarray(values)[chosen], unit) for values, unit in self.commands),
+        )
 
 
 def complete_rows(
     signals: Signals, *, source: str, locate: Callable[[int], str]
 ) -> tuple[Signals, int, tuple[Finding, ...]]:
     """Drop incomplete rows (NaN) at either end: the signals, the file row at which they start, and findings."""
-    for name, channel in signals.channels():
+    for name, channel in signals.channels.items():
         absurd = np.abs(channel) > _LARGEST
         if absurd.any():
             row = int(np.argmax(absurd))
@@ -72,7 +73,7 @@ def complete_rows(
             )
         if np.isnan(channel).all():
             raise RecordError(f"{source}: the {name} has no value at all; fill the column or leave it out")
-    complete = np.logical_and.reduce([np.isfinite(channel) for _, channel in signals.channels()])
+    complete = np.logical_and.reduce([np.isfinite(channel) for channel in signals.channels.values()])
     n_time = int(np.count_nonzero(complete))
     if n_time < FEWEST_SAMPLES:
         held = f"{n_time} complete samples" if n_time != 1 else "1 complete sample"
@@ -82,7 +83,7 @@ def complete_rows(
     holes = np.flatnonzero(~complete[first:last])
     if holes.size:
         row = first + int(holes[0])
-        missing = ", ".join(name for name, channel in signals.channels() if np.isnan(channel[row]))
+        missing = ", ".join(name for name, channel in signals.channels.items() if np.isnan(channel[row]))
         more = f", and {holes.size - 1} more rows are incomplete" if holes.size > 1 else ""
         raise RecordError(
             f"{source}: {locate(row)} has no value for {missing}{more}; fill in the values or delete the rows"
@@ -91,7 +92,7 @@ def complete_rows(
         return signals, first, ()
     message = f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end"
     dropped = Finding.note("nan_rows_dropped", message)
-    return signals.through(lambda channel: channel[first:last]), first, (dropped,)
+    return signals.rows(slice(first, last)), first, (dropped,)
 
 
 def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:
@@ -190,19 +191,17 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline
-    motion = replace(signals, current=None, voltage=None, command=None).through(
-        lambda channel: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
-    )
-    current, voltage, command = (
-        None if sent is None else resampled_command(time, sent, grid)
-        for sent in (signals.current, signals.voltage, signals.command)
-    )
+    measured = {
+        name: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
+        for name, channel in signals.measured.items()
+    }
+    commands = tuple(command.resampled(time, grid) for command in signals.commands)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
     # A sample of the grid has neighbours in the record; next to one of them, it is that.
     beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
     missing = beside & (steps > _GAP_STEPS * median)[before]
     return UniformSamples(
-        signals=replace(motion, time=grid, current=current, voltage=voltage, command=command),
+        signals=Signals(time=grid, **measured, commands=commands),
         dt=dt,
         spiky=spiky[before] | spiky[before + 1],
         missing=missing,

@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.units import CommandUnit
-from mrwork.dampers.command import LARGEST_COMMAND, Command, command_level, levels_of_command
+from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
 from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
@@ -232,7 +232,7 @@ def excitation_of(test: DamperTest) -> Candidate:
     )
 
 
-def _ends(command: Command, unit: CommandUnit) -> tuple[float, ...]:
+def _ends(command: CommandValues, unit: CommandUnit) -> tuple[float, ...]:
     """A constant command, or the lowest and the highest level of one that varies."""
     if not isinstance(command, np.ndarray):
         return (command,)

@@ -16,7 +16,7 @@ from mrwork.base.arguments import Positive, Whole
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
-from mrwork.dampers.command import Command
+from mrwork.dampers.command import CommandValues
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
@@ -162,7 +162,7 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     return content.getvalue()
 
 
-def _constant(command: Command | None) -> float | None:
+def _constant(command: CommandValues | None) -> float | None:
     return None if isinstance(command, np.ndarray) else command
 
 
