@@ -14,7 +14,7 @@ from record_files import codes, message, write_text
 from scipy.io import savemat
 
 from mrwork.records import read_damper_tests
-from mrwork.records.resolution import clipped_share, coarse_step
+from mrwork.records.checks import clipped_share, coarse_step
 
 SINE = MOTIONS[0]
 LAB = RIGS[0]

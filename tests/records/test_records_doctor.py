@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing
-from mrwork.records.checks import breakaway_overshoot
+from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.findings import find_mislabelled
-from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
+from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
 from mrwork.records.read import examine
-from mrwork.records.resolution import clipped_share
 from mrwork.records.synthetic import SYNTHETIC_TESTS, synthetic_test
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.
@@ -54,7 +53,7 @@ def simulated(
 
 
 def with_motion(test: DamperTest) -> tuple[DamperTest, SmoothMotion]:
-    return test, motion_of(test.displacement, test.dt)
+    return test, smooth_motion(test.displacement, test.dt)
 
 
 def late(test: DamperTest, delay: float) -> DamperTest:
@@ -186,7 +185,7 @@ def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; for a drifting force, the mean over the travel differs
     # slightly from its offset.
     assert found.value == pytest.approx(expected, abs=0.003)
-    assert len(drift_finding(*with_motion(test))) == 1
+    assert len([*drift_finding(*with_motion(test))]) == 1
 
 
 def test_a_chirp_is_no_drift() -> None:

@@ -24,8 +24,8 @@ from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.ties import Ties
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.records.checks import FORCE_OFFSET
+from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import delay_signal, loading_of
-from mrwork.records.velocity import refuse_velocity
 
 NuisanceName = Literal["offset", "level", "delay"]
 

@@ -1,11 +1,17 @@
-"""Checks of the signals of a test: constant channels, sampling, rest, breakaway, force sign and offset."""
+"""Checks of single channels: constant, clipped, coarse or held ones, sampling, rest, breakaway, sign, offset and size.
+
+A size that no damper test has tells a unit that is off by a thousand.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured
@@ -37,18 +43,18 @@ def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> N
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
 
 
-def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
+def samples_per_cycle(frequency: float, dt: float) -> Iterator[Finding]:
     """Warn if the dominant cycle has fewer than 20 samples."""
     per_cycle = 1.0 / (frequency * dt)
     if per_cycle >= _FEWEST_PER_CYCLE:
-        return ()
+        return
     message = (
         f"only {per_cycle:.1f} samples per cycle of {frequency:.3g} Hz (at least {_FEWEST_PER_CYCLE:.0f} "
         "are advised): reversals of the motion, where the force changes most, are poorly resolved"
     )
     action = f"sample at {_FEWEST_PER_CYCLE * frequency:.3g} Hz or more"
     measured = Measured(value=per_cycle, unit="")
-    return (Finding.warning("few_samples_per_cycle", message, action=action, measured=measured),)
+    yield Finding.warning("few_samples_per_cycle", message, action=action, measured=measured)
 
 
 def samples_at_rest(displacement: Floats) -> int:
@@ -57,14 +63,12 @@ def samples_at_rest(displacement: Floats) -> int:
     return int(np.argmax(left))
 
 
-def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> tuple[Finding, ...]:
+def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> Iterator[Finding]:
     """Note rest at the start that lasts a quarter of the dominant period or longer."""
     rest = samples_at_rest(displacement) * dt
-    if rest < _REST_CYCLES / frequency:
-        return ()
-    message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
-    measured = Measured(value=rest, unit="s")
-    return (Finding.note("rest_before_motion", message, measured=measured),)
+    if rest >= _REST_CYCLES / frequency:
+        message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
+        yield Finding.note("rest_before_motion", message, measured=Measured(value=rest, unit="s"))
 
 
 # The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
@@ -91,21 +95,20 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     return Measured(value=overshoot, standard_error=noise * float(np.sqrt(2.0)), unit="N")
 
 
-def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a breakaway force above all later forces by at least 5 % of the half range."""
     overshoot = breakaway_overshoot(test, motion)
     if overshoot is None or overshoot.standard_error is None:
-        return ()
+        return
     least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)
-    if overshoot.value < least:
-        return ()
-    message = (
-        f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
-        "which the models do not include"
-    )
-    return (
-        Finding.warning("breakaway", message, action="remove the start by --repair rest", measured=overshoot),
-    )
+    if overshoot.value >= least:
+        message = (
+            f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
+            "which the models do not include"
+        )
+        yield Finding.warning(
+            "breakaway", message, action="remove the start by --repair rest", measured=overshoot
+        )
 
 
 def mean_over_travel(force: Floats, velocity: Floats) -> float:
@@ -147,16 +150,224 @@ def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, 
     return -force, (Finding.note("force_sign_flipped", message),)
 
 
-def force_offset(force: Floats, velocity: Floats) -> tuple[Finding, ...]:
+def force_offset(force: Floats, velocity: Floats) -> Iterator[Finding]:
     """Note a static offset above 5 % of the half range of the force, which every model has a parameter for."""
     offset = mean_over_travel(force, velocity)
     scale = half_range(force)
     # A force of a few spikes has no range between the percentiles.
     if scale == 0.0 or abs(offset) <= _OFFSET_SHARE * scale:
-        return ()
+        return
     relative = f"{100 * abs(offset) / scale:.0f} % of its half range of {scale:.4g} N"
     message = (
         f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or the zero of the load cell, "
         "which a model describes by f0 or k x0"
     )
-    return (Finding.note(FORCE_OFFSET, message, measured=Measured(value=offset, unit="N")),)
+    yield Finding.note(FORCE_OFFSET, message, measured=Measured(value=offset, unit="N"))
+
+
+_SHORTEST_RUN: Final = 3
+_FEWEST_RUNS: Final = 2
+# A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
+# gives less than one step of the resolution.
+_OVERSHOOT_STEPS: Final = 4.0
+# Rounding to this share of half the range is an error of 0.7 % of it, rms, and makes plateaus as clipping does.
+_COARSE: Final = 0.025
+_FEWEST_LEVELS: Final = 5
+_FEWEST_PER_LEVEL: Final = 5
+# Levels are whole steps apart, but for this share of one; what is closer than this share of the range is rounding.
+_OFF_THE_STEPS: Final = 0.05
+_ROUNDED: Final = 1e-9
+
+
+def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+    """Warn of channels with few levels, of clipped ones, and of those whose samples are held."""
+    channels = [("displacement", test.displacement, "m"), ("force", test.force, "N")]
+    if test.velocity_source == "measured":
+        channels.append(("velocity", test.velocity, "m/s"))
+    for name, samples, unit in channels:
+        step = coarse_step(samples)
+        if step is not None:
+            half = 0.5 * float(np.ptp(samples))
+            yield Finding.warning(
+                "coarse",
+                f"the {name} is read in steps of {step:.3g} {unit}, {100 * step / half:.2g} % of its half range of "
+                f"{half:.4g} {unit}",
+                action="measure again with a smaller range or more digits",
+                measured=Measured(value=step, unit=unit),
+            )
+        elif (share := clipped_share(samples)) > 0.0:
+            yield Finding.warning(
+                "clipped",
+                f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel exceeded its "
+                "range",
+                action="measure again with a wider one, or omit these parts",
+                measured=Measured(value=share, unit=""),
+            )
+        if (held := held_samples(samples)) > 1:
+            yield Finding.warning(
+                "held_samples",
+                f"the {name} has a new value in one of {held} samples only: it is sampled at "
+                f"{1.0 / (held * test.dt):.3g} Hz, and late by {500.0 * (held - 1) * test.dt:.3g} ms in the mean",
+                action=f"use --every {held}, or sample all channels alike",
+                measured=Measured(value=held, unit="samples"),
+            )
+
+
+def coarse_step(samples: Floats) -> float | None:
+    """Step between the levels of a channel, shape (n_time,), if it is coarse; `None` otherwise."""
+    levels = np.unique(samples)
+    whole = float(levels[-1] - levels[0])
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > _ROUNDED * whole]
+    if not _FEWEST_LEVELS <= gaps.size + 1 <= samples.size / _FEWEST_PER_LEVEL:
+        return None
+    step = float(gaps.min())
+    if step <= 0.5 * _COARSE * whole:
+        return None
+    return step if np.all(np.abs(gaps / step - np.round(gaps / step)) < _OFF_THE_STEPS) else None
+
+
+def clipped_share(samples: Floats) -> float:
+    """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
+
+    Such a peak is a run of three or more samples at the extreme value, with slopes beside it so steep that the curve
+    would have continued by four steps of its resolution. A single one may be rest.
+    """
+    levels = np.unique(samples)
+    if levels.size < 2 * _SHORTEST_RUN:
+        return 0.0
+    resolution = float(np.diff(levels).min())
+    flat = sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0))
+    return flat / samples.size
+
+
+def _flat_samples(samples: Floats, resolution: float) -> int:
+    """Number of samples in runs at the maximum with steep flanks."""
+    at_top = np.concatenate([[False], samples == samples.max(), [False]])
+    edges = np.flatnonzero(np.diff(at_top))
+    begin, end = edges[::2], edges[1::2]
+    inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
+    begin, end = begin[inside], end[inside]
+    # Both flanks must be steep; with one steep flank only, it may be a start from rest. They must be so beside the run,
+    # and for a quarter of its length: of a rounded curve the nearest step alone is steep.
+    slopes = [
+        (samples[at] - samples[np.clip(at + side * length, 0, samples.size - 1)]) / length
+        for at, side in ((begin, -1), (end - 1, 1))
+        for length in (2, np.maximum((end - begin) // 4, 2))
+    ]
+    overshoot = np.minimum.reduce(slopes) * (end - begin) / 4.0
+    cut = overshoot > _OVERSHOOT_STEPS * resolution
+    return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0
+
+
+_FEWEST_CHANGES: Final = 20
+# Share of the changes that are as far apart as most are, and of those that are a whole number of that apart.
+_ALIKE: Final = 0.5
+_IN_TIME: Final = 0.95
+# Changes of a slow channel are of one step of its resolution each, and as far apart as it is slow.
+_STEPS_AT_ONCE: Final = 3.0
+
+
+def held_samples(samples: Floats) -> int:
+    """Number of samples for which a channel, shape (n_time,), holds each of its values; 1 for one that does not."""
+    changes = np.diff(samples)
+    changed = np.flatnonzero(changes)
+    if not _FEWEST_CHANGES <= changed.size <= samples.size // 2:
+        return 1
+    apart: NDArray[np.intp] = np.diff(changed)
+    held = int(np.median(apart))
+    sizes = np.abs(changes[changed])
+    regular = np.mean(apart == held) > _ALIKE and np.mean(apart % held == 0) > _IN_TIME
+    return held if held > 1 and regular and np.median(sizes) > _STEPS_AT_ONCE * sizes.min() else 1
+
+
+# The longest dampers of bridges have about 2 m.
+_LONGEST_STROKE: Final = 5.0
+# Rods and mounts are stressed by some 20 MPa at full force, and then stretch by 1e-4 of their length to either side: by
+# 0.1 mm for a damper of 1 kN with its fixture of half a metre. Lengths grow from a damper of 1 kN to one of 200 kN by
+# about this power of the force.
+_SHORTEST_STROKE: Final = 1e-4
+_OF_FORCE: Final = 1e3
+_GROWS: Final = 0.4
+# The seal of the smallest cylinder takes some newtons; the largest magnetorheological dampers built have 400 to 500 kN.
+_SMALLEST_FORCE: Final = 2.0
+_LARGEST_FORCE: Final = 6e5
+_NEWTONS: Final = ((1e6, "MN"), (1e3, "kN"), (1.0, "N"))
+# Slow tests have some mm/s, and are sampled twenty times in a second or more often; recoil dampers reach some 15 m/s
+# and 100 g, and mounts are tested up to some 300 Hz.
+_SLOWEST: Final = 5e-4
+_COARSE_STEP: Final = 0.05
+_FASTEST: Final = 20.0
+_LARGEST_ACCELERATION: Final = 1e4
+_HIGHEST_FREQUENCY: Final = 500.0
+# The coils of the largest dampers take some 10 A, and no driver of them is set by more than the voltage of the mains.
+_LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
+
+
+def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a stroke that is longer than that of any damper, or that its rod and mounts alone would give."""
+    stroke, force = float(np.ptp(test.displacement)), float(np.abs(test.force).max())
+    if stroke > _LONGEST_STROKE:
+        message = f"the displacement spans {stroke:.3g} m, more than any damper"
+        action = "check its channel and its unit"
+    elif stroke < _SHORTEST_STROKE * (force / _OF_FORCE) ** _GROWS:
+        message = (
+            f"the displacement spans {1e6 * stroke:.3g} um, no more than rod and mounts of a damper of "
+            f"{_in_newtons(force)} stretch"
+        )
+        action = "check its channel and its unit: are millimetres taken for micrometres?"
+    else:
+        return
+    yield Finding.warning(
+        "displacement_unusual", message, action=action, measured=Measured(value=stroke, unit="m")
+    )
+
+
+def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a force that is larger than that of any damper, or smaller than that of a seal."""
+    force = float(np.abs(test.force).max())
+    if force > _LARGEST_FORCE:
+        bound, taken = f"more than the {_in_newtons(_LARGEST_FORCE)} of the largest dampers", "N taken for kN"
+    elif force < _SMALLEST_FORCE:
+        bound, taken = "less than the seal of a damper takes", "kN taken for N"
+    else:
+        return
+    message = f"the force reaches {_in_newtons(force)}, {bound}"
+    action = f"check its channel and its unit: are {taken}?"
+    yield Finding.warning("force_unusual", message, action=action, measured=Measured(value=force, unit="N"))
+
+
+def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a motion that is far slower, and sampled so, or far faster than a damper is tested."""
+    speed = float(np.percentile(np.abs(motion.velocity), 99.0))
+    acceleration = 2.0 * np.pi * motion.frequency * speed
+    slow = speed < _SLOWEST and test.dt >= _COARSE_STEP
+    fast = speed > _FASTEST or motion.frequency > _HIGHEST_FREQUENCY or acceleration > _LARGEST_ACCELERATION
+    if not slow and not fast:
+        return
+    message = (
+        f"the motion has {motion.frequency:.2g} Hz and {1e3 * speed:.2g} mm/s in steps of {test.dt:.3g} s, "
+        f"{'slower' if slow else 'faster'} than a damper is tested"
+    )
+    taken = "ms taken for s" if slow else "s taken for ms"
+    action = f"check the unit of the time (are {taken}?), and that of the displacement"
+    measured = Measured(value=motion.frequency, unit="Hz")
+    yield Finding.warning("time_unusual", message, action=action, measured=measured)
+
+
+def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a command that is larger than any coil or driver takes."""
+    for values, unit in test.commands:
+        highest = float(np.max(values))
+        if highest > _LARGEST_COMMANDS.get(unit, np.inf):
+            yield Finding.warning(
+                "command_unusual",
+                f"the command reaches {highest:.4g} {unit}, more than a damper takes",
+                action=f"check its column and its unit: are m{unit} taken for {unit}?",
+                measured=Measured(value=highest, unit=unit),
+            )
+
+
+def _in_newtons(force: float) -> str:
+    scale, unit = next(each for each in _NEWTONS if force >= each[0] or each[0] == 1.0)
+    return f"{force / scale:.3g} {unit}"

@@ -367,7 +367,7 @@ class _Names:
         return tuple(self.names) == numbered_names(len(self.names))
 
     def _is_weak(self, quantity: TestQuantity, name: str) -> bool:
-        """Whether a name is no sufficient evidence for an error: one letter or several words, of an optional one."""
+        """Whether an optional column's name is too ambiguous to refuse: one letter, or several words."""
         return quantity not in REQUIRED and (len(name.strip()) == 1 or not is_plain(quantity, name))
 
     def _claimed_by_another(self, quantity: TestQuantity, name: str) -> bool:

@@ -7,7 +7,7 @@ displacement, from the corner of the force at motion reversals.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -49,16 +49,16 @@ def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(value=mass, standard_error=error, unit="kg")
 
 
-def mass_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def mass_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a significant moving mass."""
     mass = moving_mass(test, motion)
     if mass is None:
-        return ()
+        return
     message = (
         f"the force has a component in phase with the acceleration: a mass of {mass.in_words()} kg or "
         "more between load cell and damper, or a force that leads the displacement"
     )
-    return (Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass),)
+    yield Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass)
 
 
 def _in_phase(force: Floats, acceleration: Floats) -> float:
@@ -113,20 +113,20 @@ def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(value=change, standard_error=error * (1.0 + change), unit="")
 
 
-def drift_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a drift above 3 % and four standard errors."""
     drift = loop_drift(test, motion)
     if drift is None or drift.standard_error is None:
-        return ()
+        return
     if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):
-        return ()
+        return
     likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
     message = (
         f"at equal stroke the dissipative force changes by {drift.in_words(100.0)} % from the "
         f"first cycle to the last, {likely}"
     )
     action = "fit a part of the record (--from, --until)"
-    return (Finding.warning("loop_drift", message, action=action, measured=drift),)
+    yield Finding.warning("loop_drift", message, action=action, measured=drift)
 
 
 # All in periods of the dominant frequency.
@@ -199,19 +199,19 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(value=delay * period, standard_error=error * period, unit="s")
 
 
-def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a delay of more than three standard errors and half a sample."""
     delay = force_delay(test, motion)
     if delay is None or delay.standard_error is None:
-        return ()
+        return
     if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
-        return ()
+        return
     lags = "lags" if delay.value > 0.0 else "leads"
     message = (
         f"the force {lags} the displacement by {delay.in_words(math.copysign(1e3, delay.value))} ms "
         f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals"
     )
-    return (Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay),)
+    yield Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay)
 
 
 def _fold_periods(

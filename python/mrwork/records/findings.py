@@ -19,7 +19,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import motion_of
+from mrwork.records.motion import smooth_motion
 from mrwork.records.repairs import REPAIR_KINDS
 
 
@@ -110,7 +110,7 @@ def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
     """Logarithms of dissipative force and peak velocity of tests, shape (n_tests,)."""
     force, velocity = np.empty(len(tests)), np.empty(len(tests))
     for row, test in enumerate(tests):
-        motion = motion_of(test.displacement, test.dt)
+        motion = smooth_motion(test.displacement, test.dt)
         travelling = motion.velocity
         power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
         force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)

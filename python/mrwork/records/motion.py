@@ -174,7 +174,7 @@ class SmoothMotion:
     smoother: Smoother
 
 
-def motion_of(displacement: Floats, dt: float) -> SmoothMotion:
+def smooth_motion(displacement: Floats, dt: float) -> SmoothMotion:
     """Smooth a displacement with step `dt` [s], and differentiate it."""
     band = spectrum(displacement, dt)
     smoother = Smoother.for_band(band.band_edge, dt, displacement.size)

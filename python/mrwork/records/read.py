@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -45,11 +45,11 @@ from mrwork.records.contradictions import (
     jump_finding,
     repeated_part,
     still_findings,
+    velocity_agrees,
 )
 from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, fields_of_commands
-from mrwork.records.motion import SmoothMotion, motion_of
-from mrwork.records.resolution import resolution_findings
+from mrwork.records.motion import SmoothMotion, smooth_motion
 from mrwork.records.rig_table import (
     EVERY_USE,
     UNKNOWN,
@@ -59,9 +59,7 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
-from mrwork.records.sizes import command_finding, force_finding, pace_finding, stroke_finding
 from mrwork.records.smoothing import smoothing_finding, smoothing_of, without_spikes
-from mrwork.records.velocity import velocity_agrees
 from mrwork.records.window import (
     Signals,
     check_time,
@@ -72,16 +70,16 @@ from mrwork.records.window import (
     uniform_step,
 )
 
-_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
+_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
     smoothing_finding,
     delay_finding,
     mass_finding,
     checks.breakaway_finding,
-    stroke_finding,
-    force_finding,
-    pace_finding,
-    command_finding,
-    resolution_findings,
+    checks.stroke_finding,
+    checks.force_finding,
+    checks.pace_finding,
+    checks.command_finding,
+    checks.resolution_findings,
     still_findings,
     jump_finding,
     drift_of_displacement_finding,
@@ -185,7 +183,7 @@ def test_from_arrays(
     findings += [*dropped, *about_spikes, *uniform.findings]
 
     displaced = signals.displacement
-    motion = motion_of(displaced, dt)
+    motion = smooth_motion(displaced, dt)
     uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
     window = motion.smoother.window
     message = (

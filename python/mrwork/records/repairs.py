@@ -18,10 +18,10 @@ from mrwork.base.keys import closest
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
+from mrwork.records.contradictions import OFF_BY_FACTOR
 from mrwork.records.cycles import force_delay, moving_mass
 from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
-from mrwork.records.motion import motion_of, spectrum
-from mrwork.records.velocity import OFF_BY_FACTOR
+from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.window import cut
 
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
@@ -104,7 +104,7 @@ def repair(
 
 def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     frequency = spectrum(test.displacement, test.dt).dominant
-    if not rest_before_motion(test.displacement, test.dt, frequency):
+    if not any(rest_before_motion(test.displacement, test.dt, frequency)):
         return test, _no_cause("rest", "the motion starts within a quarter of a cycle")
     rest = samples_at_rest(test.displacement)
     seconds = rest * test.dt
@@ -116,7 +116,7 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
     from scipy.interpolate import CubicSpline  # slow to load
 
     seen = (
-        force_delay(test, motion_of(test.displacement, test.dt))
+        force_delay(test, smooth_motion(test.displacement, test.dt))
         if amount is None
         else Measured(value=amount, unit="s")
     )
@@ -145,7 +145,7 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     if test.has_varying_command and amount is None:
         return test, _no_cause("offset", "the mean force under a varying command is no static one; give one")
-    motion = motion_of(test.displacement, test.dt)
+    motion = smooth_motion(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
     return replace(test, force=freeze_samples(test.force - offset)), _make_finding(
@@ -154,7 +154,7 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
-    motion = motion_of(test.displacement, test.dt)
+    motion = smooth_motion(test.displacement, test.dt)
     seen = moving_mass(test, motion) if amount is None else Measured(value=amount, unit="kg")
     if seen is None:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
@@ -168,7 +168,7 @@ def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
 def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     if test.velocity_source == "derived":
         return test, _no_cause("velocity", "it is the derivative of the displacement already")
-    derived = motion_of(test.displacement, test.dt).velocity
+    derived = smooth_motion(test.displacement, test.dt).velocity
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"

@@ -6,6 +6,7 @@ in the spectrum of the noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
@@ -133,24 +134,24 @@ def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
     )
 
 
-def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a moving average, with the fraction of a cycle that it covers."""
     smoothing = test.smoothing
     if smoothing is None:
-        return ()
+        return
     window = smoothing.window_seconds
     share = window * motion.frequency
-    averaged = "force" in smoothing.channels
     message = (
         f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
         f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of the loop"
     )
     measured = Measured(value=window, standard_error=test.dt, unit="s")
-    if averaged:
+    if "force" in smoothing.channels:
         message += "; identify applies the same average to the model's force"
-        return (Finding.note("moving_average", message, measured=measured),)
-    action = "use the original record, for the force shows none"
-    return (Finding.warning("moving_average", message, action=action, measured=measured),)
+        yield Finding.note("moving_average", message, measured=measured)
+    else:
+        action = "use the original record, for the force shows none"
+        yield Finding.warning("moving_average", message, action=action, measured=measured)
 
 
 def detect_average(samples: Floats) -> int | None:
