@@ -10,7 +10,7 @@ from command_line import ran
 
 import mrwork as mr
 from mrwork import _rust
-from mrwork.dampers.instruction_sets import InstructionSets
+from mrwork.dampers.simulation import InstructionSets
 
 
 def test_simulations_run_on_the_fastest_set_of_build_and_machine():

@@ -22,9 +22,9 @@ from .closed_loop.responses import Responses as Responses
 from .closed_loop.simulate import simulate_loop as simulate_loop
 from .control.laws.control_law import ControlLaw as ControlLaw
 from .dampers.coordinates import Box as Box
-from .dampers.instruction_sets import InstructionSets as InstructionSets
-from .dampers.instruction_sets import instruction_set as instruction_set
+from .dampers.simulation import InstructionSets as InstructionSets
 from .dampers.simulation import Loading as Loading
+from .dampers.simulation import instruction_set as instruction_set
 from .dampers.simulation import simulate_force as simulate_force
 from .dampers.spec import DamperSpec as DamperSpec
 from .dampers.spec import damper as damper
@@ -46,7 +46,7 @@ from .records.damper_test import DamperTest as DamperTest
 from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests
 from .records.read import test_from_arrays as test_from_arrays
-from .records.synthetic import synthetic_test as synthetic_test
+from .records.reading import synthetic_test as synthetic_test
 from .runs.export import export as export
 from .runs.load import StoredRun as StoredRun
 from .runs.load import load as load

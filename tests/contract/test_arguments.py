@@ -29,7 +29,7 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.uncertainty",
     "mrwork.search",
     "mrwork.dampers.simulation",
-    "mrwork.records.synthetic",
+    "mrwork.records.reading",
     "mrwork.store.journal",
     "mrwork.buildings",
     "mrwork.control",

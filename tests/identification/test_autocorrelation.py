@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from mrwork.dampers import damper
 from mrwork.identification import Objective
 from mrwork.identification.result import autocorrelation_time, effective_samples, residuals_by_test
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.93])

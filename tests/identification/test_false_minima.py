@@ -13,7 +13,7 @@ from mrwork.dampers import Box, damper
 from mrwork.identification import Multistart, Objective
 from mrwork.identification.minimise.multistart import linear_misfit, scaled_to_force
 from mrwork.records import DamperTest, cut, read_damper_test
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"
 TEST = synthetic_test("spencer1997")

@@ -32,7 +32,7 @@ from mrwork.identification.result import covariance, fit_quality
 from mrwork.identification.settings import search_named, searches
 from mrwork.records import DamperTest, Observation
 from mrwork.records.damper_test import as_tests
-from mrwork.records.synthetic import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
 SEARCH = EfficientGA(stop=StopRules(max_generations=60))

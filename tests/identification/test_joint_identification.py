@@ -22,7 +22,7 @@ from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.minimise.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance
 from mrwork.records import DamperTest, Observation, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
 

@@ -27,7 +27,7 @@ from mrwork.errors import JournalError
 from mrwork.identification import Fit, Progress
 from mrwork.identification.progress import Tally
 from mrwork.records import DamperTest
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.journal_file import line_of
 

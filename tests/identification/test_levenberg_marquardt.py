@@ -33,7 +33,7 @@ from mrwork.identification.residual import NuisanceName, bounds_without_offsets
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
 # Of the static model the switch of side is sharper than the data can tell.
@@ -202,7 +202,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 told = Counter()
 jax.monitoring.register_event_listener(lambda name, **_: told.update([name.rpartition("/")[2]]))

@@ -26,7 +26,7 @@ from mrwork.identification import (
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless
 from mrwork.identification.minimise.multistart import distinct_minima
 from mrwork.identification.objective import linearise_residuals
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")
 FORM = identifiable_form(damper("normalised_bouc_wen"), {})

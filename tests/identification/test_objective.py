@@ -13,7 +13,7 @@ from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 SPEC = damper("normalised_bouc_wen")
 

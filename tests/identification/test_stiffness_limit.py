@@ -12,7 +12,7 @@ from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective, find_minima, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
 from mrwork.records import DamperTest
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 MODEL = damper("normalised_modified_bouc_wen")
 TRUE = {

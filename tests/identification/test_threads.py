@@ -15,7 +15,7 @@ from mrwork.identification import FitSettings, Objective
 from mrwork.identification.progress import on_every_test
 from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 
 SPEC = damper("normalised_bouc_wen")
 

@@ -15,7 +15,7 @@ from mrwork.identification import Fit, FitSettings, start_from
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
 # Too short to find anything by itself.

@@ -17,7 +17,7 @@ from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loo
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
 from mrwork.records.read import examine
-from mrwork.records.synthetic import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.
 CORNERED = ("bouc_wen", "normalised_bouc_wen")

@@ -12,8 +12,8 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
 from mrwork.records.damper_test import Smoothing
+from mrwork.records.reading import synthetic_test
 from mrwork.records.repairs import as_words
-from mrwork.records.synthetic import synthetic_test
 
 WINDOW = 33
 CLEAN = synthetic_test("spencer1997")

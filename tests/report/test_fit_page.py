@@ -24,7 +24,7 @@ from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.report.figures import Comparison
 from mrwork.report.fit.amplitudes import amplitude_section
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page

@@ -11,7 +11,7 @@ from mrwork.dampers import damper
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
 from mrwork.records.damper_test import range_of_tests
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     NOISES,
     Band,

@@ -14,7 +14,7 @@ from mrwork.identification import Fit
 from mrwork.identification.fit import Estimate, Identifiability, ParameterChange
 from mrwork.identification.result import covariance
 from mrwork.records import DamperTest
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import identifiability_of
 from mrwork.uncertainty.identifiability.verdicts import (
     WEAK,

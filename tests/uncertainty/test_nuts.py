@@ -11,7 +11,7 @@ from scipy.stats import ks_2samp
 from sentences import Refused
 
 from mrwork import identify
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Normal, convergence, first_walkers, sample, substeps_at, twin_log_posterior
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 

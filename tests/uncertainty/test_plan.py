@@ -15,7 +15,7 @@ from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
 from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, motion_of, read_candidates
 from mrwork.uncertainty.planning import (

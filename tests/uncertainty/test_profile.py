@@ -16,7 +16,7 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, find_minimum
 from mrwork.records import DamperTest, cut
-from mrwork.records.synthetic import synthetic_test
+from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Profiles, identifiability_of
 from mrwork.uncertainty.identifiability.curvature import (
     Point,

@@ -16,7 +16,7 @@ from mrwork.base.keys import control_in
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
-from mrwork.buildings.modes import damping_ratios_of, damping_warnings, growing_modes, is_positive, modes_of
+from mrwork.buildings.modes import damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange, Outside, outside_of
 from mrwork.errors import SettingError, UnknownNameError
@@ -184,7 +184,10 @@ class Building(Summarised):
         Exact for classical damping (Rayleigh, modal). Otherwise, as with a damper at one storey, the poles give the
         actual decay.
         """
-        return damping_ratios_of(self.mass, self.damping, self.stiffness)
+        omega, modes = modes_of(self.mass, self.stiffness)
+        # Infinite or NaN for a mode without stiffness.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.einsum("im,im->m", modes, self.damping @ modes) / (2.0 * omega))
 
     @property
     def damping_warnings(self) -> tuple[str, ...]:

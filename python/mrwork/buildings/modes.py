@@ -54,13 +54,6 @@ def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)
 
 
-def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Floats:
-    """Diagonal of modes' C modes over 2 omega, shape (n,); infinite or NaN for a mode without stiffness."""
-    omega, modes = modes_of(mass, stiffness)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.einsum("im,im->m", modes, damping @ modes) / (2.0 * omega))
-
-
 def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> ModalDamping:
     """Damping of every mode with stiffness, from the poles; without the coupling of modes above 300 coordinates."""
     omega, modes = modes_of(mass, stiffness)
@@ -128,7 +121,9 @@ def damping_warnings(
 
     A mode of an addition alone, as of a brace behind which a damper is to stand, may be undamped.
     """
-    n, held = len(mass), _is_held(mass, stiffness)
+    n = len(mass)
+    # Whether it is certain that every mode has a stiffness.
+    held = is_positive(stiffness - (_FREE * _typical_frequency(mass, stiffness)) ** 2 * mass)
     if held and not damping.any():
         return (_describe_undamped(f"{name}: {_modes_have(n, n)} no damping"),)
     if held and is_damped(mass, damping, stiffness, UNDAMPED):
@@ -176,11 +171,6 @@ def is_damped(mass: Floats, damping: Floats, stiffness: Floats, ratio: float) ->
     rest -= (ratio * typical) * mass
     rest -= (ratio / typical) * stiffness
     return is_positive(rest)
-
-
-def _is_held(mass: Floats, stiffness: Floats) -> bool:
-    """Whether it is certain that every mode has a stiffness."""
-    return is_positive(stiffness - (_FREE * _typical_frequency(mass, stiffness)) ** 2 * mass)
 
 
 def _typical_frequency(mass: Floats, stiffness: Floats) -> float:

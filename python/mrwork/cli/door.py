@@ -60,7 +60,7 @@ class _ShowVersion(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from mrwork import __version__
-        from mrwork.dampers.instruction_sets import instruction_set
+        from mrwork.dampers.simulation import instruction_set
 
         show(f"mrwork {__version__}\n{instruction_set()}")
         parser.exit()

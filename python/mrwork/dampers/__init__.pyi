@@ -17,10 +17,10 @@ if True:  # the lower tier
     from .._rust import force_histories as force_histories
     from .._rust import misfits as misfits
     from .._rust import sensitivities as sensitivities
-    from .instruction_sets import instruction_set as instruction_set
     from .parameters import LawName as LawName
     from .simulation import Loading as Loading
     from .simulation import Outcome as Outcome
+    from .simulation import instruction_set as instruction_set
     from .simulation import simulate_force as simulate_force
     from .simulation import simulate_forces as simulate_forces
     from .spec import PUBLISHED_SETS as PUBLISHED_SETS

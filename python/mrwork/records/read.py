@@ -59,7 +59,7 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
-from mrwork.records.smoothing import smoothing_finding, smoothing_of, without_spikes
+from mrwork.records.smoothing import detect_smoothing, smoothing_finding, without_spikes
 from mrwork.records.window import (
     Signals,
     check_time,
@@ -231,7 +231,7 @@ def test_from_arrays(
         synthetic=synthetic,
         **{"command_unit": command_unit if command is None else None, **fields},
     )
-    test = replace(test, smoothing=smoothing_of(test, motion.frequency))
+    test = replace(test, smoothing=detect_smoothing(test, motion.frequency))
     return replace(test, findings=(*findings, *examine(test, motion)))
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Final, Literal, get_args
 
@@ -26,26 +26,6 @@ from mrwork.records.window import cut
 
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
-
-# Codes of the findings that a repair removes.
-_CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
-    "rest": ("rest_before_motion", "breakaway"),
-    "delay": ("force_delay",),
-    "offset": ("force_offset",),
-    "mass": ("moving_mass",),
-    "velocity": ("velocity_late", "velocity_inconsistent", OFF_BY_FACTOR),
-}
-_UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
-# Least and largest amount of each.
-_RANGES: Final[dict[RepairKind, tuple[float, float]]] = {
-    "delay": (-1e6, 1e6),
-    "offset": (-1e9, 1e9),
-    "mass": (0.0, 1e6),
-}
-AMOUNTS_IN_WORDS: Final = ", ".join(
-    f"{kind} from {least:g} to {most:g} {_UNIT[kind]}" for kind, (least, most) in _RANGES.items()
-)
-"""The range of each amount, for help."""
 
 
 @checked
@@ -79,21 +59,21 @@ def repair(
     """
     given = dict(amounts or {})
     for kind, amount in given.items():
-        if kind not in _UNIT or not np.isfinite(amount):
+        if kind not in _AMOUNTS or not np.isfinite(amount):
             raise SettingError(
-                f"repair {kind} was given {amount:g}; a finite number goes with {', '.join(_UNIT)} alone"
+                f"repair {kind} was given {amount:g}; a finite number goes with {', '.join(_AMOUNTS)} alone"
             )
-        least, most = _RANGES[kind]
+        least, most, unit = _AMOUNTS[kind]
         if not least <= amount <= most:
             raise SettingError(
-                f"repair {kind} was given {amount:g} {_UNIT[kind]}; give one from {least:g} to {most:g} {_UNIT[kind]}"
+                f"repair {kind} was given {amount:g} {unit}; give one from {least:g} to {most:g} {unit}"
             )
     wanted = set(kinds) | set(given)
     repaired, log = test, list[Finding]()
     for kind in REPAIR_KINDS:
         if kind in wanted:
-            changed, entry = _STEPS[kind](repaired, given.get(kind))
-            cured = _CURED[kind] if entry.severity == "repaired" else ()
+            changed, entry = _REPAIRS[kind].apply(repaired, given.get(kind))
+            cured = _REPAIRS[kind].cures if entry.severity == "repaired" else ()
             kept = tuple(finding for finding in changed.findings if finding.code not in cured)
             repaired = replace(changed, findings=(*kept, entry))
             log.append(entry)
@@ -109,7 +89,8 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     rest = samples_at_rest(test.displacement)
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
-    return shorter, _make_finding("rest", f"the first {seconds:.3g} s, at rest, were cut off", seconds, "s")
+    message = f"the first {seconds:.3g} s, at rest, were cut off"
+    return shorter, _repaired("rest", message, Measured(value=seconds, unit="s"))
 
 
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -139,7 +120,7 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
         for first, last in shorter.uncompared
     )
     shifted_test = replace(shorter, force=freeze_samples(shifted), uncompared=uncompared)
-    return shifted_test, _make_finding("delay", message, seen.value, "s", seen)
+    return shifted_test, _repaired("delay", message, seen)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -148,9 +129,8 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
     motion = smooth_motion(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
-    return replace(test, force=freeze_samples(test.force - offset)), _make_finding(
-        "offset", message, offset, "N"
-    )
+    repaired = replace(test, force=freeze_samples(test.force - offset))
+    return repaired, _repaired("offset", message, Measured(value=offset, unit="N"))
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -160,9 +140,7 @@ def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.in_words()} kg was taken out of the force"
-    return replace(test, force=freeze_samples(test.force - inertia)), _make_finding(
-        "mass", message, seen.value, "kg", seen
-    )
+    return replace(test, force=freeze_samples(test.force - inertia)), _repaired("mass", message, seen)
 
 
 def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
@@ -174,29 +152,38 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
     repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
-    return repaired, _make_finding("velocity", message, changed, "")
+    return repaired, _repaired("velocity", message, Measured(value=changed, unit=""))
 
 
-_STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
-    "rest": _rest,
-    "delay": _delay,
-    "offset": _offset,
-    "mass": _mass,
-    "velocity": _velocity,
-}
-
-
-def _make_finding(
-    kind: RepairKind, message: str, value: float, unit: str, seen: Measured | None = None
-) -> Finding:
-    error = None if seen is None else seen.standard_error
-    measured = Measured(value=value, standard_error=error, unit=unit)
+def _repaired(kind: RepairKind, message: str, measured: Measured) -> Finding:
     return Finding(code=f"repaired_{kind}", severity="repaired", message=message, measured=measured)
 
 
 def _no_cause(kind: RepairKind, reason: str) -> Finding:
     return Finding.note(f"no_{kind}", f"no {kind} to repair: {reason}")
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Repair:
+    """What a repair does, the codes of the findings that it removes, and least amount, largest amount and unit."""
+
+    apply: Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]
+    cures: tuple[str, ...]
+    amounts: tuple[float, float, str] | None = None
+
+
+_REPAIRS: Final[Mapping[RepairKind, _Repair]] = {
+    "rest": _Repair(apply=_rest, cures=("rest_before_motion", "breakaway")),
+    "delay": _Repair(apply=_delay, cures=("force_delay",), amounts=(-1e6, 1e6, "s")),
+    "offset": _Repair(apply=_offset, cures=("force_offset",), amounts=(-1e9, 1e9, "N")),
+    "mass": _Repair(apply=_mass, cures=("moving_mass",), amounts=(0.0, 1e6, "kg")),
+    "velocity": _Repair(apply=_velocity, cures=("velocity_late", "velocity_inconsistent", OFF_BY_FACTOR)),
+}
+_AMOUNTS: Final = {kind: entry.amounts for kind, entry in _REPAIRS.items() if entry.amounts is not None}
+AMOUNTS_IN_WORDS: Final = ", ".join(
+    f"{kind} from {least:g} to {most:g} {unit}" for kind, (least, most, unit) in _AMOUNTS.items()
+)
+"""The range of each amount, for help."""
 
 DETECT: Final = "detect"
 NONE: Final = "none"

@@ -98,18 +98,15 @@ _SIGNIFICANT: Final = 6.0
 _TAPER: Final = 1.94
 
 
-def detect_smoothing(test: DamperTest) -> Smoothing | None:
+def detect_smoothing(test: DamperTest, frequency: float | None = None) -> Smoothing | None:
     """Detect a moving average applied to displacement and force of a test; `None` if there is none.
 
     If the two windows differ, that of the force is returned, which has the higher harmonics. Windows of less than 4
     samples, or of more than an eighth of the record or half a period, cannot be detected, nor any in a record without
-    noise.
+    noise. `frequency` is the dominant one of the motion [Hz], where it is known.
     """
-    return smoothing_of(test, spectrum(test.displacement, test.dt).dominant)
-
-
-def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
-    """As `detect_smoothing`, of a motion whose dominant frequency [Hz] is known."""
+    if frequency is None:
+        frequency = spectrum(test.displacement, test.dt).dominant
     channels: tuple[tuple[Channel, Floats], ...] = (
         ("force", test.force),
         ("displacement", test.displacement),

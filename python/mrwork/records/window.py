@@ -209,9 +209,6 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     )
 
 
-_FEWEST = 10
-
-
 def settling_samples(displacement: Floats) -> int:
     """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
@@ -279,10 +276,10 @@ def cut(
     first = 0 if start is None else sample_at(start)
     last = test.n_time if end is None else sample_at(end)
     n_kept = len(range(first, last, every))
-    if n_kept < _FEWEST:
+    if n_kept < FEWEST_SAMPLES:
         raise SettingError(
             f"{test.label}: {n_kept} samples would remain of a record from "
-            f"{test.time[0]:g} to {test.time[-1]:g} s; keep at least {_FEWEST}"
+            f"{test.time[0]:g} to {test.time[-1]:g} s; keep at least {FEWEST_SAMPLES}"
         )
     shorter = test.part(first, last, every)
     return replace(shorter, n_settle=settling_samples(shorter.displacement))
@@ -380,9 +377,9 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
 def count_samples_from(test: DamperTest, settle: float) -> DamperTest:
     """Return the test with the first `settle` seconds simulated but not compared."""
     n_settle = ceil(settle / test.dt - 1e-9)
-    if settle < 0 or test.n_time - n_settle < _FEWEST:
+    if settle < 0 or test.n_time - n_settle < FEWEST_SAMPLES:
         raise SettingError(
             f"{test.label}: --settle is {settle:g} s of a record of {test.dt * test.n_time:g} s; "
-            f"give 0 or more, and leave at least {_FEWEST} samples"
+            f"give 0 or more, and leave at least {FEWEST_SAMPLES} samples"
         )
     return replace(test, n_settle=n_settle)
