@@ -11,9 +11,9 @@ from record_files import clean_columns
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from mrwork.records import build_damper_test, detect_smoothing
+from mrwork.records.checks import detect_average
 from mrwork.records.motion import savitzky_golay, weights
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
-from mrwork.records.smoothing import detect_average
 
 
 def averaged(samples: NDArray[np.float64], n_window: int) -> NDArray[np.float64]:

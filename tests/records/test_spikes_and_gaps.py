@@ -14,7 +14,7 @@ from mrwork.dampers import damper
 from mrwork.records import DamperTest, Observation, build_damper_test, cut, repair
 from mrwork.records.damper_test import range_of_test
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
-from mrwork.records.smoothing import spikes_of
+from mrwork.records.window import spikes_of
 
 MODEL = "viscous_dahl"
 # Samples, in the middle of the record.

@@ -59,7 +59,6 @@ from mrwork.records.rig_table import (
     files_not_read,
     listed_tests,
 )
-from mrwork.records.smoothing import detect_smoothing, smoothing_finding, without_spikes
 from mrwork.records.window import (
     Signals,
     check_time,
@@ -68,10 +67,11 @@ from mrwork.records.window import (
     spans_with,
     uncompared_spans,
     uniform_step,
+    without_spikes,
 )
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
-    smoothing_finding,
+    checks.smoothing_finding,
     delay_finding,
     mass_finding,
     checks.breakaway_finding,
@@ -231,7 +231,7 @@ def test_from_arrays(
         synthetic=synthetic,
         **{"command_unit": command_unit if command is None else None, **fields},
     )
-    test = replace(test, smoothing=detect_smoothing(test, motion.frequency))
+    test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
     return replace(test, findings=(*findings, *examine(test, motion)))
 
 

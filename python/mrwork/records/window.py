@@ -1,11 +1,11 @@
-"""Samples of a record: complete rows with a uniform step, and the part of them that is used and compared."""
+"""Samples of a record: complete rows with a uniform step, without spikes, and the part that is used and compared."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import spectrum
 
 FEWEST_SAMPLES: Final = 10
@@ -111,6 +111,68 @@ def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> No
     raise RecordError(
         f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; "
         "sort the rows or split the file into its tests"
+    )
+
+
+# Samples of the longest spike, and largest share of a record in spikes; what takes longer may be part of the test.
+_LONGEST_SPIKE: Final = 5
+_MOST: Final = 0.02
+_FEWEST: Final = 50
+# Percentiles within which a channel lies without its spikes, and the distance beyond, and the leap there and back
+# between two samples, of a spike, in ranges between these percentiles. A sine reaches 0.001 beyond.
+_WITHIN: Final = (2.0, 98.0)
+_BEYOND: Final = 0.5
+
+
+def spikes_of(samples: Floats) -> NDArray[np.bool_]:
+    """Samples of a channel that lie in a spike, shape (n_time,).
+
+    A spike is at most five samples long and lies beyond the range of the other samples by half of that range; the
+    channel leaps by as much from one sample to the next, there and back.
+    """
+    is_spike = np.zeros(samples.size, dtype=np.bool_)
+    low, high = np.percentile(samples, _WITHIN)
+    reach = _BEYOND * (high - low)
+    far = (samples < low - reach) | (samples > high + reach)
+    if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
+        return is_spike
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
+        there = first == 0 or leaps[0] > reach
+        back = last == samples.size or leaps[-1] > reach
+        is_spike[first:last] = last - first <= _LONGEST_SPIKE and there and back
+    return is_spike
+
+
+def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
+    """Signals with straight lines across the spikes, except in commands, and which samples these are."""
+    bridged = np.zeros(signals.time.size, dtype=np.bool_)
+    bridges: dict[str, Any] = {}
+    findings = []
+    for name, samples in signals.measured.items():
+        spiky = spikes_of(samples)
+        if not spiky.any():
+            continue
+        line = np.interp(signals.time, signals.time[~spiky], samples[~spiky])
+        findings.append(_spike_finding(name, signals.time[spiky], samples[spiky]))
+        bridges[name] = line
+        bridged |= spiky
+    return replace(signals, **bridges), bridged, tuple(findings)
+
+
+_SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}
+
+
+def _spike_finding(name: str, time: Floats, samples: Floats) -> Finding:
+    largest = float(samples[np.argmax(np.abs(samples))])
+    plural = "a sample" if samples.size == 1 else f"{samples.size} samples, the first"
+    return Finding.warning(
+        "spikes",
+        f"the {name} has spikes to {largest:.4g} {_SEARCHED[name]} in {plural} at {time[0]:.6g} s; they were bridged "
+        "by straight lines, and are neither compared nor part of the tested ranges",
+        action=f"check the channel of the {name}",
+        measured=Measured(value=largest, unit=_SEARCHED[name]),
     )
 
 
