@@ -17,7 +17,7 @@ from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
-from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, motion_of, read_candidates
+from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, harmonic_motion, read_candidates
 from mrwork.uncertainty.planning import (
     LinearisedPosterior,
     band_matrix,
@@ -141,7 +141,7 @@ def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: Dampe
     (answer,) = responses(known, GRID[:1])
     step = np.zeros(known.position.size)
     step[0] = 1e-3
-    loading, counted = motion_of(GRID[0], STATIC)
+    loading, counted = harmonic_motion(GRID[0], STATIC)
     moved = [
         simulate_force(STATIC, known.scaled.parameters(known.position + each), loading)
         for each in (-step, step)

@@ -23,7 +23,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
 from mrwork.report import style
 from mrwork.report.canvas import png_bytes
-from mrwork.report.figures import Motion, add_loop, motion_of
+from mrwork.report.figures import Motion, add_loop, axis_values
 from mrwork.report.fit.parameters import with_unit
 
 # The motion without a test: that of Spencer et al. 1997, in three cycles.
@@ -234,7 +234,7 @@ def _empty_loops(test: DamperTest, *, measured: bool) -> tuple[Figure, tuple[Lin
     labels = None if measured else ("nominal", "model")
     lines = []
     for axes, over in zip(figure.subplots(1, 2, sharey=True), get_args(Motion), strict=True):
-        abscissa, label = motion_of(test, over)
+        abscissa, label = axis_values(test, over)
         add_loop(axes, abscissa, test, test.force, unit, labels=labels)
         axes.set_xlabel(label)
         lines.append(axes.get_lines()[-1])

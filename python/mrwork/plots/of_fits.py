@@ -27,7 +27,7 @@ from mrwork.plots.sheet import (
 )
 from mrwork.report import style
 from mrwork.report.canvas import draw_points
-from mrwork.report.figures import Motion, motion_of
+from mrwork.report.figures import Motion, axis_values
 from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.fit.posterior import add_corner, label_corner
@@ -366,7 +366,7 @@ def bands(
     unit = style.force_unit(float(np.abs(prediction.measured).max()))
     motion: Motion | None = None if over == "time" else over
     add_bands(axes, Banded(prediction=prediction, predicted=band), unit, motion)
-    axes.set_xlabel("Time (s)" if motion is None else motion_of(record, motion)[1])
+    axes.set_xlabel("Time (s)" if motion is None else axis_values(record, motion)[1])
     axes.set_ylabel(f"Force ({unit.symbol})")
     add_key(axes)
     return axes

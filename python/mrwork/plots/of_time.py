@@ -30,7 +30,7 @@ from mrwork.plots.sheet import (
 )
 from mrwork.records.damper_test import DamperTest
 from mrwork.report import style
-from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, motion_of
+from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, axis_values
 from mrwork.report.fit.page import comparisons_of
 from mrwork.report.fit.residuals import add_residual_points
 from mrwork.runs.load import StoredRun
@@ -181,7 +181,7 @@ def loops(
     axes, unit = axes_for(ax), _force_unit(pairs)
     for number, (each, model_force) in enumerate(pairs):
         tone = to_hex(style.TONES(number / max(len(pairs) - 1, 1)))
-        abscissa, label = motion_of(each, over)
+        abscissa, label = axis_values(each, over)
         if len(pairs) == 1:
             add_loop(axes, abscissa, each, model_force, unit)
         else:
@@ -258,7 +258,7 @@ def residuals(
         add_residual(axes, record.time, residual * unit.factor)
         axes.set_xlabel("Time (s)")
     else:
-        abscissa, label = motion_of(record, over)
+        abscissa, label = axis_values(record, over)
         add_residual_points(axes, abscissa[counted], residual[counted] * unit.factor)
         axes.set_xlabel(label)
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)

@@ -304,7 +304,7 @@ def add_residual(axes: Axes, time: Floats, residual: Floats, *, linewidth: float
     axes.plot(time, residual, color=style.RESIDUAL, linewidth=linewidth)
 
 
-def motion_of(test: DamperTest, over: Motion) -> tuple[Floats, str]:
+def axis_values(test: DamperTest, over: Motion) -> tuple[Floats, str]:
     """Displacement or velocity of a test in units of its name on an axis, shape (n_time,), and that name."""
     if over == "displacement":
         return test.displacement * style.MILLIMETRE.factor, f"Displacement ({style.MILLIMETRE.symbol})"
@@ -314,7 +314,7 @@ def motion_of(test: DamperTest, over: Motion) -> tuple[Floats, str]:
 
 def draw_loop(over: Motion, figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
     """Force against displacement or velocity: points of the record under the line of the model."""
-    abscissa, label = motion_of(comparison.test, over)
+    abscissa, label = axis_values(comparison.test, over)
     axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
     axes.grid(True, axis="both")
     add_loop(axes, abscissa, comparison.test, comparison.model_force, unit)

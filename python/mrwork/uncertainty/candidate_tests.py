@@ -210,7 +210,7 @@ def _check_count(count: int, spec: DamperSpec) -> None:
         )
 
 
-def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
+def harmonic_motion(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
     """Motion of a candidate from mid-stroke, and the samples of the counted cycles."""
     dt = 1.0 / (candidate.frequency * _SAMPLES_PER_CYCLE)
     phase = 2.0 * np.pi * np.arange(_CYCLES * _SAMPLES_PER_CYCLE + 1) / _SAMPLES_PER_CYCLE

@@ -28,7 +28,7 @@ from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import Related
-from mrwork.uncertainty.candidate_tests import Candidate, check_possible, motion_of
+from mrwork.uncertainty.candidate_tests import Candidate, check_possible, harmonic_motion
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
 
@@ -247,7 +247,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
     theta = scaled.parameters(points)
     responses_by_candidate = []
     for candidate in candidates:
-        loading, counted = motion_of(candidate, posterior.spec)
+        loading, counted = harmonic_motion(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
         if np.any(run.outcome != Outcome.FINISHED):
             continue
@@ -403,7 +403,7 @@ class _Forces:
 def _forces(posterior: LinearisedPosterior, draws: Floats, candidates: Sequence[Candidate]) -> list[_Forces]:
     forces = []
     for candidate in candidates:
-        loading, counted = motion_of(candidate, posterior.spec)
+        loading, counted = harmonic_motion(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
         force = np.where((run.outcome == Outcome.FINISHED)[:, None], run.force[:, counted], np.nan)
         middle = np.nanmean(force, axis=0)

@@ -25,7 +25,7 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.figures import Comparison, Motion, common_force_unit, even_samples, motion_of
+from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, even_samples
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
@@ -324,7 +324,7 @@ def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
 def add_bands(axes: Axes, banded: Banded, unit: DisplayUnit, over: Motion | None = None) -> None:
     """Force over one cycle with the bands that exist, over time or along the loop over displacement or velocity."""
     samples, test = middle_cycle(banded.prediction), banded.prediction.test
-    across = (test.time if over is None else motion_of(test, over)[0])[test.counted][samples]
+    across = (test.time if over is None else axis_values(test, over)[0])[test.counted][samples]
     if over is None:
         _fill_over(axes, across, banded, samples, unit, np.zeros(across.size))
     elif banded.predicted is not None:
@@ -410,7 +410,7 @@ def loop_figure(banded: Banded, unit: DisplayUnit, over: Motion) -> Figure:
     figure, axes = column_axes()
     axes.grid(True, axis="both")
     add_bands(axes, banded, unit, over)
-    finish_signed(axes, f"Force ({unit.symbol})", motion_of(banded.prediction.test, over)[1])
+    finish_signed(axes, f"Force ({unit.symbol})", axis_values(banded.prediction.test, over)[1])
     legend(axes)
     return figure
 

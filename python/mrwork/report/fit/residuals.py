@@ -27,7 +27,7 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import reversals, whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.figures import Comparison, Motion, common_force_unit, motion_of, scattered_samples
+from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, scattered_samples
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles, mean_cycle
@@ -568,7 +568,7 @@ def phase_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
 
 def motion_figure(comparison: Comparison, unit: DisplayUnit, over: Motion) -> Figure:
     """Residual over displacement or velocity."""
-    abscissa, label = motion_of(comparison.test, over)
+    abscissa, label = axis_values(comparison.test, over)
     return _over(abscissa[comparison.test.counted], label, comparison, unit)
 
 
