@@ -111,13 +111,14 @@ def check_specification(name: str, specification: str) -> None:
 class StatedCommand:
     """The command as it is stated for a test: a number, or a column, with its unit or the file's.
 
-    A current or a voltage is in SI, another command in its own `unit`; the `quantity` of that is `None`.
+    A column of current or voltage has its `quantity`, and the unit of the file in its name; a number, and a column of
+    another command, have their `unit`.
     """
 
-    quantity: TestQuantity | None
     value: float | None = None
     column: str = ""
     unit: CommandUnit | None = None
+    quantity: Literal["current", "voltage"] | None = None
 
     def in_file(self, names: Sequence[str], units: Mapping[str, str], source: str) -> StatedCommand:
         """A command that is a column with the unit that its name or the file gives it."""
@@ -131,7 +132,7 @@ class StatedCommand:
                 if quantity_of(unit) == quantity:
                     return StatedCommand(quantity=quantity, column=f"{name}:{unit}")
             if (own := command_unit_of(unit)) is not None:
-                return StatedCommand(quantity=None, column=name, unit=own)
+                return StatedCommand(column=name, unit=own)
         raise UnitError(
             f"{source}: the column '{name}' of the command does not say its unit; give it, as in "
             f"{column_option(COMMAND, name, 'A')}, or one of {', '.join(OTHER_COMMAND_UNITS)}"
@@ -151,7 +152,7 @@ class StatedCommand:
                     f"the command is '{text.strip()}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
                 )
             if number is None and ":" not in text:
-                return cls(quantity=None, column=text.strip())
+                return cls(column=text.strip())
             return cls._of_other_unit(text.strip(), unit, None if number is None else number[1])
         if number is None:
             _parse_specification(quantity, text)
@@ -163,7 +164,7 @@ class StatedCommand:
                 f"the command is '{text.strip()}'; give one from 0 to {LARGEST_COMMAND:g} A or V: the force does not "
                 "depend on its direction"
             )
-        return cls(quantity=quantity, value=value)
+        return cls(value=value, unit="A" if quantity == "current" else "V")
 
     @classmethod
     def _of_other_unit(cls, text: str, unit: str, number: str | None) -> StatedCommand:
@@ -176,11 +177,11 @@ class StatedCommand:
                 f"{', '.join(known_units(each) for each in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
             )
         if number is None:
-            return cls(quantity=None, column=column, unit=own)
+            return cls(column=column, unit=own)
         value = float(number.replace(",", "."))
         if wrong := Command(value, own).impossibility:
             raise SettingError(f"the command '{text}' {wrong}")
-        return cls(quantity=None, value=value, unit=own)
+        return cls(value=value, unit=own)
 
 
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
@@ -194,9 +195,7 @@ def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: st
             f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
             f"{column_option(COMMAND, first, unit)}"
         )
-    return (
-        StatedCommand(quantity=None, column=candidates[0][0], unit=candidates[0][1]) if candidates else None
-    )
+    return StatedCommand(column=candidates[0][0], unit=candidates[0][1]) if candidates else None
 
 
 def choose_columns(

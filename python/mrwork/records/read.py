@@ -348,7 +348,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     source = str(file)
     table = open_table(file, partial(tells_a_test, source=str(file)))
     try:
-        chosen, scalar, stated = _assigned(table, columns or {}, source)
+        chosen, scalar = _assigned(table, columns or {}, source)
     except MrworkError as error:
         error.of_columns = True
         raise
@@ -356,11 +356,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
-        si: dict[TestQuantity, ArrayLike] = {
-            quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()
-        }
-    if stated is not None and stated.quantity is not None and stated.value is not None:
-        si[stated.quantity] = stated.value
+        si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
     nominal = nominal_from_name(file.stem)
     test = build_damper_test(
         name=file.stem,
@@ -386,16 +382,16 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
 
 def _assigned(
     table: ColumnTable, columns: Mapping[str, str], source: str
-) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None, StatedCommand | None]:
-    """The column of every quantity, the command in another unit, and the command as `columns` state it."""
+) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None]:
+    """The column of every quantity, and a command that is a number, or a column of another unit than A and V."""
     given = dict(columns)
     stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
     scalar: StatedCommand | None = None
     if stated is not None:
         stated = stated.in_file(table.names, table.units, source)
-        if stated.unit is not None:
+        if stated.quantity is None:
             scalar = stated
-        elif stated.quantity is not None and stated.column:
+        else:
             given[stated.quantity] = stated.column
     elif not given.keys() & set(COMMANDS):
         scalar = scalar_command(table.names, table.units, source=source)
@@ -407,15 +403,15 @@ def _assigned(
             return None
 
     # A scalar command is none of the other quantities, whatever the unit in its name.
-    names = tuple(name for name in table.names if scalar is None or name != scalar.column)
+    names = tuple(name for name in table.names if scalar is None or name != (scalar.column or None))
     chosen = choose_columns(
         names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
     )
-    if stated is not None and (stated.value is not None or stated.unit is not None):
+    if stated is not None and stated.quantity is None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
     if chosen.keys() & set(COMMANDS):
         scalar = None
-    return chosen, scalar, stated
+    return chosen, scalar
 
 
 def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:

@@ -116,8 +116,7 @@ def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float
         raise SettingError(
             f"the parameters follow the command; give one with its unit, as in 0.5{current.unit}"
         )
-    unit = {"current": "A", "voltage": "V"}.get(stated.quantity or "", stated.unit)
-    if stated.value is None or unit != current.unit:
+    if stated.value is None or stated.unit != current.unit:
         raise SettingError(
             f"the laws of this fit take the command in {current.unit}; give a number with that unit, as in "
             f"0.5{current.unit}"
