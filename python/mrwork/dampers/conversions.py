@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from math import e, inf, isfinite, log
 from typing import Annotated, Any, Final
 
@@ -40,7 +39,9 @@ class Conversion:
 
     def at(self, A: float) -> Conversion:
         """The same conversion with a fixed `A`, for forms with one redundant scale parameter."""
-        return Conversion(convert=partial(self.convert, A=A), jacobian=partial(self.jacobian, A=A))
+        return Conversion(
+            convert=lambda theta: self.convert(theta, A), jacobian=lambda theta: self.jacobian(theta, A)
+        )
 
 
 def _check_columns(theta: Array, count: int) -> None:
@@ -142,6 +143,14 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
         slopes[..., row, 6] = -share * total * np.log(z_max)
     slopes[..., 7, 6] = 1.0
     return slopes
+
+
+NORMALISED_FROM_BOUC_WEN: Final = Conversion(
+    convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian
+)
+BOUC_WEN_FROM_NORMALISED: Final = Conversion(
+    convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian
+)
 
 
 @_QUIET
@@ -361,43 +370,25 @@ def _check_finite(theta: Floats, names: tuple[str, ...]) -> None:
             raise SettingError(f"{name} is {value}; a finite number is expected")
 
 
-def normalised_from_modified_bouc_wen(theta: AnyArray) -> Array:
-    """Parameters of `normalised_modified_bouc_wen`, (..., 9), from `modified_bouc_wen`, (..., 10), equal in force."""
-    _check_columns(theta, 10)
-    return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
+def of_modified(plain: Conversion) -> Conversion:
+    """The conversion for modified Bouc-Wen models: c0, k0, c1, k1 and x0 stay, the loop is that of the plain ones."""
 
+    def without_series(theta: Array) -> Array:
+        """Parameters that a modified Bouc-Wen model shares with the plain one: c0, k0, x0 and the loop."""
+        return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
 
-def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
-    """Jacobian of `normalised_from_modified_bouc_wen`, shape (..., 9, 10)."""
-    return _with_loop_jacobian(theta, normalised_from_bouc_wen_jacobian(_plain(theta)))
+    def convert(theta: Array, *scale: float) -> Array:
+        loop = plain.convert(without_series(theta), *scale)
+        return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
 
+    def jacobian(theta: Floats, *scale: float) -> Floats:
+        loop = plain.jacobian(without_series(theta), *scale)
+        # The parameters of the loop depend only on those of the loop.
+        slopes = _identity_slopes(theta, 5, loop.shape[-2] + 2)
+        slopes[..., 5:, 5:] = loop[..., 3:, 3:]
+        return slopes
 
-def modified_bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
-    """Parameters of `modified_bouc_wen`, (..., 10), from `normalised_modified_bouc_wen`, (..., 9), equal in force."""
-    _check_columns(theta, 9)
-    return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
-
-
-def modified_bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
-    """Jacobian of `modified_bouc_wen_from_normalised`, shape (..., 10, 9)."""
-    return _with_loop_jacobian(theta, bouc_wen_from_normalised_jacobian(_plain(theta), A))
-
-
-def _plain(theta: Array) -> Array:
-    """Parameters that a modified Bouc-Wen model shares with the plain one: c0, k0, x0 and the loop."""
-    return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
-
-
-def _with_loop(theta: Array, loop: Array) -> Array:
-    """Replace the loop of a modified Bouc-Wen model, the parameters after x0."""
-    return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
-
-
-def _with_loop_jacobian(theta: Floats, loop: Floats) -> Floats:
-    """Jacobian of `_with_loop`; the parameters of the loop depend only on those of the loop."""
-    slopes = _identity_slopes(theta, 5, loop.shape[-2] + 2)
-    slopes[..., 5:, 5:] = loop[..., 3:, 3:]
-    return slopes
+    return Conversion(convert=convert, jacobian=jacobian)
 
 
 Values = Mapping[str, float]

@@ -15,16 +15,11 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
+    BOUC_WEN_FROM_NORMALISED,
+    NORMALISED_FROM_BOUC_WEN,
     Conversion,
     Scales,
-    bouc_wen_from_normalised,
-    bouc_wen_from_normalised_jacobian,
-    modified_bouc_wen_from_normalised,
-    modified_bouc_wen_from_normalised_jacobian,
-    normalised_from_bouc_wen,
-    normalised_from_bouc_wen_jacobian,
-    normalised_from_modified_bouc_wen,
-    normalised_from_modified_bouc_wen_jacobian,
+    of_modified,
 )
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
@@ -112,18 +107,14 @@ _IDENTITY = Conversion(convert=lambda theta: theta, jacobian=lambda theta: np.ey
 _EQUIVALENTS = {
     "bouc_wen": _Equivalent(
         name="normalised_bouc_wen",
-        to_model=Conversion(convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian),
-        from_model=Conversion(convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian),
+        to_model=BOUC_WEN_FROM_NORMALISED,
+        from_model=NORMALISED_FROM_BOUC_WEN,
         shared={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
     ),
     "modified_bouc_wen": _Equivalent(
         name="normalised_modified_bouc_wen",
-        to_model=Conversion(
-            convert=modified_bouc_wen_from_normalised, jacobian=modified_bouc_wen_from_normalised_jacobian
-        ),
-        from_model=Conversion(
-            convert=normalised_from_modified_bouc_wen, jacobian=normalised_from_modified_bouc_wen_jacobian
-        ),
+        to_model=of_modified(BOUC_WEN_FROM_NORMALISED),
+        from_model=of_modified(NORMALISED_FROM_BOUC_WEN),
         shared={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
     ),
 }
