@@ -329,14 +329,9 @@ def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
     return np.sort([np.argmin(displacement), np.argmax(displacement)])
 
 
-def half_cycles(displacement: Floats) -> Floats:
-    """Peak-to-peak displacement of each half cycle, see `half_cycle_ends`, shape (n_half_cycles,)."""
-    return np.asarray(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
-
-
 def least_stroke(displacement: Floats) -> float:
     """Amplitude [m] of half cycles that make, with all smaller ones, a fifth of the travel of a displacement [m]."""
-    ranges = np.sort(half_cycles(displacement))
+    ranges = np.sort(np.abs(np.diff(displacement[half_cycle_ends(displacement)])))
     travelled = np.cumsum(ranges)
     return 0.5 * float(ranges[np.searchsorted(travelled, _SMALL * travelled[-1])])
 
