@@ -29,7 +29,6 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.uncertainty",
     "mrwork.search",
     "mrwork.dampers.simulation",
-    "mrwork.records.reading",
     "mrwork.store.journal",
     "mrwork.buildings",
     "mrwork.control",
