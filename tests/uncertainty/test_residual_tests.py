@@ -13,13 +13,14 @@ from report_samples import comparison
 from scipy.stats import chi2, f
 
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.residuals import (
+from mrwork.report.fit.residuals import residual_section
+from mrwork.uncertainty.residual_tests import (
     LAGS,
     LEVEL,
+    ResidualTests,
     autocorrelation,
     chi_squared_beyond,
     f_beyond,
-    residual_section,
     residual_tests,
 )
 
@@ -30,6 +31,10 @@ def with_residual(residual: NDArray[np.float64]) -> Comparison:
     """An 8 s test at 1 Hz whose model leaves exactly this."""
     made = comparison(n_time=residual.size)
     return replace(made, test=replace(made.test, force=made.model_force + residual))
+
+
+def outcome_of(made: Comparison) -> ResidualTests:
+    return residual_tests(made.test, made.residual[made.test.counted])
 
 
 def white(rng: int, n_time: int = N_TIME) -> NDArray[np.float64]:
@@ -47,7 +52,7 @@ def coloured(rng: int, memory: float = 0.9) -> NDArray[np.float64]:
 
 def test_white_noise_is_accused_as_often_as_the_level_says() -> None:
     # Of 200 at 1 %, more than 7 come about with a probability of 0.1 %.
-    found = [residual_tests(with_residual(white(rng))) for rng in range(200)]
+    found = [outcome_of(with_residual(white(rng))) for rng in range(200)]
     assert sum(not each.is_white for each in found) <= 7
     assert sum(not each.has_constant_variance for each in found) <= 7
     # Probabilities of what is so are even between 0 and 1: the mean of 200 is 0.5 within 4 * 0.29 / sqrt(200).
@@ -74,7 +79,7 @@ NOISES: dict[str, Callable[[int], NDArray[np.float64]]] = {
 @pytest.mark.parametrize("noise", list(NOISES))
 def test_white_noise_is_accused_of_steps_and_reversals_as_seldom_as_the_level_says(noise: str) -> None:
     # Of 300 at 1 %, more than 9 come about with a probability of 0.1 %; the level is that of both together.
-    found = [residual_tests(stepped(NOISES[noise](rng), random_steps(rng))) for rng in range(300)]
+    found = [outcome_of(stepped(NOISES[noise](rng), random_steps(rng))) for rng in range(300)]
     assert sum(each.after_steps.is_found or each.at_reversals.is_found for each in found) <= 9
     assert all(each.after_steps.p > 0.0 and each.at_reversals.p > 0.0 for each in found)
 
@@ -87,7 +92,7 @@ def test_spikes_at_steps_of_the_command_that_no_autocorrelation_shows_are_found(
         residual = 8.0 * white(rng)
         steps = np.arange(50, N_TIME, 50)
         residual[steps] += 400.0 * np.diff(command)[steps - 1]
-        found.append(residual_tests(stepped(residual, command)))
+        found.append(outcome_of(stepped(residual, command)))
     assert all(each.after_steps.is_found and each.after_steps.ratio > 5.0 for each in found)
     assert not any(each.at_reversals.is_found for each in found[:10])
     assert sum(each.is_white for each in found) > 40
@@ -96,13 +101,13 @@ def test_spikes_at_steps_of_the_command_that_no_autocorrelation_shows_are_found(
     for rng in range(50):
         residual = white(rng)
         residual[50::50] += 1.5 * np.sign(np.diff(random_steps(rng))[49::50])
-        faint.append(residual_tests(stepped(residual, random_steps(rng))))
+        faint.append(outcome_of(stepped(residual, random_steps(rng))))
     assert sum(each.after_steps.is_found for each in faint) > 40
 
 
 def test_residuals_that_are_large_at_reversals_are_found() -> None:
     reversal = np.abs((8.0 * np.arange(N_TIME) / N_TIME) % 0.5 - 0.25) < 0.01
-    found = [residual_tests(with_residual((1.0 + reversal) * white(rng))) for rng in range(50)]
+    found = [outcome_of(with_residual((1.0 + reversal) * white(rng))) for rng in range(50)]
     assert sum(each.at_reversals.is_found for each in found) > 45
     assert all(np.isnan(each.after_steps.p) for each in found)
 
@@ -116,7 +121,7 @@ def test_a_tail_of_f_is_that_of_scipy() -> None:
 
 
 def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> None:
-    found = residual_tests(with_residual(coloured(1)))
+    found = outcome_of(with_residual(coloured(1)))
     assert not found.is_white
     assert found.lag_one == pytest.approx(0.9, abs=0.03)
     # (1 - 0.9) / (1 + 0.9) of the samples are independent.
@@ -126,23 +131,23 @@ def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> No
 def test_residuals_that_grow_with_speed_are_found_and_measured() -> None:
     made = comparison(n_time=N_TIME)
     speed = np.abs(made.test.velocity) / np.abs(made.test.velocity).max()
-    found = residual_tests(with_residual((0.2 + speed) * white(2)))
+    found = outcome_of(with_residual((0.2 + speed) * white(2)))
     assert not found.has_constant_variance
     assert found.fast_to_slow > 1.5
-    assert residual_tests(with_residual(white(2))).fast_to_slow == pytest.approx(1.0, abs=0.1)
+    assert outcome_of(with_residual(white(2))).fast_to_slow == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9, 1.0])
 def test_the_share_that_comes_back_every_cycle_is_recovered(share: float) -> None:
     time = 8.0 * np.arange(N_TIME) / N_TIME
     repeating = np.sqrt(2.0) * np.cos(6.0 * np.pi * time)
-    found = residual_tests(with_residual(np.sqrt(share) * repeating + np.sqrt(1.0 - share) * white(3)))
+    found = outcome_of(with_residual(np.sqrt(share) * repeating + np.sqrt(1.0 - share) * white(3)))
     # Over 7 cycles of 250 samples it scatters by some 0.02.
     assert found.repeating == pytest.approx(share, abs=0.08)
 
 
 def test_a_model_that_leaves_nothing_is_not_judged() -> None:
-    found = residual_tests(with_residual(np.zeros(N_TIME)))
+    found = outcome_of(with_residual(np.zeros(N_TIME)))
     assert np.isnan([found.ljung_box_p, found.breusch_pagan_p, found.repeating]).all()
     assert found.is_white
 
