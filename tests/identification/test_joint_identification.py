@@ -16,8 +16,9 @@ from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run, level_search
+from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run
 from mrwork.identification.equivalent import leaves_range, within_range
+from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.minimise.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance

@@ -25,10 +25,10 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_again
-from mrwork.identification.minimise.global_search import StartingPoints
+from mrwork.identification.minimise.level_search import relative_force
 from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
+from mrwork.identification.minimise.multistart import StartingPoints
 from mrwork.identification.minimise.polish import Ended, polish_with_wanted_lag
-from mrwork.identification.minimise.scaled_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.damper_test import loading_of

@@ -21,9 +21,8 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
-from mrwork.identification.minimise.global_search import StartingPoints
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.multistart import linear_warning
+from mrwork.identification.minimise.multistart import StartingPoints, linear_warning
 from mrwork.identification.minimise.polish import Polished, missing_lag
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem

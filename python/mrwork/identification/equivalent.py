@@ -241,18 +241,24 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
     A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one at these
     commands: exactly where both are polynomials, or both by values, and it has no fewer coefficients.
     """
-    assert earlier.current is not None
     assert spec.current is not None
     values: list[float] = []
-    place = 0
-    for parameter, old, new in zip(spec.plain, earlier.current.laws, spec.current.laws, strict=True):
-        law = law_named(old)
-        own = theta[place : place + law.n_coefficients]
-        place += law.n_coefficients
-        column = law.values(own, commands, log=parameter.scale == "log")
+    own_laws, rest = _own_coefficients(earlier, theta)
+    for (parameter, old, own), new in zip(own_laws, spec.current.laws, strict=True):
+        column = law_named(old).values(own, commands, log=parameter.scale == "log")
         values += list(own) if new == old else fitted_law(new, parameter, commands, column)
     box = Box.of(spec)
-    return np.asarray(np.clip([*values, *theta[place:]], box.lower, box.upper))
+    return np.asarray(np.clip([*values, *rest], box.lower, box.upper))
+
+
+def _own_coefficients(
+    spec: DamperSpec, theta: Floats
+) -> tuple[list[tuple[ParamSpec, LawName, Floats]], Floats]:
+    """Each parameter with its law and the coefficients of that, and what follows them, the rate of a lag."""
+    assert spec.current is not None
+    ends = np.cumsum([law_named(law).n_coefficients for law in spec.current.laws])
+    *own, rest = np.split(theta, ends)
+    return list(zip(spec.plain, spec.current.laws, own, strict=True)), rest
 
 
 def leaves_range(spec: DamperSpec, theta: Floats, commands: Floats) -> tuple[str, ...]:
@@ -266,20 +272,18 @@ def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
 
     A law that leaves its range becomes the straight line between its values at the first and the last command.
     """
-    assert spec.current is not None
     leaving = leaves_range(spec, theta, commands)
     ends = commands[[0, -1]]
     values: list[float] = []
-    for parameter, name in zip(spec.plain, spec.current.laws, strict=True):
-        law = law_named(name)
-        own = theta[len(values) : len(values) + law.n_coefficients]
+    own_laws, rest = _own_coefficients(spec, theta)
+    for parameter, name, own in own_laws:
         if parameter.name in leaving:
-            at_ends = law.values(own, ends, log=parameter.scale == "log")
+            at_ends = law_named(name).values(own, ends, log=parameter.scale == "log")
             line = np.interp(commands, ends, np.clip(at_ends, parameter.lower, parameter.upper))
             values += fitted_law(name, parameter, commands, line)
         else:
             values += own.tolist()
-    return np.array([*values, *theta[len(values) :]])
+    return np.array([*values, *rest])
 
 
 def plain_of(form: Form) -> tuple[DamperSpec, Box]:

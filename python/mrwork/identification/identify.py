@@ -14,13 +14,13 @@ from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.minimise.global_search import (
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
+from mrwork.identification.minimise.multistart import (
     OnSearch,
     StartingPoints,
     points_from_multistart,
     points_from_optimiser,
 )
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
 from mrwork.identification.minimise.polish import polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
@@ -178,6 +178,8 @@ def identify_with(
         threads=threads,
         journal=journal,
     )
+    if problem.settings.engine == "twin":
+        problem.objective.refuse_observation()
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=4)
@@ -356,18 +358,13 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search = problem.search
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
-    if problem.form.spec.current is None:
-        if isinstance(search, Multistart):
-            return points_from_multistart(problem, search, on_search=on_search)
-        return points_from_optimiser(problem, search, on_search=on_search)
-    from mrwork.identification.minimise.level_search import has_levels, points_from_levels
+    if problem.form.spec.current is not None:
+        from mrwork.identification.minimise.level_search import points_of_laws
 
-    if has_levels(problem.form.spec, problem.objective.tests):
-        return points_from_levels(problem, search, on_search=on_search)
-    from mrwork.identification.minimise.scaled_search import points_from_scaled_forces, search_of_starts
-
-    optimiser = search_of_starts() if isinstance(search, Multistart) else search
-    return points_from_scaled_forces(problem, optimiser, on_search=on_search)
+        return points_of_laws(problem, search, on_search=on_search)
+    if isinstance(search, Multistart):
+        return points_from_multistart(problem, search, on_search=on_search)
+    return points_from_optimiser(problem, search, on_search=on_search)
 
 
 def identify_again(

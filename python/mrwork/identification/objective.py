@@ -51,7 +51,7 @@ def shares_of(compared: Sequence[ObservedTest], settings: FitSettings) -> list[f
 def _observe_tests(
     spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
 ) -> tuple[ObservedTest, ...]:
-    """The tests as the model is compared with them, each with its share among them."""
+    """Tests with observation model and weight."""
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
     compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
@@ -157,7 +157,7 @@ class Objective(Summarised):
     def refuse_observation(self) -> None:
         """Refuse tests with an observation model, and ties, which the twin does not have."""
         if self.settings.ties:
-            raise SettingError("the twin has no ties; sample in lanes, or leave the engine to `lanes`")
+            raise SettingError("the twin has no ties; leave the engine to `lanes`")
         for test in self.tests:
             if test.observation != AS_IT_IS:
                 raise SettingError(

@@ -67,13 +67,11 @@ class Problem:
     ) -> Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = _complete_settings(settings, spec)
-        refuse_unregistered(_search_of(settings))
+        refuse_unregistered(settings.search)
         _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
             raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
-        if settings.engine == "twin":
-            problem.objective.refuse_observation()
         return problem
 
     @classmethod
@@ -119,7 +117,9 @@ class Problem:
     @property
     def search(self) -> Search:
         """The search, which complete settings always have."""
-        return _search_of(self.settings)
+        assert self.settings.search is not None
+        assert not isinstance(self.settings.search, str)
+        return self.settings.search
 
     def inside(self, theta: ArrayLike) -> Floats:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
@@ -142,8 +142,6 @@ def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
             f"{spec.name} is identified as {form.spec.name}, since the data do not settle all of its parameters; tie "
             f"those of {form.spec.name}"
         )
-    if settings.engine != "lanes":
-        raise SettingError("the twin has no ties; leave the engine to `lanes`")
     ties = ties_of(spec, settings)
     assert ties is not None
     # Values that nothing depends on.
@@ -155,12 +153,6 @@ def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
         to_model=Conversion(convert=ties.apply, jacobian=ties.jacobian),
         mirrored=() if set(form.mirrored) & set(ties.indices) else form.mirrored,
     )
-
-
-def _search_of(settings: FitSettings) -> Search:
-    assert settings.search is not None
-    assert not isinstance(settings.search, str)
-    return settings.search
 
 
 def _complete_settings(settings: FitSettings, spec: DamperSpec) -> FitSettings:

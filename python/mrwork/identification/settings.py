@@ -82,7 +82,7 @@ def resize_search(search: Search, *, population: int | None = None, generations:
     return settings  # type: ignore[no-any-return] # of the same class
 
 
-def refuse_unregistered(search: Search) -> None:
+def refuse_unregistered(search: Search | str | None) -> None:
     """Refuse a search whose code is not known."""
     if isinstance(search, UnregisteredSearch):
         raise SettingError(
@@ -268,13 +268,7 @@ class FitSettings:
     @classmethod
     @checked
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
-        """Undo `as_record`. Missing fields have their defaults, unknown keys are ignored.
-
-        Raises
-        ------
-        RecordError
-            Where the record cannot be read as settings.
-        """
+        """Undo `as_record`. Missing fields have their defaults, unknown keys are ignored."""
         try:
             search = record.get("search")
             known = {

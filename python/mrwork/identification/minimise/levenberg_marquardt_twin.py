@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.minimise.levenberg_marquardt import check_recalled_minimum
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum, check_recalled_minimum
 from mrwork.identification.objective import Objective
 from mrwork.identification.residual import NuisanceName, columns_of, scale_columns
 from mrwork.records import DamperTest
@@ -63,9 +63,13 @@ class TwinResiduals:
 
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
         """Residuals, shape (n_residuals,), of one set of parameters, (n_params,); 1 where they are not finite."""
+        compared = [
+            force[counted:] if isinstance(counted, int) else force[jnp.array(counted)]
+            for force, counted in zip(self._forces(theta, tests), self.counted, strict=True)
+        ]
         parts = [
             _without_nuisance(force, force - test.force, self.nuisances) * test.weight
-            for force, test in zip(self._simulate_compared(theta, tests), tests, strict=True)
+            for force, test in zip(compared, tests, strict=True)
         ]
         if self.power != 2.0:
             squared = len(parts) * jnp.array([jnp.sum(part**2) for part in parts])
@@ -75,13 +79,6 @@ class TwinResiduals:
         residuals = jnp.concatenate(parts)
         # With these values a step to unstable parameters raises the misfit and is rejected.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
-
-    def _simulate_compared(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
-        """Force of each test that is compared, (n_counted,)."""
-        return [
-            force[counted:] if isinstance(counted, int) else force[jnp.array(counted)]
-            for force, counted in zip(self._forces(theta, tests), self.counted, strict=True)
-        ]
 
     def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
         """Force of each test, (n_time,); equal sub-steps share one scan, because thirty take minutes to compile."""
@@ -154,37 +151,27 @@ OnStep = Callable[[int, float], None]
 _Data = tuple[RecordArrays, ...]
 
 
-@array_dataclass()
-class TwinMinimum:
-    """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
-
-    theta: Floats
-    misfit: float
-    steps: int
-    converged: bool
-
-
 def find_minimum_on_twin(
     objective: Objective, box: Box, start: Floats, *, on_step: OnStep | None = None
-) -> TwinMinimum:
-    """Minimise the misfit from `start`, shape (n_params,), inside `box`, on the twin.
+) -> LocalMinimum:
+    """The minimum that is reached from `start`, shape (n_params,), inside `box`, on the twin.
 
     The misfit of the result is that of the Rust core, with the numbers of sub-steps that the stiffness bound requires.
-    Where these differ from those of the minimisation, it is repeated with them.
+    Where these differ from those of the minimisation, it is repeated with them. Evaluations are steps.
 
-    `on_step`: called after every step with the number of steps so far and the misfit; not if the result is recalled
-    from a journal.
+    `on_step`: as in `find_minimum`.
     """
     minimum = objective.once(
-        "refinement", TwinMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
+        "refinement", LocalMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start
     )
     check_recalled_minimum(minimum.theta, box, start)
     return minimum
 
 
-def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> TwinMinimum:
+def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinimum:
     begin()
-    minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
+    misfit = float(objective(start[None])[0])
+    minimum = LocalMinimum(theta=start, misfit=misfit, evaluations=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, minimum.theta)
         minimum = _minimise_with_substeps(objective, box, minimum, substeps, on_step)
@@ -195,8 +182,8 @@ def _minimise_on_twin(objective: Objective, box: Box, start: Floats, on_step: On
 
 
 def _minimise_with_substeps(
-    objective: Objective, box: Box, start: TwinMinimum, substeps: tuple[int, ...], on_step: OnStep | None
-) -> TwinMinimum:
+    objective: Objective, box: Box, start: LocalMinimum, substeps: tuple[int, ...], on_step: OnStep | None
+) -> LocalMinimum:
     """One minimisation with fixed sub-steps; the result is not worse than the start."""
     method = _method(TwinResiduals.of(objective), box)
     data = arrays_of(objective, substeps)
@@ -210,7 +197,7 @@ def _minimise_with_substeps(
         position, state, done, value = method.step(position, args, state)
         squared.append(float(value))
         if on_step is not None:
-            on_step(start.steps + len(squared), squared[-1] ** 0.5)
+            on_step(start.evaluations + len(squared), squared[-1] ** 0.5)
         recent = squared[-_PATIENCE - 1 :]
         stalled = len(recent) > _PATIENCE and recent[0] - recent[-1] <= _TOLERANCE * recent[0]
         converged = bool(done) or stalled
@@ -218,7 +205,8 @@ def _minimise_with_substeps(
     misfit = float(objective(theta[None])[0])
     if misfit > start.misfit:
         theta, misfit = start.theta, start.misfit
-    return TwinMinimum(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
+    evaluations = start.evaluations + len(squared)
+    return LocalMinimum(theta=theta, misfit=misfit, evaluations=evaluations, converged=converged)
 
 
 def _substeps(objective: Objective, theta: Floats) -> tuple[int, ...]:

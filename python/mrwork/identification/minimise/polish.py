@@ -15,17 +15,17 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
-from mrwork.identification.minimise.global_search import StartingPoints
 from mrwork.identification.minimise.levenberg_marquardt import (
     LocalMinimum,
     find_minima,
     find_minimum,
     nearest_below_stiffness,
 )
-from mrwork.identification.minimise.multistart import distinct_minima, minima_from, mirror
+from mrwork.identification.minimise.multistart import StartingPoints, distinct_minima, minima_from, mirror
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 from mrwork.identification.result import Slopes, covariance_at, standard_errors
+from mrwork.identification.settings import Engine
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -67,13 +67,7 @@ def polish(
     starts = points.theta
     if not points.minima:
         starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
-    if problem.settings.engine == "twin":
-        fitted = _on_the_twin
-    elif points.minima:
-        fitted = _in_a_batch
-    else:
-        fitted = _one_by_one
-    ended = fitted(problem, starts, on_step)
+    ended = _FINAL_FITS[problem.settings.engine, points.minima](problem, starts, on_step)
     # Of least squares for every power of the objective.
     slopes = Slopes.at(problem.objective.plain, form, ended.theta)
     cov, n_effective = covariance_at(slopes)
@@ -119,13 +113,16 @@ def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMini
 
     objective, box = problem.objective, problem.form.box
     minima = (find_minimum_on_twin(objective, box, start, on_step=on_step) for start in starts)
-    best = min(minima, key=lambda minimum: minimum.misfit)
-    return LocalMinimum(
-        theta=best.theta,
-        misfit=best.misfit,
-        evaluations=best.steps,
-        converged=best.converged,
-    )
+    return min(minima, key=_misfit)
+
+
+# By engine, from minima and from points that were screened.
+_FINAL_FITS: dict[tuple[Engine, bool], Callable[[Problem, Floats, OnStep], LocalMinimum]] = {
+    ("lanes", True): _in_a_batch,
+    ("lanes", False): _one_by_one,
+    ("twin", True): _on_the_twin,
+    ("twin", False): _on_the_twin,
+}
 
 
 def screen_starts(
@@ -153,15 +150,13 @@ def screen_starts(
         return minimum
 
     first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_misfit)
-    last = sorted(
-        (minimise_from(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit
-    )
+    last = [minimise_from(minimum.theta, _SECOND_SCREENING) for minimum in first[:_SCREENED_TWICE]]
+    last.sort(key=_misfit)
     if mirrored:
-        image = minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING)
-        last = sorted([*last, image], key=_misfit)
-    return distinct_minima(
-        box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
-    )
+        last.append(minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING))
+        last.sort(key=_misfit)
+    misfits = np.array([minimum.misfit for minimum in last])
+    return distinct_minima(box, np.array([minimum.theta for minimum in last]), misfits)
 
 
 def _misfit(minimum: LocalMinimum) -> float:
