@@ -141,9 +141,9 @@ def test_impossible_requests_are_refused_in_a_sentence(refused: Refused) -> None
 def test_cycles_of_a_spring_and_dashpot_have_their_closed_form() -> None:
     test = sinusoid(0.01, 2.0)
     cycles = cycles_of(test, test.force)
-    assert cycles.energy == pytest.approx(np.pi * DAMPING * 4.0 * np.pi * 0.01**2, rel=1e-6)
-    assert cycles.stiffness == pytest.approx(STIFFNESS, rel=1e-9)
-    assert cycles.damping == pytest.approx(DAMPING, rel=1e-9)
+    assert cycles["energy"] == pytest.approx(np.pi * DAMPING * 4.0 * np.pi * 0.01**2, rel=1e-6)
+    assert cycles["stiffness"] == pytest.approx(STIFFNESS, rel=1e-9)
+    assert cycles["damping"] == pytest.approx(DAMPING, rel=1e-9)
     louder = Prediction(test=test, model_force=1.1 * test.force)
     for name in ("energy", "stiffness", "damping"):
         assert np.all(errors_over_cycles(louder, name) < 0.1)

@@ -240,7 +240,12 @@ def test_products_and_ratios_have_simple_exponents() -> None:
     changes = changes_along(np.array([0.5, -1.0, 0.5, 0.137, 1e-4]), scales("abcde"))
     assert [each.name for each in changes] == ["a", "b", "c", "d"]
     assert simple_combinations(changes) == ("a^2 b", "a/c")
-    assert simple_combinations([*changes, ParameterChange(name="x0", percent=1.0, of_range=True)]) == ()
+    assert (
+        simple_combinations(
+            [*changes, ParameterChange(name="x0", percent=1.0, of_range=True, amount=1e-4, unit="m")]
+        )
+        == ()
+    )
     assert [each.in_words for each in changes[:2]] == ["a up 1 %", "b down 2 %"]
 
 

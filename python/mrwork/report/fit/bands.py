@@ -231,9 +231,9 @@ def _cycle_panels(
         if scores:
             bands.append(cycle_band(prediction, name, scores, MAIN_LEVEL))
         if drawn:
-            bands.append(parameter_band(np.array([each.quantity(name) for each in drawn]), MAIN_LEVEL))
-        values = measured.quantity(name)
-        figure = cycle_figure(title, values, model.quantity(name), bands, factor)
+            bands.append(parameter_band(np.array([cycles[name] for cycles in drawn]), MAIN_LEVEL))
+        values = measured[name]
+        figure = cycle_figure(title, values, model[name], bands, factor)
         kinds = " and ".join(band.kind for band in bands) or "no"
         panels.append(
             panel(

@@ -222,21 +222,11 @@ CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 
 
-@array_dataclass()
-class Cycles:
-    """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of whole cycles, shape (n_cycles,)."""
+def cycles_of(test: DamperTest, force: Floats) -> dict[CycleQuantity, Floats]:
+    """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of the counted cycles, shape (n_cycles,).
 
-    energy: Floats
-    stiffness: Floats
-    damping: Floats
-
-    def quantity(self, name: CycleQuantity) -> Floats:
-        """One of the three quantities."""
-        return {"energy": self.energy, "stiffness": self.stiffness, "damping": self.damping}[name]
-
-
-def cycles_of(test: DamperTest, force: Floats) -> Cycles:
-    """Counted cycles of a test with this force [N], shape (n_time,)."""
+    They are those of a test with this force [N], shape (n_time,).
+    """
     rows = [
         _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
         for samples in whole_cycles(test.displacement)
@@ -245,8 +235,7 @@ def cycles_of(test: DamperTest, force: Floats) -> Cycles:
     ]
     if not rows:
         raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
-    energy, stiffness, damping = np.array(rows).T
-    return Cycles(energy=energy, stiffness=stiffness, damping=damping)
+    return dict(zip(QUANTITIES, np.array(rows).T, strict=True))
 
 
 def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
@@ -260,14 +249,14 @@ def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
 
 def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> Floats:
     """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
-    measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
-    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    measured = cycles_of(prediction.test, prediction.test.force)[name]
+    model = cycles_of(prediction.test, prediction.model_force)[name]
     return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
 
 
 def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Floats], level: float) -> Band:
     """Prediction band of a quantity, (n_cycles,), from the `errors_over_cycles` of tests that the fit has not seen."""
-    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    model = cycles_of(prediction.test, prediction.model_force)[name]
     half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
     basis = f"calibrated on the cycles of {len(scores)} tests"
     return Band.about(model, half, level=level, basis=basis)

@@ -455,7 +455,7 @@ def measured_coverage(
                 inside = float("nan")
                 if own.size and others:
                     band = cycle_band(prediction, "energy", others, level)
-                    inside = score(band, cycles_of(prediction.test, prediction.test.force).energy).coverage
+                    inside = score(band, cycles_of(prediction.test, prediction.test.force)["energy"]).coverage
                 band = Band.about(centre, multiple * scale, level=level)
                 rows.append(
                     LeftOutCoverage(

@@ -52,9 +52,14 @@ from mrwork.uncertainty.bands.prediction import (
     held_out_errors,
     held_out_words,
 )
-from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
+from mrwork.uncertainty.choice.leave_one_out import (
+    SharedLikelihood,
+    free_parameters,
+    residuals_of,
+    variance_of,
+)
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
-from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.noise import Noise, noise_model
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,11 +294,18 @@ class RunningComparison:
             variance=None if fit is None else variance_of(fit, self.tests),
         )
 
-    def add_leave_one_out(self, likelihood: Likelihood) -> None:
+    def add_leave_one_out(self, noise: Noise, *, sampled: bool) -> None:
         """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
         if not self.fits:
             return
-        shared = likelihood.share_settings(list(self.fits.values()), self.tests)
+        shared = SharedLikelihood.of(
+            list(self.fits.values()),
+            self.tests,
+            noise=noise,
+            sampled=sampled,
+            rng=self.settings.rng,
+            threads=self.threads,
+        )
         evidence: dict[str, Evidence] = {}
         for number, family in enumerate(self.compared, start=1):
             fit = self.fits.get(family.spec.name)
@@ -449,11 +461,11 @@ def choose_model(
         journal_of=journal_of,
         on_progress=on_progress,
     )
-    likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=settings.rng, threads=threads)
+    likelihood = noise_model(noise)
     try:
         for number in range(1, len(compared) + 1):
             comparison.evaluate(number)
-        comparison.add_leave_one_out(likelihood)
+        comparison.add_leave_one_out(likelihood, sampled=sampled)
     except KeyboardInterrupt as interrupt:
         if not comparison.has_predictions:
             raise Interrupted(None, "choice of model") from interrupt

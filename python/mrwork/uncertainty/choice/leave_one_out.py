@@ -100,39 +100,44 @@ def longest_autocorrelation_times(residuals: Sequence[Sequence[Floats]]) -> tupl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Likelihood:
-    """Noise model of the likelihood, and whether draws come from a chain or from importance sampling about the fit."""
-
-    noise: Noise
-    sampled: bool = False
-    rng: int = 0
-    threads: int = 0
-
-    def share_settings(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
-        """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
-        best = min(fits, key=lambda fit: fit.nrmse)
-        residuals = [residuals_of(fit, tests) for fit in fits]
-        n_time = sum(test.n_counted for test in tests)
-        blocks = tuple(
-            blocks_of(test, least)
-            for test, least in zip(tests, longest_autocorrelation_times(residuals), strict=True)
-        )
-        return SharedLikelihood(
-            likelihood=self,
-            tests=tests,
-            blocks=blocks,
-            temper=effective_samples(residuals_of(best, tests)) / n_time,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SharedLikelihood:
-    """A likelihood on tests, tempered by `temper`, with `blocks` of the counted samples, test by test."""
+    """A likelihood of `noise` on tests, tempered by `temper`, with `blocks` of the counted samples, test by test.
 
-    likelihood: Likelihood
+    Draws come from a chain where it is `sampled`, else from importance sampling about the fit.
+    """
+
     tests: tuple[DamperTest, ...]
     blocks: tuple[tuple[slice, ...], ...]
     temper: float
+    noise: Noise
+    sampled: bool
+    rng: int
+    threads: int
+
+    @classmethod
+    def of(
+        cls,
+        fits: Sequence[Fit],
+        tests: tuple[DamperTest, ...],
+        *,
+        noise: Noise,
+        sampled: bool,
+        rng: int,
+        threads: int,
+    ) -> SharedLikelihood:
+        """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
+        residuals = [residuals_of(fit, tests) for fit in fits]
+        best = residuals[int(np.argmin([fit.nrmse for fit in fits]))]
+        times = longest_autocorrelation_times(residuals)
+        return cls(
+            tests=tests,
+            blocks=tuple(blocks_of(test, least) for test, least in zip(tests, times, strict=True)),
+            temper=effective_samples(best) / sum(test.n_counted for test in tests),
+            noise=noise,
+            sampled=sampled,
+            rng=rng,
+            threads=threads,
+        )
 
     @property
     def n_blocks(self) -> int:
@@ -143,20 +148,17 @@ class SharedLikelihood:
         """PSIS-LOO of a fitted family."""
         if journal is None:
             return self._leave_one_out(fit)
-        facts = digest_of(
-            fit.model, fit.theta, self.temper, self.blocks, self.likelihood.noise.name, self.likelihood.rng
-        )
-        step = "chain" if self.likelihood.sampled else "ellipsoid"
+        facts = digest_of(fit.model, fit.theta, self.temper, self.blocks, self.noise.name, self.rng)
+        step = "chain" if self.sampled else "ellipsoid"
         return journal.once(step, facts, LeaveOneOut, lambda: self._leave_one_out(fit))
 
     def _leave_one_out(self, fit: Fit) -> LeaveOneOut:
-        own = self.likelihood
-        target, start = target_of(fit, self.tests, own.noise, temper=self.temper, threads=own.threads)
-        if own.sampled:
+        target, start = target_of(fit, self.tests, self.noise, temper=self.temper, threads=self.threads)
+        if self.sampled:
             theta, noise = self._chain(fit, target)
             log_ratio = np.zeros(len(theta))
         else:
-            draws = draw_about(target, start, _N_DRAWS, np.random.default_rng(own.rng))
+            draws = draw_about(target, start, _N_DRAWS, np.random.default_rng(self.rng))
             theta, noise = np.split(np.asarray(target.space.values(draws.position)[0]), [start.size], axis=1)
             log_ratio = draws.log_ratio
         return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
@@ -166,14 +168,13 @@ class SharedLikelihood:
         # emcee and HDF5 take a while to load.
         from mrwork.uncertainty.posterior.sample import sample
 
-        own = self.likelihood
         draws = sample(
             fit,
             self.tests,
-            noise=own.noise.name,
+            noise=self.noise.name,
             tempering=self.temper,
-            rng=own.rng,
-            threads=own.threads,
+            rng=self.rng,
+            threads=self.threads,
         )
         rows = np.linspace(0, len(draws.theta) - 1, min(_N_DRAWS, len(draws.theta))).round().astype(int)
         theta = np.stack([np.asarray(target.form.from_model(row)) for row in draws.theta[rows]])

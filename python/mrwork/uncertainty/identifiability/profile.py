@@ -285,8 +285,8 @@ def _profile_of(
         verdict="identifiable",
         reason="",
     )
-    verdict = _judge_profile(profile, limit, scale)
-    return replace(profile, verdict=verdict.verdict, reason=verdict.reason)
+    verdict, reason = _judge_profile(profile, limit, scale)
+    return replace(profile, verdict=verdict, reason=reason)
 
 
 def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:

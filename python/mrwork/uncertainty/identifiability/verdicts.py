@@ -117,12 +117,8 @@ def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], th
     return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReasonedVerdict:
-    """Verdict on a parameter, with the reason."""
-
-    verdict: VerdictName
-    reason: str
+# A verdict on a parameter, with the reason.
+ReasonedVerdict = tuple[VerdictName, str]
 
 
 def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
@@ -159,7 +155,7 @@ def _judge(
 ) -> ReasonedVerdict:
     """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
     if share <= WEAK:
-        return ReasonedVerdict(verdict="identifiable", reason="")
+        return "identifiable", ""
     lower, upper = scale.bounds
     low = lower if ends[0] is None else max(ends[0], lower)
     high = upper if ends[1] is None else min(ends[1], upper)
@@ -169,15 +165,13 @@ def _judge(
         reason = (
             f"its whole interval changes the force by at most {100.0 * effect:.2g} % of the force's deviation"
         )
-        return ReasonedVerdict(verdict="negligible", reason=reason)
+        return "negligible", reason
     if ends == (None, None):
-        return ReasonedVerdict(verdict="not identifiable", reason=width)
+        return "not identifiable", width
     if low < 0.0 < high:
-        return ReasonedVerdict(
-            verdict="sign unknown",
-            reason=f"{width}; the interval, {low:.4g} to {of_unit(high, scale.unit)}, includes zero",
-        )
-    return ReasonedVerdict(verdict="weakly identifiable", reason=width)
+        including = f"the interval, {low:.4g} to {of_unit(high, scale.unit)}, includes zero"
+        return "sign unknown", f"{width}; {including}"
+    return "weakly identifiable", width
 
 
 def _times(share: float, whole: str) -> str:
@@ -409,9 +403,8 @@ def _verdict(
             reason = f"identifiable only in combination with {join_parts(others)}"
         return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    verdict = judge_error(error * scale.size, scale)
-    reason = verdict.reason
-    if verdict.verdict in ("weakly identifiable", "sign unknown"):
+    verdict, reason = judge_error(error * scale.size, scale)
+    if verdict in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.diag(cov))
         correlation = np.where(
             undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
@@ -423,7 +416,7 @@ def _verdict(
             reason += (
                 f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             )
-    return Verdict(name=scale.name, verdict=verdict.verdict, standard_error=error * scale.size, reason=reason)
+    return Verdict(name=scale.name, verdict=verdict, standard_error=error * scale.size, reason=reason)
 
 
 @checked

@@ -11,7 +11,7 @@ from importlib import import_module
 from math import ceil
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -157,10 +157,6 @@ DrawsStatus = Literal["converged", "not_converged", "interrupted"]
 Remark = Literal[
     "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
 ]
-_FIXED: Final = "fixed"
-_AT_LOWER: Final = "piles up at its lower bound"
-_AT_UPPER: Final = "piles up at its upper bound"
-_AT_BOTH: Final = "piles up at both bounds"
 
 # Probability of the intervals, and the number of standard deviations that they reach to either side if normal.
 LEVEL = 0.95
@@ -195,20 +191,24 @@ class DrawSummary:
     @property
     def fixed(self) -> bool:
         """Whether the parameter was held fixed."""
-        return self.remark == _FIXED
+        return self.remark == "fixed"
 
     @property
     def at_bound(self) -> bool:
         """Whether the draws pile up at a bound."""
-        return self.remark in (_AT_LOWER, _AT_UPPER, _AT_BOTH)
+        return self.remark not in ("", "fixed")
 
     @property
     def interval(self) -> Interval:
         """The interval; an end at which the draws pile up is open."""
         return Interval(
             name=self.name,
-            lower=None if self.remark in (_AT_LOWER, _AT_BOTH) else self.lower,
-            upper=None if self.remark in (_AT_UPPER, _AT_BOTH) else self.upper,
+            lower=None
+            if self.remark in ("piles up at its lower bound", "piles up at both bounds")
+            else self.lower,
+            upper=None
+            if self.remark in ("piles up at its upper bound", "piles up at both bounds")
+            else self.upper,
             verdict=self.verdict,
             reason=self.reason,
         )
@@ -218,8 +218,8 @@ class DrawSummary:
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        verdict = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
-        return replace(self, verdict=verdict.verdict, reason=verdict.reason)
+        verdict, reason = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        return replace(self, verdict=verdict, reason=reason)
 
 
 @array_dataclass(repr=False)
@@ -410,7 +410,7 @@ def summary_of(
         tau=tau,
         lower=first,
         upper=last,
-        remark=_FIXED if fixed else _pile(chain, bounds, upper - lower),
+        remark="fixed" if fixed else _pile(chain, bounds, upper - lower),
         **diagnostics._asdict(),
     )
 
@@ -424,8 +424,8 @@ def _pile(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
     first, last = np.quantile(chain, [0.01, 0.99])
     at_upper = bounds[1] - last < 0.02 * width
     if first - bounds[0] < 0.02 * width:
-        return _AT_BOTH if at_upper else _AT_LOWER
-    return _AT_UPPER if at_upper else ""
+        return "piles up at both bounds" if at_upper else "piles up at its lower bound"
+    return "piles up at its upper bound" if at_upper else ""
 
 
 _OF_FIT = "of_fit"

@@ -488,7 +488,7 @@ def sample(
     density: Callable[[Floats], Floats] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
-        density = _Journalled(target=problem.target, journal=journal)
+        density = _journalled(problem.target, journal)
     mode = mode_near(problem.target, problem.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
     ensemble = Ensemble.begin(density, origins, rng)
@@ -527,32 +527,26 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
         ensemble.advance(until, monitor.update)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Journalled:
+def _journalled(target: Callable[[Floats], Floats], journal: Journal) -> Callable[[Floats], Floats]:
     """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
 
-    target: Callable[[Floats], Floats]
-    journal: Journal
+    def density(positions: Floats) -> Floats:
+        def recorded_densities(record: Mapping[str, Any]) -> Floats:
+            densities = array_of(record["densities"]).reshape(len(positions))
+            if not np.all(densities < np.inf):
+                raise ValueError("a density is not a number")
+            return densities
 
-    def __call__(self, positions: Floats) -> Floats:
         inputs = digest_of(positions)
-        recorded = self.journal.recall(
-            "step", inputs, lambda record: _recorded_densities(record, len(positions))
-        )
+        recorded = journal.recall("step", inputs, recorded_densities)
         if recorded is not None:
             return recorded
-        densities = self.target(positions)
+        densities = target(positions)
         # Tables are written in a tenth of the time of lists.
-        self.journal.record("step", inputs, {"densities": densities[None]})
+        journal.record("step", inputs, {"densities": densities[None]})
         return densities
 
-
-def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Floats:
-    """Log densities of a step, (n_walkers,), -inf outside the support; ValueError where one is no such number."""
-    densities = array_of(record["densities"]).reshape(n_walkers)
-    if not np.all(densities < np.inf):
-        raise ValueError("a density is not a number")
-    return densities
+    return density
 
 
 @dataclass(slots=True, kw_only=True)
