@@ -159,16 +159,3 @@ def test_later_intervals_bring_their_verdicts_everywhere(tmp_path: Path) -> None
     after = printed("profile", place, "--quiet", "--parameter", "k_w")
     assert "verdicts of the fit, on its page and in fit.json, stay those by its 95 % posterior inter" in after
     check_one_verdict(place, "")
-
-
-def test_a_run_of_before_is_read_with_one_error(tmp_path: Path) -> None:
-    place = tmp_path / "run"
-    printed("identify", *CASES["at its bound"].arguments, "--quiet", "--out", place)
-    now = mr.load(place).fit
-    document = json.loads((place / "fit.json").read_text())
-    del document["identifiability"]["by_derivatives"]
-    for estimate in document["estimates"]:
-        if estimate["name"] == "rho":
-            estimate |= {"standard_error": 0.0}
-    (place / "fit.json").write_text(json.dumps(document))
-    assert mr.load(place).fit == now

@@ -214,7 +214,7 @@ def test_a_family_that_has_collapsed_to_a_simpler_one_cannot_be_chosen_over_it()
     assert found.chosen == "simple"
     assert [(each.model, each.same_as) for each in found.standings] == [("simple", ""), ("rich", "simple")]
     assert "Rich counts as Simple: sigma is at upper bound" in found.sentence
-    assert found._summary().rows[1][-2:] == ("collapsed", "sigma is at upper bound")
+    assert found._summary().rows[1][-1] == "collapsed, sigma is at upper bound"
 
 
 def test_a_collapsed_family_stays_where_the_simpler_one_failed() -> None:

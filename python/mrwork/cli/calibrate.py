@@ -33,7 +33,7 @@ from mrwork.identification.progress import IdentificationInWords
 from mrwork.records import DamperTest, observed
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS
-from mrwork.uncertainty.bands.calibration_files import Folds, write_bands
+from mrwork.uncertainty.bands.calibration_files import fit_of_fold, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,
     Calibration,
@@ -116,7 +116,6 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
-    folds = Folds(opened.place, opened.fit)
     prefix = ""
 
     def on_fold(done: int, count: int) -> None:
@@ -125,8 +124,11 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
 
     def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
         with progress_line(IdentificationInWords(prefix), quiet=is_quiet(options), patience=0.0) as line:
-            return folds.fit(
-                rest, lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line)
+            return fit_of_fold(
+                opened.place,
+                opened.fit,
+                rest,
+                lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line),
             )
 
     try:

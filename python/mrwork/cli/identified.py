@@ -221,7 +221,7 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "status": fit.status,
         "status_reason": fit.status_reason,
         "stop_reason": fit.stop_reason,
-        "tested_range": None if fit.tested is None else asdict(fit.tested),
+        "tested_range": asdict(fit.tested),
         "warnings": fit.warnings,
         "evaluations": fit.evaluations,
         "refinement_steps": fit.refinement_steps,
@@ -261,9 +261,9 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         *([""] if fit.warnings else []),
         *result_lines(fit),
         "",
+        f"  tested: {fit.tested.in_words}",
+        "",
     ]
-    if fit.tested is not None:
-        lines += [f"  tested: {fit.tested.in_words}", ""]
     if fit.identifiability is not None and fit.identifiability.informative:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.informative), ""]
     gathered = gathered_findings(tests)

@@ -170,10 +170,6 @@ def run(options: argparse.Namespace) -> int:
         show(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
     for warning in warnings:
         show(f"warning: {warning}")
-    if fit.tested is None:
-        show("The tested ranges of this fit are not known: its tests cannot be read as they were.")
-    if not fit.motions:
-        show("Nor are the motions of its tests: only identical files are recognised as seen.")
     if basis:
         show(f"Bands of {100.0 * options.level:g} %, {basis}.")
         beyond = sum(bool(row["outside_tested_range"]) for row in rows)

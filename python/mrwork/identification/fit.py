@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
@@ -28,6 +28,8 @@ from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, dige
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import FitPlots
+
+T = TypeVar("T")
 
 # Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
 VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
@@ -106,15 +108,15 @@ class ParameterChange:
 
     name: str
     percent: float
-    of_range: bool = False
-    amount: float | None = None
-    unit: str = ""
+    of_range: bool
+    amount: float
+    unit: str
 
     @property
     def in_words(self) -> str:
         """Text such as "alpha up 1 %", or "x0 down 0.0002 m" where the value may be zero."""
         way = "up" if self.percent > 0 else "down"
-        if self.of_range and self.amount is not None:
+        if self.of_range:
             return f"{self.name} {way} {of_unit(abs(self.amount), self.unit, 2)}"
         return f"{self.name} {way} {abs(self.percent):.2g} %"
 
@@ -252,14 +254,14 @@ class FittedParameter:
     tie: str = ""
 
 
-class _Parameters(dict[str, FittedParameter]):
-    """Parameters by name, which answer another name with what was meant."""
+class _ByParameter(dict[str, T]):
+    """Values by the name of a parameter, which answer another name with what was meant."""
 
-    def __init__(self, model: str) -> None:
-        super().__init__()
+    def __init__(self, model: str, values: Mapping[str, T]) -> None:
+        super().__init__(values)
         self.model = model
 
-    def __missing__(self, name: str) -> FittedParameter:
+    def __missing__(self, name: str) -> T:
         raise UnknownNameError(
             f"{self.model} has no parameter {name!r}{suggestion(name, [*self], otherwise='it has')}"
         )
@@ -385,8 +387,8 @@ class Fit(WithAxes, Summarised, Related):
     intervals: Intervals | None = None
     warnings: tuple[str, ...] = ()
     status_reason: str = ""
-    motions: tuple[RecordedMotion, ...] = ()
-    tested: OperatingRange | None = None
+    motions: tuple[RecordedMotion, ...]
+    tested: OperatingRange
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
@@ -435,7 +437,7 @@ class Fit(WithAxes, Summarised, Related):
             return f"it judges {unknown[0]}, which {self.model} does not have"
         if not self.quality:
             return "it compares no test"
-        if self.motions and len(self.motions) != len(self.quality):
+        if len(self.motions) != len(self.quality):
             return f"it compares {len(self.quality)} tests where it knows the motions of {len(self.motions)}"
         return ""
 
@@ -462,13 +464,7 @@ class Fit(WithAxes, Summarised, Related):
 
     @property
     def settings(self) -> FitSettings:
-        """The settings of the identification; of a fit that was read from its file, those of its record.
-
-        Raises
-        ------
-        RecordError
-            Where their record cannot be read.
-        """
+        """The settings of the identification; of a fit that was read from its file, those of its record."""
         if self.live_settings is not None:
             return self.live_settings
         separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}
@@ -508,22 +504,21 @@ class Fit(WithAxes, Summarised, Related):
         >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
         ('N s/m', True)
         """
-        ties = self.ties
-        found = _Parameters(self.model)
-        for each in self.estimates:
-            verdict, reason = self.verdict_on(each.name)
-            found[each.name] = FittedParameter(
-                name=each.name,
-                value=each.value,
-                error=each.standard_error,
-                unit=each.unit,
-                lower=each.lower,
-                upper=each.upper,
-                verdict=verdict,
-                reason=reason,
-                tie=ties.get(each.name, ""),
-            )
-        return found
+        return _ByParameter(self.model, {each.name: self._parameter(each) for each in self.estimates})
+
+    def _parameter(self, estimate: Estimate) -> FittedParameter:
+        verdict, reason = self.verdict_on(estimate.name)
+        return FittedParameter(
+            name=estimate.name,
+            value=estimate.value,
+            error=estimate.standard_error,
+            unit=estimate.unit,
+            lower=estimate.lower,
+            upper=estimate.upper,
+            verdict=verdict,
+            reason=reason,
+            tie=self.ties.get(estimate.name, ""),
+        )
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -542,8 +537,7 @@ class Fit(WithAxes, Summarised, Related):
     @checked
     def outside(self, test: DamperTest, force: Samples | None = None) -> Outside:
         """Quantities of a test outside the tested ranges; includes the model's force [N], shape (n_time,), if given."""
-        unit = self.current.unit if self.tested is None and self.current is not None else None
-        demand = range_of_test(test, self.tested.command_unit if self.tested else unit, force)
+        demand = range_of_test(test, self.tested.command_unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
 
     @checked
@@ -581,11 +575,7 @@ class Fit(WithAxes, Summarised, Related):
         UnknownNameError
             Where the model has no such parameter.
         """
-        named = [each for each in self.estimates if each.name == name]
-        if not named:
-            near = suggestion(name, [each.name for each in self.estimates], otherwise="it has")
-            raise UnknownNameError(f"{self.model} has no parameter {name!r}{near}")
-        (estimate,) = named
+        estimate = _ByParameter(self.model, {each.name: each for each in self.estimates})[name]
         if estimate.remark == "fixed":
             return "fixed", ""
         if name in self.ties:
@@ -703,7 +693,7 @@ class Fit(WithAxes, Summarised, Related):
                 for each in self.estimates
             ],
             notes=[
-                *([f"tested: {self.tested.in_words}"] if self.tested else []),
+                f"tested: {self.tested.in_words}",
                 *(f"warning: {each}" for each in self.warnings),
             ],
         )

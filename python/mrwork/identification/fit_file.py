@@ -72,11 +72,7 @@ def read_fit(path: str | Path) -> Fit:
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
     check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
-    if fit.tested is None or not fit.motions:
-        raise RecordError(
-            f"{place / FIT} does not state the tested ranges and motions; run `mrwork identify` again"
-        )
-    return _with_one_verdict(fit)
+    return fit
 
 
 def manifest_of(fit: Fit, status: str) -> dict[str, object]:
@@ -116,12 +112,7 @@ def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:
     """Undo `json_document(fit.as_dict())`; `origin` names the document in messages."""
-    return _with_one_verdict(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
-
-
-def _with_one_verdict(fit: Fit) -> Fit:
-    """The fit with one standard error and one verdict for each parameter; a file may state two."""
-    return fit if fit.identifiability is None else fit.with_identifiability(fit.identifiability)
+    return record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -120,25 +120,28 @@ class Ties:
         return rows, slopes
 
 
+class _StrangeSyntaxError(Exception):
+    """A part of an expression that the grammar does not permit."""
+
+
 def _evaluate(node: ast.expr, names: Sequence[str], rows: Floats, slopes: Floats) -> Value:
     match node:
-        case ast.Constant(value=float() | int() as number):
-            return np.full(len(rows), float(number)), np.zeros((len(rows), len(names)))
+        case ast.Constant() if (number := _number(node)) is not None:
+            return np.full(len(rows), number), np.zeros((len(rows), len(names)))
         case ast.Name(id=name):
             index = names.index(name)
             return rows[:, index], slopes[:, index]
-        case ast.UnaryOp(op=op, operand=inner):
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=inner):
             value, slope = _evaluate(inner, names, rows, slopes)
             return (-value, -slope) if isinstance(op, ast.USub) else (value, slope)
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             value, slope = _evaluate(left, names, rows, slopes)
-            power = _number(right)
-            assert power is not None
-            return value**power, power * (value ** (power - 1.0))[:, None] * slope
-        case ast.BinOp(left=left, op=op, right=right):
+            if (power := _number(right)) is not None:
+                return value**power, power * (value ** (power - 1.0))[:, None] * slope
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             both = (_evaluate(each, names, rows, slopes) for each in (left, right))
             return _BINARY[type(op)](*both)
-    raise AssertionError("a tie that has been read has no other syntax")
+    raise _StrangeSyntaxError(ast.unparse(node))
 
 
 @cache
@@ -152,30 +155,15 @@ def _read_tie(name: str, text: str) -> ast.expr:
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise SettingError(f"the tie of {name} is {text!r}, which is no expression; {_GRAMMAR}") from None
-    _check_syntax(tree, name, text)
+    used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    try:
+        # Of no candidate, which tells whether the expression can be evaluated.
+        _evaluate(tree, used, np.empty((0, len(used))), np.empty((0, len(used), len(used))))
+    except _StrangeSyntaxError as strange:
+        raise SettingError(
+            f"the tie of {name} is {text!r}, and {str(strange)!r} is not understood; {_GRAMMAR}"
+        ) from None
     return tree
-
-
-def _check_syntax(node: ast.expr, name: str, text: str) -> None:
-    match node:
-        case ast.Constant() if _number(node) is not None:
-            return
-        case ast.Name():
-            return
-        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=inner):
-            _check_syntax(inner, name, text)
-            return
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            _check_syntax(left, name, text)
-            if _number(right) is not None:
-                return
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            _check_syntax(left, name, text)
-            _check_syntax(right, name, text)
-            return
-    raise SettingError(
-        f"the tie of {name} is {text!r}, and {ast.unparse(node)!r} is not understood; {_GRAMMAR}"
-    )
 
 
 def _number(node: ast.expr) -> float | None:

@@ -106,7 +106,7 @@ def laws(
             f"no parameter of the fit of {fit.model} follows the command; identify "
             "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
         )
-    ends = (0.0, 1.0) if tested is None or tested.command is None else tested.command
+    ends = (0.0, 1.0) if tested.command is None else tested.command
     commands = np.linspace(*ends, _COMMANDS)
     found = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
     names = _choose(parameters, list(found), "parameter that follows the command")

@@ -122,7 +122,7 @@ def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float
             f"0.5{current.unit}"
         )
     value = stated.value
-    tested = None if fit.tested is None else fit.tested.command
+    tested = fit.tested.command
     noise = command_noise(0.0, current.unit)
     if tested is not None and not tested[0] - noise <= value <= tested[1] + noise:
         raise SettingError(
@@ -232,7 +232,7 @@ def opensees_damper(
         f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",
         f"let the strain change by at most {step:.3g} m in a step: the error of OpenSees is proportional to it",
     ]
-    if fit.tested is not None and fit.tested.velocity > 0.0:
+    if fit.tested.velocity > 0.0:
         facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP))
     if k and x0:
         facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")

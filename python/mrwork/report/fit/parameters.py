@@ -206,11 +206,9 @@ def _table(judged: Mapping[str, tuple[str, str]]) -> Table:
 IDENTIFIABILITY = SectionKind(make=_identifiability_section)
 
 
-def _range_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
-    """The table of ranges; none for a fit of an earlier version whose tests could not be read."""
+def _range_section(run: StoredRun, _: Sequence[Comparison]) -> Section:
+    """The table of ranges."""
     tested = run.fit.tested
-    if tested is None:
-        return None
     return Section(
         anchor="tested",
         title="Tested range",

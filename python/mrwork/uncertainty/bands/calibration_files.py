@@ -16,13 +16,12 @@ from mrwork.base.arguments import Positive, Whole
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
-from mrwork.dampers.command import CommandValues
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
+from mrwork.identification.fit_file import addition_content, fit_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.likeness import alike_groups
-from mrwork.store.codec import digest_of, json_document, parse_document, read_document, record_of
+from mrwork.store.codec import digest_of, parse_document, read_document, record_of
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
@@ -148,7 +147,7 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     """The file `predictions.npz` of a run folder, in single precision, which is enough for figures."""
     facts = [
         {fact: getattr(each.test, fact) for fact in _FACTS}
-        | {name: _constant(getattr(each.test, name)) for name in _COMMANDS}
+        | {name: None if name in _channels(each.test) else getattr(each.test, name) for name in _COMMANDS}
         | {"observation": asdict(each.test.observation)}
         for each in predictions
     ]
@@ -160,10 +159,6 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     content = io.BytesIO()
     np.savez_compressed(content, facts=np.array(json.dumps(facts)), **arrays)
     return content.getvalue()
-
-
-def _constant(command: CommandValues | None) -> float | None:
-    return None if isinstance(command, np.ndarray) else command
 
 
 def _channels(test: DamperTest) -> tuple[str, ...]:
@@ -210,26 +205,22 @@ def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) 
     return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
 
 
-class Folds:
-    """Cache of cross-validation fits, so that an interrupted calibration resumes; the key is the tests of the fit."""
+def fit_of_fold(place: Path, fit: Fit, tests: tuple[DamperTest, ...], identify: Callable[[], Fit]) -> Fit:
+    """The fit of cross-validation to these tests: read if the folder has it, so that a calibration resumes.
 
-    def __init__(self, place: Path, fit: Fit) -> None:
-        self._place = place
-        self._fit = fit
-
-    def fit(self, tests: tuple[DamperTest, ...], identify: Callable[[], Fit]) -> Fit:
-        """The fit to these tests: read if it is stored, else identified and stored if that was not interrupted."""
-        seen = [
-            digest_of(
-                *(test.dt, test.displacement, test.velocity, test.force),
-                *(command for command, _ in test.commands if isinstance(command, np.ndarray)),
-            )
-            for test in tests
-        ]
-        path = self._place / FOLDS / f"{digest_of(self._fit.model, self._fit.theta, seen)[:16]}.json"
-        kind = make_stored_kind("calibrate", name="the fit of a fold")
-        if is_there(path, kind):
-            return fit_from_json(text_of(path, kind), origin=str(path))
-        fit = identify()
-        write_files(self._place, {f"{FOLDS}/{path.name}": json_document(fit.as_dict()).encode()})
-        return fit
+    Else it is identified, and stored if that was not interrupted.
+    """
+    seen = [
+        digest_of(
+            *(test.dt, test.displacement, test.velocity, test.force),
+            *(command for command, _ in test.commands if isinstance(command, np.ndarray)),
+        )
+        for test in tests
+    ]
+    path = place / FOLDS / f"{digest_of(fit.model, fit.theta, seen)[:16]}.json"
+    kind = make_stored_kind("calibrate", name="the fit of a fold")
+    if is_there(path, kind):
+        return fit_from_json(text_of(path, kind), origin=str(path))
+    of_fold = identify()
+    write_files(place, {f"{FOLDS}/{path.name}": fit_content(of_fold)})
+    return of_fold

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
-from mrwork.base.numbers import format_fixed, format_rounded
+from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, page_table, text_table
 from mrwork.base.values import Floats
@@ -415,21 +415,12 @@ class Ranking(WithAxes, Summarised, Related):
 
     def _summary(self) -> Summary:
         provisional = ", provisional" if self.chosen_standing.verdict == "provisional" else ""
+        table = self.table
         return Summary(
             title=f"Choice of model: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
-            columns=("model", "parameters", "fit %", "left out %", "verdict", "reason"),
-            rows=[
-                (
-                    each.model,
-                    str(each.n_params),
-                    format_rounded(each.fit_percent),
-                    format_rounded(each.left_out_percent),
-                    each.verdict,
-                    each.reason,
-                )
-                for each in self.standings
-            ],
+            columns=table.columns,
+            rows=table.rows,
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
 
