@@ -27,10 +27,10 @@ from mrwork.uncertainty.choice.leave_one_out import (
     leave_one_out,
     longest_autocorrelation_times,
     residuals_of,
-    target_of,
     variance_of,
 )
 from mrwork.uncertainty.posterior.laplace import draw_about, fisher_ellipsoid
+from mrwork.uncertainty.posterior.target import target_of
 
 THETA = (800.0, 900.0, 2000.0, 20.0)
 HELD = {"rho": (2000.0, 2000.0), "f0": (20.0, 20.0)}
@@ -54,7 +54,7 @@ def exact(log_densities: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def test_it_is_the_posterior_given_the_other_blocks(record: DamperTest, fit: Fit) -> None:
     blocks = (blocks_of(record, 1.0),)
-    target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
+    target, theta = target_of(fit, (record,), NOISES["iid"], tempering=0.5)
     draws = draw_about(target, theta, 2000, np.random.default_rng(0))
     values = np.asarray(target.space.values(draws.position)[0])
     n_params = len(theta)
@@ -75,7 +75,7 @@ def test_it_is_the_posterior_given_the_other_blocks(record: DamperTest, fit: Fit
 
 
 def test_weighted_draws_have_the_moments_of_the_posterior(record: DamperTest, fit: Fit) -> None:
-    target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
+    target, theta = target_of(fit, (record,), NOISES["iid"], tempering=0.5)
     draws = draw_about(target, theta, 2000, np.random.default_rng(1))
     assert draws.effective > 1000.0
     values = np.asarray(target.space.values(draws.position)[0])

@@ -254,17 +254,17 @@ class Loss:
         return residuals * factor, derivative
 
     def _values(self, z: Floats) -> tuple[Floats, Floats]:
-        found = np.asarray(self.rho(z), dtype=np.float64)
-        if found.ndim != z.ndim + 1 or len(found) < 2 or found.shape[1:] != z.shape:
+        values = np.asarray(self.rho(z), dtype=np.float64)
+        if values.ndim != z.ndim + 1 or len(values) < 2 or values.shape[1:] != z.shape:
             raise SettingError(
-                f"the loss returned shape {found.shape} for z of shape {z.shape}; return rho(z) and its derivative "
+                f"the loss returned shape {values.shape} for z of shape {z.shape}; return rho(z) and its derivative "
                 f"stacked, shape {(2, *z.shape)}"
             )
-        if not np.isfinite(found[:2]).all():
+        if not np.isfinite(values[:2]).all():
             raise SettingError(
                 "the loss returned a number that is not finite; return finite rho(z) and derivatives"
             )
-        return found[0], found[1]
+        return values[0], values[1]
 
 
 def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:

@@ -178,12 +178,12 @@ def _number(node: ast.expr) -> float | None:
 
 
 def _names_in(tree: ast.expr, tied: str, known: Sequence[str]) -> set[str]:
-    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    for name in sorted(found):
+    used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    for name in sorted(used):
         _check_name(name, known, f"the tie of {tied} has {name!r}")
-    if not found:
+    if not used:
         raise SettingError(f"the tie of {tied} names no parameter; hold it by equal bounds instead")
-    return found
+    return used
 
 
 def _check_name(name: str, known: Sequence[str], what: str) -> None:

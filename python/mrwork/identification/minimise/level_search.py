@@ -166,11 +166,11 @@ def points_from_levels(
             on_iteration=partial(on_iteration, f"{EXCERPTS} of some tests" if left_out else EXCERPTS),
         )
 
-    def on_all_tests(found: MultistartResult) -> tuple[Floats, Floats]:
+    def on_all_tests(result: MultistartResult) -> tuple[Floats, Floats]:
         """Minima and their misfits, best first: of the search, or refined where it was on some of the tests."""
-        if not left_out or not len(found.theta):
-            return found.theta, found.misfit
-        starts = distinct_minima(joint.box, found.theta, found.misfit)
+        if not left_out or not len(result.theta):
+            return result.theta, result.misfit
+        starts = distinct_minima(joint.box, result.theta, result.misfit)
         minima = find_minima(on_tests, joint.box, starts, max_iterations=settings.most_iterations)
         order = np.argsort(minima.misfit, kind="stable")
         return minima.theta[order], minima.misfit[order]
@@ -198,8 +198,8 @@ def points_from_levels(
         starts = _starts_of_levels(joint.spec, fits, relative, rng)
         best = starts[0]
         alone = _fit_each(problem, excerpts, fits)
-        found = search_joint(starts, rng)
-        theta, misfit = on_all_tests(found)
+        result = search_joint(starts, rng)
+        theta, misfit = on_all_tests(result)
         is_simulated = not len(theta) or bool(np.isfinite(misfit[0]))
         worse = alone.worse_in(on_tests, theta)
         is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
@@ -209,12 +209,12 @@ def points_from_levels(
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
                 more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
-            found = _merge_searches(found, search_joint(more, rng + 1))
-            theta, misfit = on_all_tests(found)
+            result = _merge_searches(result, search_joint(more, rng + 1))
+            theta, misfit = on_all_tests(result)
             worse = alone.worse_in(on_tests, theta)
             if worse.size:
-                least = (1.0 + settings.closeness) * found.misfit[0]
-                found_again = int(np.count_nonzero(found.misfit <= least)) >= settings.found
+                least = (1.0 + settings.closeness) * result.misfit[0]
+                found_again = int(np.count_nonzero(result.misfit <= least)) >= settings.found
                 nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
                 doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
                 suspected = not found_again
@@ -233,14 +233,14 @@ def points_from_levels(
     if left_out and not is_simulated:
         return points_from_levels(problem, search, on_search=on_search, per_command=None)
     if not len(theta):
-        raise no_simulation(form.spec, found.evaluations[-1])
+        raise no_simulation(form.spec, result.evaluations[-1])
     return StartingPoints(
         objective=objective.on(form.spec, excerpts),
         form=own_form,
         theta=in_own_laws(distinct_minima(joint.box, theta, misfit)),
-        trace=trace_of(found),
+        trace=trace_of(result),
         minima=True,
-        warnings=(*doubts_about(found, None, settings), *doubts),
+        warnings=(*doubts_about(result, None, settings), *doubts),
         is_suspected=suspected,
     )
 
@@ -436,8 +436,8 @@ def _fit_level(
                     near,
                     settings,
                     rng=rng,
-                    on_iteration=lambda model, found, share: on_iteration(
-                        f"{model} {at_command}", found, share
+                    on_iteration=lambda model, minima, share: on_iteration(
+                        f"{model} {at_command}", minima, share
                     ),
                 )
             starts = _move_inside(near, starts) if nested is None else nested.starts
@@ -472,11 +472,11 @@ def _fit_level(
 
 def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
     """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
-    found, best = interrupt.result, None
-    if isinstance(found, MultistartResult):
-        best = found.theta[:1] if len(found.theta) else None
-    elif found is not None and np.isfinite(found.best_misfit):
-        best = np.asarray(searched.theta_from_unit(found.best_unit))[None]
+    so_far, best = interrupt.result, None
+    if isinstance(so_far, MultistartResult):
+        best = so_far.theta[:1] if len(so_far.theta) else None
+    elif so_far is not None and np.isfinite(so_far.best_misfit):
+        best = np.asarray(searched.theta_from_unit(so_far.best_unit))[None]
     return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 

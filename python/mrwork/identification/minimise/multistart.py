@@ -573,7 +573,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     nested: NestedFit | None = None
     try:
         nested = nested_fit(objective, form.box, search, rng=rng, on_iteration=first)
-        found = search_starts(
+        minima = search_starts(
             objective,
             form.box,
             search_box(form.spec, form.box, objective.tests),
@@ -588,19 +588,19 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
             on_iteration=partial(second, ""),
         )
     except Interrupted as interrupt:
-        found = interrupt.result
-        if found is None or not len(found.theta):
+        minima = interrupt.result
+        if minima is None or not len(minima.theta):
             raise Interrupted(None, "search") from interrupt
-        raise make_interrupt(found.theta[0], objective, form, trace_of(found)) from interrupt
-    if not len(found.theta):
-        raise no_simulation(form.spec, found.evaluations[-1])
+        raise make_interrupt(minima.theta[0], objective, form, trace_of(minima)) from interrupt
+    if not len(minima.theta):
+        raise no_simulation(form.spec, minima.evaluations[-1])
     return StartingPoints(
         objective=objective,
         form=form,
-        theta=distinct_minima(form.box, found.theta, found.misfit),
-        trace=trace_of(found),
+        theta=distinct_minima(form.box, minima.theta, minima.misfit),
+        trace=trace_of(minima),
         minima=True,
-        warnings=doubts_about(found, nested, search),
+        warnings=doubts_about(minima, nested, search),
     )
 
 

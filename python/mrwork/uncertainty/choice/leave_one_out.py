@@ -17,7 +17,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.problem import Problem
 from mrwork.identification.result import autocorrelation_time, effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
@@ -25,7 +24,7 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
-from mrwork.uncertainty.posterior.target import Target, in_chunks
+from mrwork.uncertainty.posterior.target import Target, in_chunks, target_of
 
 # Pareto k above which the estimate for a block is unreliable, because its importance weights have heavy tails (Vehtari,
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
@@ -153,7 +152,7 @@ class SharedLikelihood:
         return journal.once(step, facts, LeaveOneOut, lambda: self._leave_one_out(fit))
 
     def _leave_one_out(self, fit: Fit) -> LeaveOneOut:
-        target, start = target_of(fit, self.tests, self.noise, temper=self.temper, threads=self.threads)
+        target, start = target_of(fit, self.tests, self.noise, tempering=self.temper, threads=self.threads)
         if self.sampled:
             theta, noise = self._chain(fit, target)
             log_ratio = np.zeros(len(theta))
@@ -181,19 +180,9 @@ class SharedLikelihood:
         return theta, draws.noise[rows]
 
 
-def target_of(
-    fit: Fit, tests: tuple[DamperTest, ...], noise: Noise, *, temper: float, threads: int = 0
-) -> tuple[Target, Floats]:
-    """Posterior of a fit's family with uniform priors, and the fit in the target's form, shape (n_params,)."""
-    problem = Problem.of_fit(fit, tests, threads=threads)
-    theta = problem.inside(fit.theta)
-    target = Target.of(problem.form, problem.objective, noise, start=theta, priors={}, tempering=temper)
-    return target, theta
-
-
 def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
     """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
-    target, theta = target_of(fit, tests, NOISES["iid"], temper=1.0)
+    target, theta = target_of(fit, tests, NOISES["iid"], tempering=1.0)
     return tuple(residual[0] for residual, _, _ in target.residuals(theta[None]))
 
 

@@ -16,14 +16,13 @@ from mrwork.base.labelled import NamedArray, NamedArrays, number_labels
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.problem import Problem
 from mrwork.identification.result import autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.choice.leave_one_out import block_densities, blocks_of
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.target import Prior, Space, Target
+from mrwork.uncertainty.posterior.target import Prior, Space, Target, target_of
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -100,17 +99,8 @@ def inference_data(
         raise SettingError(
             f"the draws are of {draws.model} and the fit is of {fit.model}; give those of the fit"
         )
-    own_tests = as_tests(tests)
-    problem = Problem.of_fit(fit, own_tests, threads=threads)
-    start = problem.inside(fit.theta)
-    target = Target.of(
-        problem.form,
-        problem.objective,
-        noise_model(draws.noise_model),
-        start=start,
-        priors=dict(priors or {}),
-        tempering=draws.temper,
-    )
+    own_tests, noise = as_tests(tests), noise_model(draws.noise_model)
+    target, start = target_of(fit, own_tests, noise, tempering=draws.temper, priors=priors, threads=threads)
     n_walkers, n_kept = draws.densities.shape
     stride = -(-n_kept * n_walkers // max(most_draws, n_walkers))
     kept = replace(
@@ -184,7 +174,7 @@ def _predictive(
     stream: np.random.Generator,
 ) -> NamedArrays:
     shape = draws.densities.shape
-    found = {}
+    forces = {}
     for label, axis, each, deviation, (_, force, _) in zip(
         labels,
         _time_axes(tests),
@@ -194,7 +184,7 @@ def _predictive(
         strict=True,
     ):
         noisy = (force + target.noise.draw(force, draws.noise, stream)) * deviation + each.measured.mean()
-        found[label] = NamedArray.of(
+        forces[label] = NamedArray.of(
             noisy.reshape(*shape, -1),
             *("chain", "draw", axis),
             unit="N",
@@ -204,7 +194,7 @@ def _predictive(
         title="Predicted force of each draw",
         rows=("chain", "draw"),
         labels=_chain_labels(shape) | _times(tests),
-        arrays=found,
+        arrays=forces,
     )
 
 
@@ -244,7 +234,7 @@ def prior_values(space: Space, count: int, stream: np.random.Generator) -> Float
     permit where no prior of x0 is given.
     """
     of_product = None if space.pair is None or space.priors[space.pair[1]] is not None else space.pair[1]
-    found: list[Floats] = []
+    drawn: list[Floats] = []
     for _ in range(_ROUNDS):
         unit = np.empty((2 * count, space.n_dim))
         for column, (prior, index) in enumerate(zip(space.priors, space.box.free, strict=True)):
@@ -257,9 +247,9 @@ def prior_values(space: Space, count: int, stream: np.random.Generator) -> Float
             else:
                 position[:, of_product] = stream.uniform(-0.5, 0.5, 2 * count)
         values, inside = space.values(position)
-        found.append(np.asarray(values)[np.asarray(inside)])
-        if sum(map(len, found)) >= count:
-            return np.concatenate(found)[:count]
+        drawn.append(np.asarray(values)[np.asarray(inside)])
+        if sum(map(len, drawn)) >= count:
+            return np.concatenate(drawn)[:count]
     raise SettingError(
         "almost no draw from the prior is within the bounds; give wider bounds or another prior"
     )

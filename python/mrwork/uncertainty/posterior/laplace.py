@@ -147,11 +147,11 @@ def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]
         step = np.zeros(centre.size)
         step[free] = -np.linalg.solve(information, weight * slope @ residual)
         tried = _with_estimated_noise(target, centre + _LENGTHS[:, None] * step)
-        found = target(tried)
-        best = int(np.argmax(found))
-        if not found[best] > density + _GAIN:
+        densities = target(tried)
+        best = int(np.argmax(densities))
+        if not densities[best] > density + _GAIN:
             break
-        centre, density = tried[best], float(found[best])
+        centre, density = tried[best], float(densities[best])
     return centre, moving
 
 

@@ -52,9 +52,9 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         for test, motions, command, force, deviation in zip(
             objective.tests, stages, commands, measured, target.deviations, strict=True
         ):
-            found = simulate(objective.spec, theta, motions, test.dt, command)[test.n_settle :]
-            about_mean = (found - jnp.mean(force)) / deviation
-            residual = (found - force) / deviation
+            simulated = simulate(objective.spec, theta, motions, test.dt, command)[test.n_settle :]
+            about_mean = (simulated - jnp.mean(force)) / deviation
+            residual = (simulated - force) / deviation
             total = total + jnp.sum(log_densities(residual[None], about_mean[None], noise[None]))
         density = space.log_prior(values) + target.temper * total
         return jnp.where(inside & jnp.isfinite(density), density, -jnp.inf)

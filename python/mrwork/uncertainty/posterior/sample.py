@@ -27,7 +27,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.problem import Problem, provenance_with
+from mrwork.identification.problem import provenance_with
 from mrwork.identification.result import Slopes
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -48,7 +48,7 @@ from mrwork.uncertainty.posterior.draws import (
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
+from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers, target_of
 
 # As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
@@ -163,7 +163,6 @@ class SamplingProblem:
 
     spec: DamperSpec
     target: Target
-    bounds: Mapping[str, tuple[float, float]]
     priors: Mapping[str, Prior]
     start: Floats
     walkers: int
@@ -183,16 +182,13 @@ class SamplingProblem:
         threads: int,
     ) -> SamplingProblem:
         """The problem that `sample` solves, from the same arguments."""
-        problem = Problem.of_fit(fit, tests, threads=threads)
-        form, objective = problem.form, problem.objective
-        theta = problem.inside(fit.theta)
-        if not np.isfinite(objective(theta[None])[0]):
+        target, start = target_of(
+            fit, tests, noise_model(noise), tempering=tempering, priors=priors, threads=threads
+        )
+        if not np.isfinite(target.objective(start[None])[0]):
             raise SettingError(
                 f"the fit of {fit.model} cannot be simulated on these tests; give those of the fit"
             )
-        target = Target.of(
-            form, objective, noise_model(noise), start=theta, priors=priors, tempering=tempering
-        )
         n_dim = target.space.n_dim
         if walkers < 2 * n_dim or walkers % 2:
             raise SettingError(
@@ -202,9 +198,8 @@ class SamplingProblem:
         return cls(
             spec=fit.spec,
             target=target,
-            bounds=problem.settings.bounds,
             priors=priors,
-            start=theta,
+            start=start,
             walkers=walkers,
             rng=rng,
         )
@@ -212,11 +207,12 @@ class SamplingProblem:
     def fingerprint(self) -> dict[str, Any]:
         """Everything that determines the chain bit for bit; a stored chain is resumed only where it agrees."""
         objective = self.target.objective
+        bounds = objective.settings.bounds
         return {
             "model": self.spec.name,
             "current_laws": None if self.spec.current is None else asdict(self.spec.current),
             "noise": self.target.noise.name,
-            "bounds": {name: list(self.bounds[name]) for name in sorted(self.bounds)},
+            "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
             "priors": {
                 # Priors are dataclasses, which a protocol cannot state.
                 name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload] # priors are dataclasses
@@ -291,7 +287,7 @@ class SamplingProblem:
 
     def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
-        own, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
+        own, space = Box.of(self.spec).with_bounds(self.target.objective.settings.bounds), self.target.space
         names = self.spec.names + space.box.names[space.n_params :]
         units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
             self.target.noise.parameters

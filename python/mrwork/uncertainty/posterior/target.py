@@ -26,8 +26,11 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.identification.result import effective_samples
+from mrwork.records import DamperTest
 from mrwork.uncertainty.noise import Noise
 
 # NumPy or JAX, as in `coordinates`.
@@ -382,6 +385,24 @@ class Target(Summarised):
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
         return np.asarray(self.space.position(self.space.box.inside(values)))
+
+
+def target_of(
+    fit: Fit,
+    tests: tuple[DamperTest, ...],
+    noise: Noise,
+    *,
+    tempering: Tempering | None,
+    priors: Mapping[str, Prior] | None = None,
+    threads: int = 0,
+) -> tuple[Target, Floats]:
+    """Posterior of a fit's family on tests, see `sample`, and the fit in the target's form, shape (n_params,)."""
+    problem = Problem.of_fit(fit, tests, threads=threads)
+    start = problem.inside(fit.theta)
+    target = Target.of(
+        problem.form, problem.objective, noise, start=start, priors=priors or {}, tempering=tempering
+    )
+    return target, start
 
 
 def in_chunks(function: Callable[[Floats, Floats], Floats], theta: Floats, noise: Floats) -> Floats:
