@@ -511,8 +511,8 @@ def nested_fit(
 def halves(on_iteration: OnIteration) -> tuple[OnIteration, OnIteration]:
     """Callbacks of two searches, of which each takes half of the work."""
     return (
-        lambda fitted, found, share: on_iteration(fitted, found, 0.5 * share),
-        lambda fitted, found, share: on_iteration(fitted, found, 0.5 + 0.5 * share),
+        lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 * share),
+        lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 + 0.5 * share),
     )
 
 
