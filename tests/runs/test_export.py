@@ -121,8 +121,7 @@ def test_a_folder_whose_tests_have_gone_is_exported_without_them(run: Path, tmp_
 def test_the_matlab_file_of_a_study_has_every_array_with_unit_and_labels(tmp_path: Path) -> None:
     study = results()
     found = read_back(mr.export(study, "mat", tmp_path / "study.mat"))
-    for group, arrays in study._groups().items():
-        expected = arrays._named_arrays()
+    for group, expected in study._named_groups().items():
         names = matlab_names(expected.arrays)
         for name, array in expected.arrays.items():
             struct = found[group][names[name]]

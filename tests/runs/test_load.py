@@ -138,21 +138,6 @@ def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Pat
 
 
 @pytest.mark.parametrize("copied", ["respond"], indirect=True)
-def test_a_study_of_an_earlier_version_opens_without_quantities_and_says_so(
-    copied: Path, refused: Refused
-) -> None:
-    document = json.loads((copied / RESULTS).read_text())
-    for run in document["results"]:
-        del run["quantities"]
-    del document["floors"], document["storeys"]
-    (copied / RESULTS).write_text(json.dumps(document))
-    found = mr.load(copied, mr.StoredStudy)
-    assert list(found.to_xarray().children) == ["criteria"]
-    assert "lacks quantities" in found.warnings()[0]
-    refused(found.plot.energies)
-
-
-@pytest.mark.parametrize("copied", ["respond"], indirect=True)
 def test_quantities_that_do_not_fit_are_refused(copied: Path, refused: Refused) -> None:
     whole = (copied / RESULTS).read_text()
     for forge in (

@@ -15,7 +15,6 @@ from mrwork.study.labelled import (
     NOMINAL,
     LabelledRuns,
     criteria_of_study,
-    quantities_of_runs,
 )
 from mrwork.study.results import MotionFacts
 from mrwork.study.run_result import RunHistory, RunResult
@@ -132,13 +131,14 @@ def results() -> StudyResults:
         for motion in range(len(MOTIONS))
     }
     runs[3, 1] = runs[3, 1].with_numbers(energy_error=3e-4)
-    quantities, labelled = labelled_runs(ROWS, MOTIONS, runs)
     return StudyResults(
         title="Three storeys & a law",
         rows=ROWS,
         motions=MOTIONS,
-        quantities=quantities,
-        labelled=labelled,
+        runs=runs,
+        labelled=labelled_criteria(ROWS, MOTIONS, runs),
+        floor_names=("floor 1", "floor 2", "roof"),
+        storey_names=("storey 1", "storey 2", "storey 3"),
         device_names=("damper 1", "damper 1, opposed"),
         command_unit="A",
         facts=(("Building", "three storeys"),),
@@ -148,24 +148,19 @@ def results() -> StudyResults:
 Runs = Mapping[tuple[int, int], RunResult]
 
 
-def labelled_runs(
+def labelled_criteria(
     rows: Sequence[Row], motions: Sequence[MotionFacts], runs: Runs, halved: Runs | None = None
-) -> tuple[LabelledRuns, LabelledRuns]:
-    """Quantities and criteria of runs by row and motion."""
+) -> LabelledRuns:
+    """Criteria of runs by row and motion."""
     axes = {
         "row": tuple(row.label for row in rows),
         "motion": tuple(motion.name for motion in motions),
         "realisation": (NOMINAL,) if halved is None else (NOMINAL, HALF_STEP),
     }
-    places = {
-        "floor": ("floor 1", "floor 2", "roof"),
-        "storey": ("storey 1", "storey 2", "storey 3"),
-    }
     every = {
         (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
     }
-    quantities = quantities_of_runs(every, axes | places, "A")
-    return quantities, criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY)
+    return criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY)
 
 
 def with_runs(
@@ -178,8 +173,9 @@ def with_runs(
 ) -> StudyResults:
     """A study with other runs, and with those of half the step."""
     rows, motions = rows or results.rows, motions or results.motions
-    quantities, labelled = labelled_runs(rows, motions, results.runs if runs is None else runs, halved)
-    return replace(results, rows=rows, motions=motions, quantities=quantities, labelled=labelled)
+    runs = results.runs if runs is None else runs
+    labelled = labelled_criteria(rows, motions, runs, halved)
+    return replace(results, rows=rows, motions=motions, runs=runs, halved=halved, labelled=labelled)
 
 
 def histories(row: int, motion: int) -> RunHistory:

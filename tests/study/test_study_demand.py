@@ -231,6 +231,6 @@ def test_the_command_line_says_it_from_a_run_folder(tmp_path: Path) -> None:
     assert "mm/s, tested to 1 mm/s" in text
     stored = mr.study.read_results(out)
     assert any("tested to 1 mm/s" in each for each in stored.warnings())
-    assert stored.runs[1, 0].outside_tested_range is not None
-    assert "velocity" in stored.runs[1, 0].outside_tested_range
+    assert stored.details[1, 0].outside_tested_range is not None
+    assert "velocity" in stored.details[1, 0].outside_tested_range
     assert "tested to 1 mm/s" in (out / "report.html").read_text()

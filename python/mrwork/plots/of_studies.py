@@ -327,10 +327,7 @@ def _runs(
     if isinstance(result, StudyCriteria):
         place = chosen(motion, [each.name for each in result.motions], "motion")
         labels = [each.label for each in result.rows]
-        if result.quantities is None:
-            raise SettingError(f"nothing can be drawn of {result.title!r}: {result.file_warnings[-1]}")
-        runs = result.quantities.runs(0)
-        numbers = {row: runs[row, place].numbers for row in result.finished_rows(place)}
+        numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
@@ -366,7 +363,7 @@ def _stroke(number: int, count: int) -> Stroke:
 def _heights(result: Responses | StudyResults | StoredStudy, axis: str, count: int) -> tuple[str, ...]:
     """Names of the storeys or floors."""
     if isinstance(result, StudyCriteria):
-        return () if result.quantities is None else result.quantities.axes[axis]
+        return result.floor_names if axis == "floor" else result.storey_names
     return tuple(f"{axis} {number}" for number in range(1, count + 1))
 
 

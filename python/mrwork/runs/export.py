@@ -142,5 +142,4 @@ def exported(
         return text.encode()
     if isinstance(opened, TuningResults):
         return matlab_of_groups(opened.title, {"scores": opened._named_arrays()})
-    groups = {name: each._named_arrays() for name, each in opened._groups().items()}
-    return matlab_of_groups(opened.title, groups)
+    return matlab_of_groups(opened.title, opened._named_groups())

@@ -20,7 +20,7 @@ from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
 
 Kind = Literal["levels", "runs", "half", "realisations"]
-Key = tuple[int, Kind]
+PartKey = tuple[int, Kind]
 """Row, and what is simulated of it: constant commands to choose from, its runs, the same with half the step, its
 realisations."""
 
@@ -89,7 +89,7 @@ class Course:
 
     def __init__(
         self,
-        parts: Mapping[Key, Part],
+        parts: Mapping[PartKey, Part],
         on_progress: Callable[[StudyProgress], None] | None,
         *,
         total: int,
@@ -97,15 +97,15 @@ class Course:
     ) -> None:
         self._parts, self._on_progress, self._total, self._reasons = parts, on_progress, total, reasons
         self._began = self._part_began = time.perf_counter()
-        self._expected: dict[Key, float] | None = None
-        self._present: Key | None = None
+        self._expected: dict[PartKey, float] | None = None
+        self._present: PartKey | None = None
         # Number of parts that have begun.
         self._begun = 0
         self._label, self._done = "", 0
         # Of the finished parts: what they took, and what was expected [s].
         self._took = self._promised = 0.0
 
-    def begin(self, key: Key | None, label: str, done: int, *, recalling: bool = False) -> None:
+    def begin(self, key: PartKey | None, label: str, done: int, *, recalling: bool = False) -> None:
         """Report that a part begins, `None` for one that is not expected, with `done` runs of the study before it."""
         if self._on_progress is None:
             return

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 
 from mrwork.base import arguments
 from mrwork.base.arguments import Count, NotNegative, Positive, Whole
-from mrwork.base.summary import list_names
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
@@ -45,7 +44,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.labelled import NOMINAL, Axes, LabelledRuns, criteria_of_runs, quantities_of_runs
+from mrwork.study.labelled import NOMINAL, criteria_of_runs
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -56,16 +55,15 @@ from mrwork.study.results import (
     score_band,
 )
 from mrwork.study.run_result import (
+    FINISHED,
     Histories,
     OutcomeName,
-    RunEnd,
     RunResult,
     kept_quantities,
     largest_demand,
     names_outside,
     worst_by_quantity,
 )
-from mrwork.study.schema import present_label, present_sentence
 from mrwork.study.study import Kind, Row, Study, StudyFile
 
 
@@ -202,11 +200,10 @@ class StoredStepCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStudyRun(RunEnd, Related):
+class StoredStudyRun(Related):
     """A run in the results file: its criteria and their ratios to other rows under the same motion.
 
-    These are the building without dampers, i = 0, and the passive damper with the lowest score; the last is absent from
-    older files.
+    These are the building without dampers, i = 0, and the passive damper with the lowest score.
 
     `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
     these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper. `bands` are those of
@@ -223,25 +220,41 @@ class StoredStudyRun(RunEnd, Related):
     energy_error: OrNan
     steps: Whole
     step_check: StoredStepCheck | None
-    over_best_passive: _Criteria = field(default_factory=dict)
-    outside_tested_range: tuple[str, ...] | None = None
-    exceedances: tuple[Exceedance, ...] = ()
-    demand: OperatingRange | None = None
-    bands: dict[str, RealisationBand] = field(default_factory=dict)
-    quantities: dict[str, tuple[OrNan, ...] | OrNan] = field(default_factory=dict)
+    over_best_passive: _Criteria
+    outside_tested_range: tuple[str, ...] | None
+    exceedances: tuple[Exceedance, ...]
+    demand: OperatingRange | None
+    bands: dict[str, RealisationBand]
+    quantities: dict[str, tuple[OrNan, ...] | OrNan]
 
     def disagreement(self) -> str:
-        """First contradiction: tables with different criteria, or a finished run without the value of a criterion."""
-        tables = [self.criteria, self.over_uncontrolled, self.over_passive_off]
-        tables += [self.over_best_passive] if self.over_best_passive else []
+        """First contradiction: missing or unknown names, or a finished run without the value of a criterion."""
+        tables = [self.criteria, self.over_uncontrolled, self.over_passive_off, self.over_best_passive]
         tables += [] if self.step_check is None else [self.step_check.changes]
-        known = [entry.name for entry in criteria()]
-        for name in dict.fromkeys(name for table in tables for name in table):
-            if any(name not in table for table in tables):
-                what = f"lacks {name}" if name in known else f"has the unknown criterion {name!r}"
-                return f"its run under {self.motion} {what} in a table"
-        empty = [name for name, value in self.criteria.items() if self.finished and not math.isfinite(value)]
-        return f"its run under {self.motion} finished without {empty[0]}" if empty else ""
+        every = list(_every_criterion(None))
+        named: list[tuple[str, Collection[str], Collection[str]]] = [
+            *(("criterion", every, table) for table in tables),
+            ("quantity", (*_kept(), _LEAST_STROKE), self.quantities),
+        ]
+        for what, known, found in named:
+            if lacking := [name for name in known if name not in found]:
+                return f"its run under {self.motion} lacks {lacking[0]} in a table"
+            if unknown := [name for name in found if name not in known]:
+                return f"its run under {self.motion} has the unknown {what} {unknown[0]!r} in a table"
+        empty = [name for name in every if not math.isfinite(self.criteria[name])]
+        return f"its run under {self.motion} finished without {empty[0]}" if empty and self.finished else ""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has results."""
+        return self.outcome in FINISHED
+
+    @property
+    def result(self) -> RunResult:
+        """The run itself."""
+        numbers = {name: np.array(value)[()] for name, value in self.quantities.items()}
+        least_stroke = numbers.pop(_LEAST_STROKE)
+        return RunResult(outcome=self.outcome, steps=self.steps, numbers=numbers, least_stroke=least_stroke)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,8 +262,8 @@ class _Document(Related):
     """The results file; its fields are the keys of the JSON object.
 
     `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
-    under single motions. `changes` has the rows of each rank together, the lowest score first; older files have none.
-    `floors` and `storeys` are the names along the quantities of the runs.
+    under single motions. `changes` has the rows of each rank together, the lowest score first. `floors` and `storeys`
+    are the names along the quantities of the runs.
     """
 
     title: str
@@ -259,21 +272,21 @@ class _Document(Related):
     motions: tuple[MotionFacts, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
-    building_warnings: tuple[str, ...] = ()
-    damper_warnings: tuple[str, ...] = ()
-    floors: tuple[str, ...] = ()
-    storeys: tuple[str, ...] = ()
+    building_warnings: tuple[str, ...]
+    damper_warnings: tuple[str, ...]
+    floors: tuple[str, ...]
+    storeys: tuple[str, ...]
     results: tuple[StoredStudyRun, ...]
-    best_passive: str | None = None
-    judged_on: str = ""
-    chosen_on: tuple[str, ...] = ()
-    spreads: dict[str, Spread] = field(default_factory=dict)
-    groups: tuple[StoredGroup, ...] = ()
-    changes: tuple[StoredChanges, ...] = ()
-    clairvoyant: tuple[StoredClairvoyant, ...] = ()
-    realisations: Whole = 0
-    score_bands: dict[str, RealisationBand] = field(default_factory=dict)
-    findings: tuple[str, ...] = ()
+    best_passive: str | None
+    judged_on: str
+    chosen_on: tuple[str, ...]
+    spreads: dict[str, Spread]
+    groups: tuple[StoredGroup, ...]
+    changes: tuple[StoredChanges, ...]
+    clairvoyant: tuple[StoredClairvoyant, ...]
+    realisations: Whole
+    score_bands: dict[str, RealisationBand]
+    findings: tuple[str, ...]
 
     def disagreement(self) -> str:
         """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
@@ -292,10 +305,6 @@ class _Document(Related):
                 return f"{run.controller} is of the kind {kinds[run.controller]!r}, and {run.kind!r} under {run.motion}"
             if runs.setdefault((run.controller, run.motion), run) is not run:
                 return f"it has two runs of {where}"
-            if run.criteria.keys() != self.results[0].criteria.keys():
-                return f"its run of {where} has other criteria than the first"
-            if run.quantities.keys() != self.results[0].quantities.keys():
-                return f"its run of {where} has other quantities than the first"
             if strange := self._misshapen(run):
                 return f"its run of {where} has {strange} of another length than the axis"
         return self._gap(names, runs) if self.complete else ""
@@ -304,8 +313,6 @@ class _Document(Related):
         """First quantity of a run that is not as long as its axis; that of devices may have any length."""
         lengths = {"run": None, "floor": len(self.floors), "storey": len(self.storeys)}
         for name, value in run.quantities.items():
-            if name not in {*_kept(), _LEAST_STROKE}:
-                continue
             length = len(value) if isinstance(value, tuple) else None
             if length != lengths.get(_kept().get(name, "device"), length or 0):
                 return name
@@ -323,76 +330,33 @@ class _Document(Related):
                     return f"{row} under {motion} is not repeated with half the step, as others are"
         return ""
 
-    def labelled_quantities(self, axes: Axes) -> LabelledRuns | None:
-        """The quantities of the runs over named axes; `None` where the file is older than one of them."""
-        if not all(run.quantities.keys() >= {*_kept(), _LEAST_STROKE} for run in self.results):
-            return None
-        runs = {
-            (
-                axes["row"].index(present_label(run.controller)),
-                axes["motion"].index(run.motion),
-                0,
-            ): RunResult(
-                outcome=run.outcome,
-                steps=run.steps,
-                numbers={name: np.array(run.quantities[name])[()] for name in _kept()},
-                least_stroke=np.array(run.quantities[_LEAST_STROKE]),
-            )
-            for run in self.results
-        }
-        return quantities_of_runs(
-            runs, {**axes, "floor": self.floors, "storey": self.storeys}, self.command_unit
-        )
 
-
-_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "chosen_on")
+_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "damper_warnings", "chosen_on")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredStudy(StudyCriteria):
     """The results of a study as stored in its folder: criteria and quantities of every run.
 
-    Rows of an interrupted study without a run are among `rows` with the kind "controller". Criteria that the file has
-    not are NaN, since it was written by an earlier version; those that this version has not are only among `runs`.
+    Rows of an interrupted study without a run are among `rows` with the kind "controller". `details` are what
+    the file says of each run beside its quantities: bands, demand on the dampers, changes with half the step.
     """
 
-    runs: Mapping[Key, StoredStudyRun]
+    details: Mapping[Key, StoredStudyRun]
     damper_warnings: tuple[str, ...] = ()
-
-    @property
-    def file_warnings(self) -> tuple[str, ...]:
-        """Warnings about criteria that are missing from the file or unknown to this version."""
-        known = _every_criterion(None)
-        stored = next((run.criteria for run in self.runs.values()), known)
-        warnings = []
-        if lacking := [name for name in known if name not in stored]:
-            warnings.append(
-                f"{RESULTS} is older than {list_names(lacking)}; run `mrwork respond` again for it."
-            )
-        if unknown := [name for name in stored if name not in known]:
-            warnings.append(
-                f"{RESULTS} has {list_names(unknown)}, no criterion of this version; it is left out."
-            )
-        if self.quantities is None:
-            warnings.append(
-                f"{RESULTS} lacks quantities of floors, storeys and devices; run `mrwork respond` again for them."
-            )
-        return tuple(warnings)
 
     @property
     def checked(self) -> frozenset[Key] | None:
         """Runs that were repeated with half the step; `None` if there are none."""
-        return frozenset(key for key, run in self.runs.items() if run.step_check is not None) or None
+        return frozenset(key for key, run in self.details.items() if run.step_check is not None) or None
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         self.check_place(row, motion)
-        run = self.runs.get((row, motion))
-        if run is None or run.step_check is None:
-            return None
-        changes = _every_criterion(run.step_check.changes)
-        return None if all(map(math.isnan, changes.values())) else changes
+        run = self.details.get((row, motion))
+        check = None if run is None else run.step_check
+        return None if check is None or check.largest is None else check.changes
 
 
 @arguments.checked
@@ -421,26 +385,27 @@ def read_results(folder: str | Path) -> StoredStudy:
         raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork respond` again")
     facts = {"title": (document.title,), "status": ("finished" if document.complete else INTERRUPTED,)}
     check_manifest(place, stated, facts, file=RESULTS, verb="respond")
-    rows = {label: Row(label=present_label(label), kind="controller") for label in document.scores}
+    rows = {label: Row(label=label, kind="controller") for label in document.scores}
     for run in document.results:
         rows[run.controller] = replace(rows[run.controller], kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
     axes = {
-        "row": tuple(row.label for row in rows.values()),
+        "row": tuple(labels),
         "motion": tuple(names),
         "realisation": (NOMINAL,),
     }
     labelled = criteria_of_runs(axes, command_unit=document.command_unit)
     for key, run in runs.items():
-        for name, value in {**_every_criterion(run.criteria), "energy_error": run.energy_error}.items():
+        for name, value in {**run.criteria, "energy_error": run.energy_error}.items():
             labelled.numbers[name][key] = value
     return StoredStudy(
         rows=tuple(rows.values()),
         labelled=labelled,
-        quantities=document.labelled_quantities(axes),
-        runs=runs,
-        damper_warnings=tuple(map(present_sentence, document.damper_warnings)),
+        runs={key: run.result for key, run in runs.items()},
+        floor_names=document.floors,
+        storey_names=document.storeys,
+        details=runs,
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 

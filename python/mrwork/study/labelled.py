@@ -79,11 +79,6 @@ class LabelledRuns(Labelled, WithAxes, Summarised):
         """Every criterion of a run."""
         return {entry.name: float(self.numbers[entry.name][place]) for entry in criteria()}
 
-    def runs(self, realisation: int) -> dict[tuple[int, int], RunResult]:
-        """Every run of a realisation by row and motion."""
-        places = np.argwhere(self.outcome[:, :, realisation] != "").tolist()
-        return {(row, motion): self._run((row, motion, realisation)) for row, motion in places}
-
     def _named_arrays(self) -> NamedArrays:
         first = tuple(self.axes)[:_N_FIRST]
         return NamedArrays(
@@ -98,15 +93,6 @@ class LabelledRuns(Labelled, WithAxes, Summarised):
             },
         )
 
-    def _run(self, place: Place) -> RunResult:
-        own = {name: _without_end(array[place]) for name, array in self.numbers.items() if name not in _ENDS}
-        return RunResult(
-            outcome=str(self.outcome[place]),
-            steps=int(self.steps[place]),
-            numbers=own,
-            least_stroke=_without_end(self.least_stroke[place]),
-        )
-
     def _summary(self) -> Summary:
         return Summary(
             title=f"Runs by {list_names(list(self.axes))}",
@@ -118,14 +104,6 @@ def _in_words(name: str, n_axes: int) -> str:
     """Words for a criterion, which is one number of a run, or for a quantity."""
     titles = {entry.name: entry.title for entry in criteria()} if n_axes <= _N_FIRST else {}
     return titles.get(name) or _END_WORDS.get(name) or description_of(name)
-
-
-def _without_end(numbers: NDArray[Any]) -> Any:
-    """A number, or those before the first NaN that only NaN follow."""
-    if not numbers.ndim:
-        return numbers[()]
-    known = np.flatnonzero(~np.isnan(numbers))
-    return numbers[: known[-1] + 1 if known.size else 0]
 
 
 def numbered(count: int) -> tuple[str, ...]:

@@ -67,7 +67,6 @@ from mrwork.study.schema import (
     StudyTable,
     SuiteTable,
     TuneTable,
-    present_label,
 )
 from mrwork.study.study import (
     MotionOfStudy,
@@ -468,7 +467,7 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
 def _refuse_unknown_labels(table: ReportTable, labels: Sequence[str], place: Place) -> None:
     where = place.within("report")
     for label in table.controllers:
-        if label not in labels and present_label(label) not in labels:
+        if label not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative
-from mrwork.base.labelled import tree_of
+from mrwork.base.labelled import NamedArrays, tree_of
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -24,8 +24,8 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.damper_size import DevicePlace, size_warnings
-from mrwork.study.labelled import HALF_STEP, LabelledRuns
-from mrwork.study.run_result import DeviceDemand, RunEnd, RunResult, damper_warnings, demands_of
+from mrwork.study.labelled import LabelledRuns, quantities_of_runs
+from mrwork.study.run_result import DeviceDemand, RunResult, damper_warnings, demands_of
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
 
@@ -94,10 +94,9 @@ class StudyCriteria(Summarised, ABC):
     """Criteria of a study, and the ratios, scores and warnings that follow from them.
 
     `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
-    are the building without dampers and i = 0. `quantities` has those of the runs over row, motion and realisation,
-    `None` where an older folder lacks them. `runs` say how each run ended, by (row, motion). `chosen_on` are the
-    names of the motions that the best constant command is chosen on, `building_warnings` sentences on modes of the
-    building without damping or stiffness.
+    are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half
+    the step, if it is checked. `chosen_on` are the names of the motions that the best constant command is chosen on,
+    `building_warnings` sentences on modes of the building without damping or stiffness.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -106,8 +105,10 @@ class StudyCriteria(Summarised, ABC):
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
     labelled: LabelledRuns
-    quantities: LabelledRuns | None = None
-    runs: Mapping[Key, RunEnd]
+    runs: Mapping[Key, RunResult]
+    halved: Mapping[Key, RunResult] | None = None
+    floor_names: tuple[str, ...]
+    storey_names: tuple[str, ...]
     command_unit: str
     device_names: tuple[str, ...] = ()
     chosen_on: tuple[str, ...] = ()
@@ -140,9 +141,18 @@ class StudyCriteria(Summarised, ABC):
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
-    def _groups(self) -> dict[str, LabelledRuns]:
-        more = {} if self.quantities is None else {"quantities": self.quantities}
-        return {"criteria": self.labelled, **more}
+    def _named_groups(self) -> dict[str, NamedArrays]:
+        groups = {"criteria": self.labelled, "quantities": self.quantities}
+        return {name: runs._named_arrays() for name, runs in groups.items()}
+
+    @property
+    def quantities(self) -> LabelledRuns:
+        """Quantities of the runs over row, motion and realisation, and then floor, storey or device."""
+        steps = [self.runs] if self.halved is None else [self.runs, self.halved]
+        axes = {**self.labelled.axes, "floor": self.floor_names, "storey": self.storey_names}
+        axes["realisation"] = axes["realisation"][: len(steps)]
+        runs = {(*key, number): run for number, each in enumerate(steps) for key, run in each.items()}
+        return quantities_of_runs(runs, axes, self.command_unit)
 
     def to_xarray(self) -> DataTree:
         """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
@@ -156,7 +166,7 @@ class StudyCriteria(Summarised, ABC):
         >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
         >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
         """
-        return tree_of(self.title, {name: each._named_arrays() for name, each in self._groups().items()})
+        return tree_of(self.title, self._named_groups())
 
     def to_pandas(self) -> DataFrame:
         """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
@@ -164,11 +174,6 @@ class StudyCriteria(Summarised, ABC):
         `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
         """
         return self.labelled.to_pandas()
-
-    @property
-    def file_warnings(self) -> tuple[str, ...]:
-        """Sentences on the file that the results were read from."""
-        return ()
 
     def check_place(self, row: int, motion: int) -> None:
         """Refuse a row or a motion that the study has not."""
@@ -261,7 +266,7 @@ class StudyCriteria(Summarised, ABC):
 
     def warnings(self) -> list[str]:
         """Warnings on undamped modes, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [*self.file_warnings, *self.building_warnings, *self.damper_warnings]
+        warnings = [*self.building_warnings, *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [
                 (each.name, self.runs[number, motion])
@@ -312,42 +317,22 @@ class StudyCriteria(Summarised, ABC):
 class StudyResults(StudyCriteria):
     """Runs of a study, as far as they are done.
 
-    `quantities` are those of every run over row, motion and realisation, of which the first is the nominal one and the
-    second, if the step is checked, the one with half the step; `runs` and `halved` are these runs by (row, motion).
-    `facts` are further lines of the page on building, dampers and loop. `devices` are the dampers, with their tested
-    ranges, `device_places` where they stand; `choices` are
-    sentences on constant commands that were chosen; `clairvoyants` the non-causal optima by the index of their motion.
+    `quantities` has the runs with half the step as the second realisation. `facts` are further lines of the page on
+    building, dampers and loop. `devices` are the dampers, with their tested ranges, `device_places` where they stand;
+    `choices` are sentences on constant commands that were chosen; `clairvoyants` the non-causal optima by the index of
+    their motion.
     """
 
-    quantities: LabelledRuns
-    runs: Mapping[Key, RunResult] = field(init=False, repr=False, compare=False)
-    halved: Mapping[Key, RunResult] | None = field(init=False, repr=False, compare=False)
     facts: tuple[tuple[str, str], ...] = ()
     devices: tuple[Device, ...] = ()
     device_places: tuple[DevicePlace, ...] = ()
     choices: tuple[str, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        whole = self.quantities.runs(0)
-        object.__setattr__(self, "runs", whole)
-        has_half = HALF_STEP in self.quantities.axes["realisation"]
-        object.__setattr__(self, "halved", self.quantities.runs(1) if has_half else None)
-
-    @property
-    def floor_names(self) -> tuple[str, ...]:
-        """Names of the floors."""
-        return self.quantities.axes["floor"]
-
-    @property
-    def storey_names(self) -> tuple[str, ...]:
-        """Names of the storeys."""
-        return self.quantities.axes["storey"]
-
     @property
     def n_realisations(self) -> int:
         """Number of realisations of what is uncertain, beside the nominal one."""
-        return self.labelled.shape[2] - self.quantities.shape[2]
+        return self.labelled.shape[2] - (1 if self.halved is None else 2)
 
     @property
     def realised_rows(self) -> list[int]:
@@ -420,8 +405,10 @@ def score_band(results: StudyResults, row: int) -> RealisationBand | None:
 
 def _realised(results: StudyResults, row: int, motions: Sequence[int], name: str) -> Floats | None:
     """A criterion over motions and realisations; `None` for a row that was not simulated with these."""
-    found: Floats = results.labelled.numbers[name][row, list(motions), results.quantities.shape[2] :]
-    return None if not found.size or np.isnan(found).any() else found
+    if not results.n_realisations:
+        return None
+    realised: Floats = results.labelled.numbers[name][row, list(motions), -results.n_realisations :]
+    return None if np.isnan(realised).any() else realised
 
 
 def _mean_ratios(results: StudyResults, row: int, reference: int | None, name: str) -> Floats | None:

@@ -32,21 +32,19 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.course import Course, Key, Part, StudyProgress, excerpt_of, factor_of
+from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpt_of, factor_of
 from mrwork.study.damper_size import DevicePlace
 from mrwork.study.labelled import (
     HALF_STEP,
     NOMINAL,
     LabelledRuns,
-    Place,
     candidate_axes,
     criteria_of_study,
     numbered,
-    quantities_of_runs,
     recall_or_compute_runs,
 )
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
-from mrwork.study.results import MotionFacts, StudyResults
+from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
     RunHistory,
     RunResult,
@@ -81,19 +79,16 @@ LEVELS = 21
 class BestConstant:
     """The constant command with the lowest score, among those from i = 0 to the largest, and what the choice took.
 
-    Journals that are older have neither the scores of these commands, nor the number of runs. Without any score the
-    command is 0.
+    Without any score the command is 0.
     """
 
     command: float
     score: OrNan
-    scores: tuple[OrNan, ...] = ()
-    runs: int = 0
+    scores: tuple[OrNan, ...]
+    runs: int
 
     def in_words(self, label: str, largest: float, unit: str) -> str:
-        """The choice in a sentence, with the ends of the scan; empty where its scores are not known."""
-        if not self.scores:
-            return ""
+        """The choice in a sentence, with the ends of the scan."""
         cost = f"{counted(self.runs, 'run')} in one batch"
         if math.isnan(self.score):
             return f"{label} is at i = 0: none of {len(self.scores)} constant commands has a score ({cost})."
@@ -146,7 +141,8 @@ def run_study(
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
     arrangements = list(study.arrangements)
-    runs: dict[Place, RunResult] = {}
+    runs: dict[Key, RunResult] = {}
+    halved: dict[Key, RunResult] | None = {} if check_step else None
     clairvoyants: dict[int, Clairvoyant] = {}
     realised: dict[int, LabelledRuns] = {}
     choices: list[str] = []
@@ -162,15 +158,18 @@ def run_study(
             "motion": tuple(each.name for each in study.motions),
             "realisation": steps,
         }
-        places = {"floor": bare.floor_names, "storey": bare.storey_names[: len(bare.drifts)]}
         n_realisations = 0 if study.realisations is None else len(study.realisations)
+        nominal = {(*key, 0): run for key, run in runs.items()}
         return StudyResults(
             title=study.title,
             rows=rows,
             motions=tuple(map(MotionFacts.of, study.motions)),
-            quantities=quantities_of_runs(runs, axes | places, study.command_unit),
+            runs=dict(runs),
+            halved=None if halved is None else dict(halved),
+            floor_names=bare.floor_names,
+            storey_names=bare.storey_names[: len(bare.drifts)],
             labelled=criteria_of_study(
-                runs,
+                nominal | {(*key, 1): run for key, run in (halved or {}).items()},
                 realised,
                 axes | {"realisation": (*steps, *numbered(n_realisations))},
                 study.command_unit,
@@ -194,9 +193,9 @@ def run_study(
         reasons=partial(_reasons, study),
     )
 
-    def report(label: str, key: Key | None = None) -> None:
+    def report(label: str, key: PartKey | None = None) -> None:
         recalling = journal is not None and journal.recalling
-        course.begin(key, label, len(runs), recalling=recalling)
+        course.begin(key, label, len(runs) + len(halved or ()), recalling=recalling)
 
     try:
         for row, arrangement in enumerate(arrangements):
@@ -206,7 +205,7 @@ def run_study(
                 arrangements[row], known, choice = _choose_best_constant(
                     study, arrangement, journal, threads, course.advance
                 )
-                choices += [choice] if choice else []
+                choices.append(choice)
             report(arrangements[row].row.label, (row, "runs"))
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
@@ -218,10 +217,10 @@ def run_study(
                 known=known,
                 on_block=course.advance,
             ):
-                runs[row, motion, 0] = result
+                runs[row, motion] = result
             for motion in study.histories:
                 # The history of a run that did not finish holds numbers that are not finite.
-                if not runs[row, motion, 0].finished:
+                if not runs[row, motion].finished:
                     continue
                 if motion in fresh or not kept(row, motion):
                     # No name holds a history, which may be hundreds of megabytes, while the next one is simulated.
@@ -236,20 +235,20 @@ def run_study(
                 # The searches start from the commands of the best law, too.
                 found = played.search_optimum(motion, arrangements, results(), journal, report)
                 clairvoyants[motion] = found
-                runs[row, motion, 0], drawn = played.run(motion, found, histories=True)
-                if motion in study.histories and runs[row, motion, 0].finished and not kept(row, motion):
+                runs[row, motion], drawn = played.run(motion, found, histories=True)
+                if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
                     assert drawn is not None
                     keep(row, motion, drawn)
         # After all other runs, so that a study without this check can be resumed with it.
-        if check_step:
+        if halved is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, half the step", (row, "half"))
                 for motion, result in runs_of(
                     study, arrangement, journal, threads, step_factor=2, on_block=course.advance
                 ):
-                    runs[row, motion, 1] = result
+                    halved[row, motion] = result
             for motion, found in clairvoyants.items():
-                runs[len(arrangements), motion, 1], _ = played.run(motion, found, step_factor=2)
+                halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations", (row, "realisations"))
@@ -320,12 +319,12 @@ def runs_of(
         yield motion, simulated[motion]
 
 
-def _parts(study: Study, threads: int, *, halves: bool) -> dict[Key, Part]:
+def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
     """What `run_study` simulates, in order, and trials of it."""
     n_motions = len(study.motions)
-    parts: dict[Key, Part] = {}
-    half: dict[Key, Part] = {}
-    last: dict[Key, Part] = {}
+    parts: dict[PartKey, Part] = {}
+    half: dict[PartKey, Part] = {}
+    last: dict[PartKey, Part] = {}
 
     @cache
     def period() -> float:
@@ -524,7 +523,7 @@ def _choose_best_constant(
         except SimulationError:
             if not arrangement.added:
                 raise
-            return BestConstant(command=0.0, score=math.nan, scores=(math.nan,) * LEVELS)
+            return BestConstant(command=0.0, score=math.nan, scores=(math.nan,) * LEVELS, runs=0)
         if not _knows_least_strokes(arrangement):
             known.update(
                 (motion, run)

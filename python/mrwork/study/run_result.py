@@ -43,30 +43,8 @@ _ENDS = {
 OutcomeName = Annotated[str, OneOf(tuple(each.name.lower() for each in Outcome))]
 """How a run ended, as results files have it."""
 
-
-class RunEnd:
-    """How a run ended: its outcome, and whether its energies balance."""
-
-    __slots__ = ()
-
-    outcome: str
-    energy_error: float
-
-    @property
-    def finished(self) -> bool:
-        """Whether the run has results."""
-        return self.outcome in ("finished", "failed_safe")
-
-    @property
-    def end(self) -> str:
-        """The outcome as words that follow the name of the run, with a remedy."""
-        outcome = Outcome[self.outcome.upper()]
-        return _ENDS[outcome] if outcome is Outcome.FINISHED else f"{_ENDS[outcome]}: {outcome.remedy}"
-
-    @property
-    def balanced(self) -> bool:
-        """Whether the energies balance."""
-        return self.energy_error <= ENERGY_TOLERANCE
+FINISHED = ("finished", "failed_safe")
+"""Outcomes of runs that have results."""
 
 
 # What a quantity of devices is called for passive elements, which results have behind the devices.
@@ -83,7 +61,7 @@ _N_ENERGIES = 5
 
 
 @array_dataclass()
-class RunResult(Labelled, RunEnd):
+class RunResult(Labelled):
     """How a run ended, and its quantities, each an attribute; those of floors, storeys and devices have an axis.
 
     They are those of `run_quantities`; force, stroke and energy of devices are those of the dampers, then those of the
@@ -99,6 +77,22 @@ class RunResult(Labelled, RunEnd):
     steps: int
     numbers: Mapping[str, Any]
     least_stroke: Floats = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has results."""
+        return self.outcome in FINISHED
+
+    @property
+    def end(self) -> str:
+        """The outcome as words that follow the name of the run, with a remedy."""
+        outcome = Outcome[self.outcome.upper()]
+        return _ENDS[outcome] if outcome is Outcome.FINISHED else f"{_ENDS[outcome]}: {outcome.remedy}"
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the energies balance."""
+        return bool(self.energy_error <= ENERGY_TOLERANCE)
 
     def as_record(self) -> dict[str, Any]:
         """Its line of a journal, see `read_recorded`."""
@@ -191,11 +185,9 @@ def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> 
     return np.array([least_stroke(each) for each in strokes.T])
 
 
-def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult | None:
-    """The result of a run from its line of a journal; `None` if it was written before a quantity was known."""
+def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run from its line of a journal."""
     quantities = kept_quantities()
-    if any(each.name not in record for each in quantities):
-        return None
     numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
     own = {name: value for name, value in record.items() if name not in numbers}
     result = rebuilt(RunResult, {**own, "numbers": numbers})

@@ -6,7 +6,6 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -406,9 +405,7 @@ class ReportTable:
     def select_drawn(self, labels: Sequence[str]) -> list[int]:
         """Indices of the arrangements that are drawn, of all their labels."""
         return [
-            number
-            for number, label in enumerate(labels)
-            if not self.controllers or label in {*self.controllers, *map(present_label, self.controllers)}
+            number for number, label in enumerate(labels) if not self.controllers or label in self.controllers
         ]
 
 
@@ -447,34 +444,3 @@ def schema_text() -> str:
 
 PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
 """Labels of the constant commands."""
-
-# Folders, journals and study files of earlier versions have these; they are read here, and nowhere else.
-_FORMER: Mapping[str, str] = {
-    "i = 0": PASSIVE_OFF,
-    "Largest command": PASSIVE_ON,
-    "Best constant command": OPTIMAL_PASSIVE,
-}
-# The label of the optimal passive ends with its command, as in "Best constant command, 1.32 A".
-_COMMAND = r"(?=$|, [^,]+ [AV]$)"
-# Warnings end the label of a row with a mark.
-_IN_WARNING = re.compile(rf"(?<= with )({'|'.join(_FORMER)})(?=[;,.:)])")
-
-
-def present_label(label: str) -> str:
-    """The label that this version gives a row which an earlier one has labelled."""
-    return _replace(label, _FORMER)
-
-
-def present_sentence(sentence: str) -> str:
-    """A stored warning on a row, with the label that this version gives it."""
-    return _IN_WARNING.sub(lambda match: _FORMER[match.group()], sentence)
-
-
-def recorded_label(label: str) -> str:
-    """The label by which journals know a row: that of the first version, so that all can be resumed."""
-    return _replace(label, {present: former for former, present in _FORMER.items()})
-
-
-def _replace(label: str, names: Mapping[str, str]) -> str:
-    pattern = rf"^({'|'.join(map(re.escape, names))}){_COMMAND}"
-    return re.sub(pattern, lambda match: names[match.group()], label)

@@ -28,7 +28,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
-from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use, recorded_label
+from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 
 
 @array_dataclass(repr=False)
@@ -396,7 +396,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [
-            {"label": recorded_label(each.row.label), "kind": each.row.kind, "content": digest_of_run(each)}
+            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
             for each in study.arrangements
             if not each.added
         ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -36,7 +36,6 @@ from mrwork.store.run_folder import (
     read_kind,
 )
 from mrwork.study.results import RealisationBand
-from mrwork.study.schema import present_label
 from mrwork.study.study import StudyFile
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
@@ -569,8 +568,7 @@ def read_tuning(folder: str | Path) -> TuningResults:
         raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork tune` again")
     facts = {"title": (found.title,), "status": (found.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
-    references = tuple(replace(each, label=present_label(each.label)) for each in found.references)
-    return replace(found, references=references)
+    return found
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
