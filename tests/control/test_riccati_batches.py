@@ -32,9 +32,9 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
     regulators_of_weights,
-    riccati,
 )
 from mrwork.control.laws.law_problem import LawSettings
+from mrwork.control.linear import riccati
 from mrwork.control.linear.lqr import Regulator, Weighed, regulator_of_weights, weighed_outputs
 from mrwork.control.linear.riccati import RiccatiSolutions, RiccatiStatus
 from mrwork.errors import MrworkWarning, SettingError

@@ -10,7 +10,7 @@ from mrwork.closed_loop import SCORE
 from mrwork.study import TuneTable
 from mrwork.study.labelled import LabelledRuns, criteria_of_runs, numbered
 from mrwork.tuning.problem import Scores
-from mrwork.tuning.space import objective_of, over, risk_of
+from mrwork.tuning.space import objective_of, ratio_to_baseline, risk_of
 
 SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
 
@@ -44,7 +44,9 @@ def test_dampers_at_zero_command_have_score_one() -> None:
     objective = objective_of(TuneTable(laws=("lyapunov",)), "A")
     assert tuple(objective.weights) == SCORE
     assert (objective.run_scores(found(2.0), found(2.0)) == 1.0).all()
-    assert (over(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]).all()
+    assert (
+        ratio_to_baseline(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]
+    ).all()
 
 
 def test_weights_of_criteria_are_relative() -> None:

@@ -162,6 +162,11 @@ def format_rounded(value: float | None, digits: int = 4) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+def round_to(value: float, digits: int = 4) -> float:
+    """The nearest number of `digits` significant digits; a study file states four of a setting."""
+    return float(f"{value:.{digits}g}")
+
+
 def with_decimals(value: float, decimals: int) -> str:
     """A number with `decimals` decimals; a dash where it is not known."""
     return "-" if math.isnan(value) else f"{value:.{decimals}f}"

@@ -156,6 +156,22 @@ def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) ->
     }
 
 
+def demand_of(
+    device: Device, numbers: Mapping[str, Floats], place: int, *, seconds: float, least_stroke: float | None
+) -> OperatingRange:
+    """Demand of a run of so many seconds on one damper of the device at this place among all, by its quantities."""
+    return device.demand(
+        stroke=float(numbers["peak_stroke"][place]),
+        velocity=float(numbers["peak_rate"][place]),
+        force=float(numbers["peak_force"][place]),
+        energy=float(numbers["device_energy"][place]),
+        seconds=seconds,
+        peak_command=float(numbers["peak_current"][place]),
+        mean_command=float(numbers["mean_current"][place]),
+        least_stroke=least_stroke,
+    )
+
+
 # Quantities in the summary.
 _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
@@ -318,14 +334,11 @@ class Responses(Labelled, WithAxes, Summarised):
         if not np.isfinite(self.energy_error[run]):
             raise SettingError(f"run {run} did not finish, and has no demand; give another")
         _, n_motions, n_draws = self.shape
-        return self.devices[device].demand(
-            stroke=float(self.peak_stroke[run, device]),
-            velocity=float(self.peak_rate[run, device]),
-            force=float(self.peak_force[run, device]),
-            energy=float(self.device_energy[run, device]),
+        return demand_of(
+            self.devices[device],
+            {name: values[run] for name, values in self.numbers.items()},
+            device,
             seconds=self.seconds[run // n_draws % n_motions],
-            peak_command=float(self.peak_current[run, device]),
-            mean_command=float(self.mean_current[run, device]),
             least_stroke=self._least_stroke(run, device),
         )
 

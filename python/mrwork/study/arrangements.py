@@ -43,7 +43,7 @@ from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.named_laws import Trials
+from mrwork.study.named_laws import Trials, without_defaults
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,
@@ -524,19 +524,8 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
         names = {entry.name for entry in keys_of(SETTINGS[law])}
         given = {name: value for name, value in table.settings.items() if name in names}
         values = given_values(SETTINGS[law], _with_matrices(SETTINGS[law], given, place, folder), place)
-        settings |= {name: _without_defaults(value) for name, value in values.items()}
+        settings |= {name: without_defaults(value) for name, value in values.items()}
     return replace(table, settings=settings)
-
-
-def _without_defaults(value: Any) -> Any:
-    """Values of a table that differ from their defaults, by name; any other value unchanged."""
-    if not isinstance(value, WeightWishes):
-        return value
-    return {
-        entry.name: given
-        for entry in keys_of(WeightWishes)
-        if (given := getattr(value, entry.name)) != entry.default
-    }
 
 
 def _with_matrices(

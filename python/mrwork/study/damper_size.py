@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrwork.base.numbers import counted
+from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.control.weights.limits import sine_force
@@ -75,8 +75,8 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
     return (
-        f"The dampers reach {_kilonewtons(most.force)} together, {' to '.join(shares)} % of the peak base shear of the "
-        f"building without them ({_kilonewtons(most.shear)}), under {under}.",
+        f"The dampers reach {round_to(1e-3 * most.force, 3):g} kN together, {' to '.join(shares)} % of the peak base "
+        f"shear of the building without them ({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
     )
 
 
@@ -118,8 +118,8 @@ def _locked(results: StudyResults) -> Iterator[str]:
             float(each[device]) for each in (results.runs[worst].peak_stroke, results.runs[worst].peak_force)
         )
         yield (
-            f"{results.device_names[device]} locks its storey {when}: {_kilonewtons(force)} at a stroke of "
-            f"{_millimetres(stroke)} is {float(f'{chosen[worst]:.2g}'):g} times the stiffness of the storey "
+            f"{results.device_names[device]} locks its storey {when}: {round_to(1e-3 * force, 3):g} kN at a stroke of "
+            f"{round_to(1e3 * stroke, 2):g} mm is {round_to(chosen[worst], 2):g} times the stiffness of the storey "
             f"(under {results.motions[worst[1]].name} with {results.rows[worst[0]].label}). It acts as a rigid "
             f"brace, which dissipates little and may raise accelerations{remedy}."
         )
@@ -177,16 +177,8 @@ def _counts(results: StudyResults, factor: float) -> str:
 
 def _rounded(count: float) -> int:
     """A whole number of dampers, to two digits."""
-    return math.ceil(float(f"{count:.2g}"))
-
-
-def _kilonewtons(force: float) -> str:
-    return f"{float(f'{1e-3 * force:.3g}'):g} kN"
-
-
-def _millimetres(length: float) -> str:
-    return f"{float(f'{1e3 * length:.2g}'):g} mm"
+    return math.ceil(round_to(count, 2))
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g}" if share < 1.0 else f"{100.0 * share:.0f}"
+    return f"{round_to(100.0 * share, 2):g}" if share < 1.0 else f"{100.0 * share:.0f}"

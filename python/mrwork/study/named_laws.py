@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.keys import is_required, keys_of, toml_value
-from mrwork.base.numbers import counted
+from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -26,6 +26,7 @@ from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.labelled import LabelledRuns
@@ -35,8 +36,6 @@ from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
 _WEIGHT = "control_weight"
 # Values of a setting that is scanned, over the range in which a search would look for it.
 _STEPS, _LEVELS = 13, 21
-# What a study file states of a setting.
-_DIGITS = 4
 # Smallest over largest of the motion that a static model of the damper is fitted to.
 _SMALLEST = 0.1
 
@@ -122,7 +121,7 @@ class Trials:
         if not self._shaken:
             found = self._response().magnitudes
             amplitude, velocity = (
-                (_round(_SMALLEST * each), _round(each)) for each in (found.stroke, found.rate)
+                (round_to(_SMALLEST * each), round_to(each)) for each in (found.stroke, found.rate)
             )
             whole = problem.whole
             self._shaken.append(
@@ -157,9 +156,8 @@ class Trials:
         if not missing:
             return None if not beside else TakenSettings(settings={}, origin=(beside,), remedy="")
         taken, says = self._weights(kind, given, [entry.name for entry in missing])
-        weights = {name: each for name, each in {**given, **taken}.items() if name in kind.weight_names()}
-        response = self._response()
-        magnitudes = replace(response.magnitudes, cost=kind.cost(weights, response.magnitudes))
+        magnitudes = self._response().magnitudes
+        magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
         for entry in missing:
             span = entry.metadata["span"]
@@ -169,7 +167,7 @@ class Trials:
                 taken[entry.name] = span.entries
                 says.append(f"{entry.name} that is about the clipped-optimal law")
             elif span.start is not None:
-                taken[entry.name] = _round(span.start * span.unit(magnitudes))
+                taken[entry.name] = round_to(span.start * span.unit(magnitudes))
                 says.append(f"{entry.name}, {_MAGNITUDES[span.of[0][0]]}")
             else:
                 lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
@@ -178,7 +176,7 @@ class Trials:
                     if span.scale == "linear"
                     else np.geomspace(lower, upper, _STEPS)
                 )
-                scanned[entry.name] = np.array([_round(each) for each in steps])
+                scanned[entry.name] = np.array([round_to(each) for each in steps])
         if scanned:
             chosen, sentence = self._scan(law, {**given, **taken}, scanned, problem, shape)
             taken |= chosen
@@ -186,7 +184,7 @@ class Trials:
         return TakenSettings(
             settings=taken,
             origin=tuple([*says, beside] if beside else says),
-            remedy=f"settings = {toml_value({**_plain(given), **taken})}",
+            remedy=f"settings = {toml_value({name: without_defaults(own) for name, own in given.items()} | taken)}",
         )
 
     def _weights(
@@ -278,19 +276,12 @@ class Trials:
         )
 
 
-def _round(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
-
-
-def _plain(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as a study file states them; a table without what is at its default."""
+def without_defaults(value: Any) -> Any:
+    """Values of a table that differ from their defaults, by name; any other value unchanged."""
+    if not isinstance(value, WeightWishes):
+        return value
     return {
-        name: {
-            entry.name: own
-            for entry in keys_of(type(value))
-            if (own := getattr(value, entry.name)) != entry.default
-        }
-        if hasattr(value, "__dataclass_fields__")
-        else value
-        for name, value in given.items()
+        entry.name: given
+        for entry in keys_of(WeightWishes)
+        if (given := getattr(value, entry.name)) != entry.default
     }

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrwork.base.arguments import Threads, checked
-from mrwork.base.numbers import counted
+from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
@@ -601,10 +601,10 @@ def reference_peaks_of(
     best, _, criteria = _best_level(arrangement, motions, hardware, 0)
 
     def mean(name: str) -> float:
-        return float(f"{np.mean([each[name] for each in criteria]):.4g}")
+        return round_to(float(np.mean([each[name] for each in criteria])))
 
     return ReferencePeaks(
-        command=float(f"{best.command:.4g}"),
+        command=round_to(best.command),
         drift=mean("peak_drift"),
         acceleration=mean("peak_acceleration"),
     )

@@ -18,6 +18,7 @@ from mrwork.closed_loop.responses import (
     Labelled,
     Quantity,
     Responses,
+    demand_of,
     history_signals,
     run_quantities,
 )
@@ -237,16 +238,8 @@ def demands_of(run: RunResult, devices: Sequence[Device], seconds: float) -> tup
         return ()
     found = []
     for number, device in enumerate(devices):
-        demand = device.demand(
-            stroke=float(run.peak_stroke[number]),
-            velocity=float(run.peak_rate[number]),
-            force=float(run.peak_force[number]),
-            energy=float(run.device_energy[number]),
-            seconds=seconds,
-            peak_command=float(run.peak_current[number]),
-            mean_command=float(run.mean_current[number]),
-            least_stroke=float(run.least_stroke[number]) if run.least_stroke.size else None,
-        )
+        least = float(run.least_stroke[number]) if run.least_stroke.size else None
+        demand = demand_of(device, run.numbers, number, seconds=seconds, least_stroke=least)
         found.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
     return tuple(found)
 

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
-from mrwork.control.laws.law_problem import LawSettings, Magnitudes
+from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.control.weights.weight_solver import design_weights
@@ -71,8 +72,8 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
     floors = len(bench.study.building.floor_names)
-    drift = {"rms_drift": _round(magnitudes.drift / PEAK_FACTOR)}
-    limits = (drift, {**drift, "rms_acceleration": _round(magnitudes.acceleration / PEAK_FACTOR)})
+    drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
+    limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     return Basis(
         magnitudes=magnitudes,
         limits=limits,
@@ -101,7 +102,7 @@ def _convex(
 
 def _round_all(value: Any) -> Any:
     """The digits that a study file states, which do not depend on the last bits of a solver."""
-    return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else _round(float(value))
+    return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else round_to(float(value))
 
 
 def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
@@ -135,7 +136,8 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
     """Weights by name, and where they are from; the first are those that the table holds."""
     kind = SETTINGS[space.law]
-    weights, others = _part_weights(space.held, kind)
+    weights = kind.weights_among(space.held)
+    others = {name: value for name, value in space.held.items() if name not in weights}
     if not kind.weight_names():
         return
     equal = weights == kind.weighed_by_default
@@ -177,26 +179,12 @@ def _sizes(
             {_WEIGHT: _round_all(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
         ]
     # The range of R is that of the weights that are held; another shape costs more or less.
-    costs = [kind.cost(_part_weights(each, kind)[0], magnitudes) for each in (shape, space.held)]
-    factor = costs[0] / costs[1]
-    return [{_WEIGHT: _round(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
+    factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
+    return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
 def _plain(numbers: Floats) -> Any:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
-
-
-def _part_weights(
-    settings: Mapping[str, Any], kind: type[LawSettings]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The weights of outputs and states among settings of a law, and its other settings."""
-    names = kind.weight_names()
-    weights = {name: value for name, value in settings.items() if name in names}
-    return weights, {name: value for name, value in settings.items() if name not in names}
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +234,7 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     largest = basis.magnitudes.command
 
     def constant(share: float) -> LawCandidate:
-        return LawCandidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
+        return LawCandidate(settings={"command": round_to(share * largest)}, largest_command=largest)
 
     yield _Reference(label=PASSIVE_OFF, law="passive", candidates=(constant(0.0),), origin="no command")
     yield _Reference(

@@ -37,7 +37,7 @@ from mrwork.tuning.results import (
     MotionScore,
     TuningJudgement,
 )
-from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, over
+from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, ratio_to_baseline
 
 
 @dataclass(slots=True, kw_only=True)
@@ -521,7 +521,7 @@ def _ratios(found: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
     ratios = {"score": _SCORE.run_scores(found, passive)}
     return ratios | {
-        entry.name: over(found.numbers[entry.name], passive.numbers[entry.name])
+        entry.name: ratio_to_baseline(found.numbers[entry.name], passive.numbers[entry.name])
         for entry in criteria()
         if entry.ratio
     }

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Share, Whole
 from mrwork.base.keys import is_required, keys_of, suggestion
-from mrwork.base.numbers import of_unit
+from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats
@@ -59,7 +59,9 @@ class TuningObjective(Summarised):
 
     def run_scores(self, found: LabelledRuns, baseline: LabelledRuns) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {name: over(found.numbers[name], baseline.numbers[name]) for name in self.weights}
+        ratios = {
+            name: ratio_to_baseline(found.numbers[name], baseline.numbers[name]) for name in self.weights
+        }
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -99,7 +101,7 @@ def _weighted_name(name: str, weight: float) -> str:
     return text if weight == 1.0 else f"{weight:g} x {text}"
 
 
-def over(numbers: Floats, baseline: Floats) -> Floats:
+def ratio_to_baseline(numbers: Floats, baseline: Floats) -> Floats:
     """Ratios to the values of a baseline; infinite where a run has no value, 1 where both are zero."""
     below = np.broadcast_to(baseline, numbers.shape)
     ratios = np.full(numbers.shape, math.inf)
@@ -189,8 +191,6 @@ SHAPING_SPANS: Mapping[str, Span] = {
 BUDGET_SCALE = "budget_scale"
 """Name of the factor of the budget of designed weights among the settings of a law."""
 _SHARES = 10
-# What a study file states of a setting.
-_DIGITS = 4
 # Ratio of the ends of a range beyond which its logarithm is no longer a number.
 _WIDEST = 1e100
 
@@ -257,7 +257,7 @@ class FreeSetting(Related):
             value = math.exp(math.log(self.lower) + share * math.log(self.upper / self.lower))
         else:
             value = self.lower + share * (self.upper - self.lower)
-        return value if exact else float(f"{value:.{_DIGITS}g}")
+        return value if exact else round_to(value)
 
     def unit(self, value: float) -> float | None:
         """The coordinate of a value; `None` outside the range."""
@@ -353,8 +353,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     }
     if not (control_law(law).commands_force or kind.constant):
         spans |= SHAPING_SPANS
-    weights = {name: value for name, value in held.items() if name in kind.weight_names()}
-    magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
+    magnitudes = replace(magnitudes, cost=kind.cost(held, magnitudes))
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
@@ -365,7 +364,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         held.setdefault("control_weight", 1.0)
     for name, span in spans.items():
         if name not in chosen and name not in held and span.start is not None:
-            held[name] = float(f"{span.start * span.unit(magnitudes):.{_DIGITS}g}")
+            held[name] = round_to(span.start * span.unit(magnitudes))
     # A regulator has its control weight or a finished gain.
     regulated = {"control_weight"} if kind.is_regulator and held.get("gain") is None else set()
     missing = [

@@ -288,13 +288,19 @@ class LawSettings(metaclass=DeclaredTable):
         return frozenset()
 
     @classmethod
+    def weights_among(cls, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """The weights of outputs or states among settings by name."""
+        names = cls.weight_names()
+        return {name: value for name, value in settings.items() if name in names}
+
+    @classmethod
     def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
         """The span of a setting beside those that are held; `None` where the law does not use it with them."""
         return span
 
     @classmethod
-    def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
-        """Cost of the held weights at these magnitudes; 1 for a law without weights."""
+    def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
+        """Cost of the weights among held settings at these magnitudes; 1 for a law without weights."""
         return 1.0
 
     @property

@@ -21,7 +21,7 @@ from mrwork.control.laws.law_problem import (
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import Weighed, Weights, regulators_of_costs
 from mrwork.control.linear.plant import Plant
-from mrwork.control.linear.riccati import attempt_each, lyapunov_solutions, solve_together
+from mrwork.control.linear.riccati import attempt_each, lyapunov_solutions, only, solve_together
 from mrwork.errors import SettingError
 
 
@@ -62,10 +62,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    (functions,) = _lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
-    if isinstance(functions, SettingError):
-        raise functions
-    return functions
+    return only(_lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1))
 
 
 def _lyapunov_functions(
@@ -133,10 +130,7 @@ class LyapunovSettings(CostWeights, LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The gains that follow from the weight of the state."""
-        (designs,) = type(self).designs(problem, [self])
-        if isinstance(designs, SettingError):
-            raise designs
-        return designs
+        return only(type(self).designs(problem, [self]))
 
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:

@@ -362,13 +362,14 @@ class CostWeights:
         return frozenset(each.name for each in fields(CostWeights)) - {"budget_scale"}
 
     @classmethod
-    def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
-        """Cost of the held weights at these magnitudes; weights of single floors are averaged."""
-        if "designed" in held:
+    def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
+        """Cost of the weights among held settings at these magnitudes; weights of single floors are averaged."""
+        weights = {name: value for name, value in held.items() if name in cls.weight_names()}
+        if "designed" in weights:
             # Of these weights R is 1 as designed.
             return magnitudes.force**2
         costs = 0.0
-        for name, value in (held or {"energy": 1.0}).items():
+        for name, value in (weights or {"energy": 1.0}).items():
             if name in _MAGNITUDES:
                 entries = np.asarray(value, dtype=np.float64)
                 weight = float(np.trace(entries) / len(entries) if entries.ndim == 2 else entries.mean())

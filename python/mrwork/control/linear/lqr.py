@@ -18,6 +18,7 @@ from mrwork.control.linear.riccati import (
     RiccatiStatus,
     attempt_each,
     kalman_gains,
+    only,
     regulator_gains,
     solve_together,
 )
@@ -188,10 +189,7 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
 
 def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
     """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state."""
-    (regulators,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
-    if isinstance(regulators, SettingError):
-        raise regulators
-    return regulators
+    return only(regulators_of_weights(plant, [weighed], [control_weight], threads=1))
 
 
 @checked

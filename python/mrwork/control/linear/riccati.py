@@ -376,6 +376,14 @@ def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingE
     return outcomes
 
 
+def only(outcomes: Sequence[U | SettingError]) -> U:
+    """The one result of a batch of one, whose error is raised."""
+    (outcome,) = outcomes
+    if isinstance(outcome, SettingError):
+        raise outcome
+    return outcome
+
+
 def solve_together(
     solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
 ) -> list[U | SettingError]:
