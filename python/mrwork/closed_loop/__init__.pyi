@@ -3,11 +3,11 @@ from .clairvoyant_search import clairvoyant as clairvoyant
 from .evaluation import criteria as criteria
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
+from .prescribed import PrescribedCommands as PrescribedCommands
+from .prescribed import simulate_prescribed as simulate_prescribed
 from .responses import Responses as Responses
 from .simulate import Device as Device
-from .simulate import PrescribedCommands as PrescribedCommands
 from .simulate import simulate_loop as simulate_loop
-from .simulate import simulate_prescribed as simulate_prescribed
 from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw
 

@@ -25,8 +25,9 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.prescribed import PrescribedCommands, samples_of, simulate_prescribed
 from mrwork.closed_loop.responses import Responses, axis_of
-from mrwork.closed_loop.simulate import PrescribedCommands, samples_of, simulate_loop, simulate_prescribed
+from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import Interrupted, SettingError
 from mrwork.motions.ground_motion import GroundMotion

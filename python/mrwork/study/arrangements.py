@@ -34,7 +34,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.simulate import samples_of
+from mrwork.closed_loop.prescribed import samples_of
 from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, ReferencePeaks

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
 from mrwork.study.run_result import RunResult, kept_quantities
 from mrwork.study.study import Realisations
+
+T = TypeVar("T")
 
 NOMINAL = "nominal"
 """The realisation without anything uncertain."""
@@ -172,6 +174,19 @@ def quantities_of_runs(runs: Mapping[Place, RunResult], axes: Axes, command_unit
             numbers[name][place + (slice(np.size(value)),) * np.ndim(value)] = value
     units = {quantity.name: quantity.unit for quantity in kept_quantities()} | _ENDS
     return LabelledRuns(axes=axes, numbers=numbers, units=_with_command(units, command_unit))
+
+
+def recall_or_compute(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    kind: type[T],
+    compute: Callable[[], T],
+    *,
+    agrees: Callable[[T], bool] | None = None,
+) -> T:
+    """The result of a step from the journal, or computed, and then recorded; see `Journal.once`."""
+    return compute() if journal is None else journal.once(step, inputs, kind, compute, agrees=agrees)
 
 
 def recall_or_compute_runs(

@@ -20,12 +20,8 @@ from mrwork.closed_loop.clairvoyant_search import (
 )
 from mrwork.closed_loop.evaluation import values
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.simulate import (
-    LoopVariation,
-    PrescribedCommands,
-    simulate_loop,
-    simulate_prescribed,
-)
+from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
+from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
@@ -36,6 +32,7 @@ from mrwork.study.labelled import (
     LabelledRuns,
     candidate_axes,
     criteria_of_runs,
+    recall_or_compute,
 )
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import (
@@ -78,10 +75,8 @@ class PlayedCommands:
 
         def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
             report(f"{asked.row.label}, {ground.name}: {name}")
-            if journal is None:
-                return search()
             inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
-            return journal.once("clairvoyant", inputs, ClairvoyantStart, search)
+            return recall_or_compute(journal, "clairvoyant", inputs, ClairvoyantStart, search)
 
         def on_progress(progress: ClairvoyantProgress) -> None:
             report(

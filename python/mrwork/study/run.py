@@ -15,17 +15,11 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
-from mrwork.closed_loop.clairvoyant_search import (
-    Clairvoyant,
-)
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
-from mrwork.closed_loop.simulate import (
-    loop_observer,
-    measured_floors,
-    simulate_loop,
-)
+from mrwork.closed_loop.simulate import loop_observer, measured_floors, simulate_loop
 from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
@@ -41,27 +35,14 @@ from mrwork.study.labelled import (
     candidate_axes,
     criteria_of_study,
     numbered,
+    recall_or_compute,
     recall_or_compute_runs,
 )
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults
-from mrwork.study.run_result import (
-    RunHistory,
-    RunResult,
-    history_of,
-    read_recorded,
-    results_of,
-)
+from mrwork.study.run_result import RunHistory, RunResult, history_of, read_recorded, results_of
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import (
-    Arrangement,
-    Realisations,
-    Study,
-    digest_of_run,
-    fingerprint_of,
-)
-
-"""Called with the number of runs done and their total."""
+from mrwork.study.study import Arrangement, Realisations, Study, digest_of_run, fingerprint_of
 
 # Realisations of a trial: they fill the lanes of some threads.
 _TRIED_REALISATIONS = 64
@@ -533,16 +514,13 @@ def _choose_best_constant(
             )
         return best
 
-    if journal is None:
-        best = search()
-    else:
-        inputs = digest_of_run(arrangement, *study.chosen_on)
-        best = journal.once("best_constant", inputs, BestConstant, search)
-        if best.command not in _levels(arrangement):
-            raise JournalError(
-                f"{journal.path} has a best constant command of {best.command:g} {study.command_unit}, which is "
-                "none of those that are tried; run again without --resume"
-            )
+    inputs = digest_of_run(arrangement, *study.chosen_on)
+    best = recall_or_compute(journal, "best_constant", inputs, BestConstant, search)
+    if journal is not None and best.command not in _levels(arrangement):
+        raise JournalError(
+            f"{journal.path} has a best constant command of {best.command:g} {study.command_unit}, which is "
+            "none of those that are tried; run again without --resume"
+        )
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
     with_command = replace(
         arrangement,

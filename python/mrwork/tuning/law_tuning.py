@@ -26,11 +26,11 @@ from mrwork.search.registry import ALL_OPTIMISERS, PEERS
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
 from mrwork.study.arrangements import refuse_within
-from mrwork.study.labelled import LabelledRuns
+from mrwork.study.labelled import LabelledRuns, recall_or_compute
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
-from mrwork.tuning.problem import Bench, Benches, Scores, describe, recall_or_compute, score_candidates
+from mrwork.tuning.problem import Bench, Benches, Scores, describe, score_candidates
 from mrwork.tuning.results import (
     DesignNotes,
     Front,
@@ -110,11 +110,6 @@ class Finish:
 
     unit: Floats
     gradients: int
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(n_free,)."""
-        return self.unit.shape
 
 
 def follow_gradients(
@@ -401,10 +396,10 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
-        start.shape,
         lambda: follow_gradients(
             plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
         ),
+        agrees=lambda finish: finish.unit.shape == start.shape,
     )
     candidate = plan.space.candidate(point.unit)
     inputs = digest_of(plan.label, candidate)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -21,7 +20,13 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.labelled import LabelledRuns, candidate_axes, criteria_of_runs, recall_or_compute_runs
+from mrwork.study.labelled import (
+    LabelledRuns,
+    candidate_axes,
+    criteria_of_runs,
+    recall_or_compute,
+    recall_or_compute_runs,
+)
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.results import RealisationBand
@@ -129,8 +134,8 @@ class Bench(Summarised):
             step,
             inputs,
             Scores,
-            (len(candidates),),
             lambda: score_candidates(self, objective, law, candidates),
+            agrees=lambda scores: len(scores.objective) == len(candidates),
         )
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
@@ -256,11 +261,6 @@ class Scores(Summarised):
             )
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """(n,)."""
-        return self.objective.shape
-
-    @property
     def penalised_scores(self) -> Floats:
         """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
         return np.asarray(self.objective + PENALTY * self.violation)
@@ -305,17 +305,6 @@ def describe(candidate: LawCandidate) -> Mapping[str, object]:
 
 # That of a study, whatever a table minimises, so that all laws are compared by one number.
 _SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
-
-
-class Shaped(Protocol):
-    """A result with one number for each of its inputs."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """How many there are along each axis."""
-
-
-T = TypeVar("T", bound=Shaped)
 
 
 _BENCHES = ("training", "testing", "training_varied", "testing_varied")
@@ -402,20 +391,6 @@ class Benches(Summarised):
         criteria = on(bench)
         varied = None if wide is None else Varied(bench=wide, found=on(wide))
         return judge(bench, objective, criteria, varied, robust=robust)
-
-
-def recall_or_compute(
-    journal: Journal | None,
-    step: str,
-    inputs: str,
-    kind: type[T],
-    shape: tuple[int, ...],
-    compute: Callable[[], T],
-) -> T:
-    """A step of this shape from the journal, or computed; without a journal always computed."""
-    if journal is None:
-        return compute()
-    return journal.once(step, inputs, kind, compute, agrees=lambda found: found.shape == shape)
 
 
 def benches_of(

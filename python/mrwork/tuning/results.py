@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -387,40 +388,32 @@ class TuningResults(WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)
-        runs: dict[tuple[str, str], dict[int, MotionScore]] = {}
-        for number, law in enumerate(judged):
-            for use, each in law.motion_scores:
-                runs.setdefault((use, each.motion), {})[number] = each
+        scores = [{(use, each.motion): each for use, each in law.motion_scores} for law in judged]
         # A study without test motions has each of its motions once.
-        criteria = list(
-            dict.fromkeys(
-                name for by_law in runs.values() for each in by_law.values() for name in each.criteria
-            )
+        columns = list(dict.fromkeys(key for of_law in scores for key in of_law))
+        criteria = dict.fromkeys(
+            name for of_law in scores for each in of_law.values() for name in each.criteria
         )
-        score = np.full((len(judged), len(runs)), np.nan)
-        ratios = {name: score.copy() for name in criteria}
-        for column, by_law in enumerate(runs.values()):
-            for row, each in by_law.items():
-                score[row, column] = each.score
-                for name, value in each.criteria.items():
-                    ratios[name][row, column] = value
+
+        def over_axes(value: Callable[[MotionScore], float], long_name: str) -> NamedArray:
+            numbers = [
+                [value(of_law[key]) if key in of_law else math.nan for key in columns] for of_law in scores
+            ]
+            array = np.array(numbers).reshape(len(judged), len(columns))
+            return NamedArray.of(array, *axes, unit="1", long_name=f"{long_name}, over that at i = 0")
+
         axes = ("law", "motion")
         return NamedArrays(
             title=f"Tuning of {self.title}",
             rows=axes,
             labels={
                 "law": labels_of([each.label for each in judged]),
-                "motion": labels_of([motion for _, motion in runs]),
+                "motion": labels_of([motion for _, motion in columns]),
             },
-            along={"use": NamedArray.of([use for use, _ in runs], "motion", long_name="use of the motion")}
+            along={"use": NamedArray.of([use for use, _ in columns], "motion", long_name="use of the motion")}
             | _setting_arrays([each.settings for each in judged], "law"),
-            arrays={"score": NamedArray.of(score, *axes, unit="1", long_name="score, over that at i = 0")}
-            | {
-                name: NamedArray.of(
-                    values, *axes, unit="1", long_name=f"{criterion(name).title}, over that at i = 0"
-                )
-                for name, values in ratios.items()
-            },
+            arrays={"score": over_axes(lambda each: each.score, "score")}
+            | {name: over_axes(partial(_criterion_of, name), criterion(name).title) for name in criteria},
         )
 
     def _overtaken(self, law: LawResult) -> list[str]:
@@ -453,6 +446,10 @@ class TuningResults(WithAxes, Summarised):
             ],
             notes=[f"warning: {each}" for each in self.warnings],
         )
+
+
+def _criterion_of(name: str, score: MotionScore) -> float:
+    return score.criteria.get(name, math.nan)
 
 
 def motions_in_words(results: TuningResults) -> str:

@@ -155,11 +155,6 @@ class LoopModel(Summarised):
     """A building with its devices as a law believes them to be; of draws of a damper it has the first.
 
     Passive elements count with the spring and the dashpot that they have in the matrices.
-
-    Raises
-    ------
-    SettingError
-        If there is no device, or their models or current laws differ.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law('predictive_rollout', problem)"

@@ -73,13 +73,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         return self.of_gain(problem, gain)
 
     def given_gain(self, problem: DesignProblem) -> Floats:
-        """The finished gain, shape (n_devices, 2n).
-
-        Raises
-        ------
-        InvalidSettingError
-            If it has another shape, or weights are given, too.
-        """
+        """The finished gain, shape (n_devices, 2n)."""
         assert self.gain is not None
         for name in (*sorted(self.weight_names()), "control_weight"):
             if getattr(self, name) is not None:
@@ -404,13 +398,7 @@ class SignalSettings(RegulatorSettings):
         return span
 
     def further_signals(self, problem: DesignProblem) -> tuple[FurtherSignal, ...]:
-        """The further signals, in the order of their weights and powers.
-
-        Raises
-        ------
-        InvalidSettingError
-            If a floor does not exist or stands twice, or a scale or time constant that they need is missing.
-        """
+        """The further signals, in the order of their weights and powers."""
         n_floors = len(problem.building.floors)
         for name in ("floors", "rms_floors"):
             given = getattr(self, name)
