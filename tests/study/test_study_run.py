@@ -161,24 +161,6 @@ def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Stu
     assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 4 + 1
 
 
-def test_a_run_that_lacks_a_quantity_is_simulated_again_on_resuming(study: Study, tmp_path: Path) -> None:
-    path = tmp_path / "journal"
-    whole = ran(study, path).runs
-    entries, _ = read_lines(path.read_bytes(), path)
-    runs = [entry for entry in entries if entry["step"] == "run"]
-    # Some were written before the core had the quantity.
-    for entry in runs[::2]:
-        del entry["result"]["peak_drift"]
-    earlier = b"".join(map(line_of, entries))
-    path.write_bytes(earlier)
-    for _ in range(2):
-        again = ran(study, path, resume=True).runs
-        assert {key: plain(run.numbers) for key, run in again.items()} == {
-            key: plain(run.numbers) for key, run in whole.items()
-        }
-        assert path.read_bytes() == earlier
-
-
 def test_a_journal_of_another_study_is_refused(
     study: Study, path: Path, tmp_path: Path, refused: Refused
 ) -> None:

@@ -75,8 +75,6 @@ class Journal:
         self.path = Path(path)
         self._recorded: list[dict[str, Any]] = []
         self._asked = 0
-        # Whether the line of the last step lacks what this version needs.
-        self._outdated = False
         self._counters: Counters | None = None
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
@@ -145,7 +143,7 @@ class Journal:
             )
 
     @checked
-    def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T | None]) -> T | None:
+    def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T]) -> T | None:
         """Return the recorded result of the next step, or `None` if the step must be computed.
 
         Parameters
@@ -153,7 +151,7 @@ class Journal:
         step, inputs
             Name of the step, and the digest of its inputs.
         read
-            Makes the result from its record; `None` of one that lacks what this version needs.
+            Makes the result from its record.
 
         Raises
         ------
@@ -168,21 +166,16 @@ class Journal:
         try:
             if self._counters is not None and "counters" in recorded:
                 self._counters.restore(recorded["counters"])
-            found = read(recorded["result"])
+            return read(recorded["result"])
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
             raise JournalError(
                 f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
                 f"({type(reason).__name__}: {reason}); run again without --resume"
             ) from reason
-        self._outdated = found is None
-        return found
 
     @checked
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
-        """Record the result of a step for which `recall` has returned `None`; its line stays if it has one."""
-        if self._outdated:
-            self._outdated = False
-            return
+        """Record the result of a step for which `recall` has returned `None`."""
         entry: dict[str, object] = {"inputs": inputs, "result": result}
         if self._counters is not None:
             entry["counters"] = self._counters.as_record()

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrwork.base.arguments import checked
+from mrwork.base.numbers import format_fixed, in_plain
 from mrwork.base.summary import Summarised, Summary
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
@@ -373,12 +374,15 @@ def rounds_to_increase(change: float) -> bool:
     return change > 0.005
 
 
+def signed_percent(change: float) -> str:
+    """A change in whole per cent with its sign; a dash if it is not known."""
+    text = format_fixed(100.0 * change, 0)
+    return f"+{text}" if rounds_to_increase(change) else text
+
+
 def in_percent(change: float) -> str:
-    """A change in whole percent with its sign; a dash if it is not known."""
-    if math.isnan(change):
-        return "-"
-    text = f"{100.0 * change:+.0f}"
-    return "0" if text in ("+0", "-0") else text
+    """The same in the characters of every terminal."""
+    return in_plain(signed_percent(change))
 
 
 def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:

@@ -36,11 +36,10 @@ Axes = Mapping[str, tuple[str, ...]]
 
 _N_FIRST = 3
 # How a run ended, beside its quantities.
-_ENDS = {"outcome": "", "steps": "1", "least_stroke": "m"}
-_END_WORDS = {
-    "outcome": "how the run ended",
-    "steps": "integration steps per sample",
-    "least_stroke": "least stroke of a cycle",
+_ENDS = {
+    "outcome": ("", "how the run ended"),
+    "steps": ("1", "integration steps per sample"),
+    "least_stroke": ("m", "least stroke of a cycle"),
 }
 
 
@@ -105,7 +104,7 @@ class LabelledRuns(Labelled, WithAxes, Summarised):
 def _in_words(name: str, n_axes: int) -> str:
     """Words for a criterion, which is one number of a run, or for a quantity."""
     titles = {entry.name: entry.title for entry in criteria()} if n_axes <= _N_FIRST else {}
-    return titles.get(name) or _END_WORDS.get(name) or description_of(name)
+    return _ENDS[name][1] if name in _ENDS else titles.get(name) or description_of(name)
 
 
 def numbered(count: int) -> tuple[str, ...]:
@@ -172,7 +171,8 @@ def quantities_of_runs(runs: Mapping[Place, RunResult], axes: Axes, command_unit
         ends = {"outcome": run.outcome, "steps": run.steps, "least_stroke": run.least_stroke}
         for name, value in {**run.numbers, **ends}.items():
             numbers[name][place + (slice(np.size(value)),) * np.ndim(value)] = value
-    units = {quantity.name: quantity.unit for quantity in kept_quantities()} | _ENDS
+    units = {quantity.name: quantity.unit for quantity in kept_quantities()}
+    units |= {name: unit for name, (unit, _) in _ENDS.items()}
     return LabelledRuns(axes=axes, numbers=numbers, units=_with_command(units, command_unit))
 
 

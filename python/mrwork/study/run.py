@@ -329,36 +329,28 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
 
             def levels(share: float, arrangement: Arrangement = arrangement) -> tuple[float, int]:
                 cut, tried = excerpts(study.chosen_on, share)
-                devices, law = with_devices(
-                    arrangement, constant_commands(arrangement.devices, _levels(arrangement))
-                )
-                found = simulate_loop(
-                    arrangement.building, devices, law, cut, study.hardware, threads=threads
-                )
-                return tried, int(found.steps.max())
+                return tried, int(_simulate_levels(arrangement, cut, study.hardware, threads).steps.max())
 
             parts[row, "levels"] = Part(n_runs=LEVELS * len(study.chosen_on), trial=levels)
 
         stored = [study.grounds[number] for number in study.histories]
-        demanded = _knows_least_strokes(fixed)
-        together = demanded or _histories_together(study, fixed, 0) == n_motions
+        with_all = _knows_least_strokes(fixed) or (
+            bool(stored) and len(grounds) == n_motions and _histories_together(study, fixed, 0) == n_motions
+        )
+        batches = [(grounds, with_all), (() if with_all else stored, True)]
 
         def runs(
             share: float,
             fixed: Arrangement = fixed,
-            grounds: Sequence[GroundMotion] = grounds,
-            stored: Sequence[GroundMotion] = stored,
-            demanded: bool = demanded,
-            together: bool = together,
+            batches: Sequence[tuple[Sequence[GroundMotion], bool]] = batches,
         ) -> tuple[float, int]:
-            with_all = demanded or (bool(stored) and together and len(grounds) == n_motions)
             steps, tried = 0, 1.0
-            for each, histories in ((grounds, with_all), (() if with_all else stored, True)):
-                if each:
-                    cut, tried = excerpts(each, share)
-                    found = _simulate(fixed, cut, study, histories=histories, threads=threads)
-                    steps = max(steps, int(found.steps.max()))
-                    for history in (found.histories or ())[: len(stored)]:
+            for motions, histories in batches:
+                if motions:
+                    cut, tried = excerpts(motions, share)
+                    responses = _simulate(fixed, cut, study, histories=histories, threads=threads)
+                    steps = max(steps, int(responses.steps.max()))
+                    for history in (responses.histories or ())[: len(study.histories)]:
                         history_of(history, fixed)
             return tried, steps
 
@@ -535,6 +527,19 @@ def _levels(arrangement: Arrangement) -> Floats:
     return np.linspace(0.0, min(device.largest_command for device in arrangement.devices), LEVELS)
 
 
+def _simulate_levels(
+    arrangement: Arrangement,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    threads: int,
+    on_block: OnBlock | None = None,
+) -> Responses:
+    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, _levels(arrangement)))
+    return simulate_loop(
+        arrangement.building, devices, law, motions, hardware, threads=threads, on_progress=on_block
+    )
+
+
 def _best_level(
     arrangement: Arrangement,
     motions: Sequence[GroundMotion],
@@ -547,11 +552,7 @@ def _best_level(
     A command has no score if one of its runs failed.
     """
     commands, weight = _levels(arrangement), arrangement.building.total_mass * STANDARD_GRAVITY
-    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, commands))
-    responses = simulate_loop(
-        arrangement.building, devices, law, motions, hardware, threads=threads, on_progress=on_block
-    )
-    runs = results_of(responses, arrangement)
+    runs = results_of(_simulate_levels(arrangement, motions, hardware, threads, on_block), arrangement)
     levels = [runs[start : start + len(motions)] for start in range(0, len(runs), len(motions))]
     criteria = [[_criteria(result, weight) for result in level] for level in levels]
     # The first command is i = 0.

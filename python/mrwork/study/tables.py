@@ -27,6 +27,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
     rounds_to_increase,
+    signed_percent,
     times_better,
 )
 from mrwork.study.results import (
@@ -343,12 +344,6 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         + (" The largest increase is that of a quantity under one motion." if several else "")
         + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
     )
-
-
-def signed_percent(change: float) -> str:
-    """A change in whole per cent, with its sign."""
-    text = format_fixed(100.0 * change, 0)
-    return f"+{text}" if rounds_to_increase(change) else text
 
 
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:

@@ -86,7 +86,7 @@ def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> Slid
     moved = slice(size - n_moved, None)
     if not np.linalg.eigvalsh(Q)[0] > 0.0:
         raise SettingError("`state_weight` is not positive definite; weigh every direction of the state")
-    solution = solve_riccati(
+    gain, _ = solve_riccati(
         A[rest, rest],
         A[rest, moved],
         Q[rest, rest],
@@ -94,7 +94,7 @@ def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> Slid
         Q[rest, moved],
         scaling=np.eye(size - n_moved),
     )
-    return _surface(plant, back, A, solution.gain)
+    return _surface(plant, back, A, gain)
 
 
 @checked

@@ -165,22 +165,13 @@ def regulator_gains(
     return _solve(given, time, threads)
 
 
-@array_dataclass(repr=False)
-class RiccatiSolution(Summarised):
-    """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""
-
-    P: Floats
-    gain: Floats
-    residual: float
-
-
 def solve_riccati(
     A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
-) -> RiccatiSolution:
-    """Solve one equation; see `regulator_gains`."""
+) -> tuple[Floats, Floats]:
+    """Gain K of f = -K s and P of one equation; see `regulator_gains`."""
     solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
     solutions.check()
-    return RiccatiSolution(P=solutions.P[0], gain=solutions.gain[0], residual=float(solutions.residual[0]))
+    return solutions.gain[0], solutions.P[0]
 
 
 @checked

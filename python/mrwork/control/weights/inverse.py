@@ -164,7 +164,7 @@ def _in_coordinates(plant: Plant, K: Floats, R: Floats, X: Floats, T: Floats) ->
     Q = symmetric(size**2 * back.T @ Q_z @ back)
     zero = np.zeros((len(Q), len(R)))
     try:
-        gain = solve_riccati(plant.A, plant.B, Q, np.diag(R), zero, scaling=plant.scaling).gain
+        gain, _ = solve_riccati(plant.A, plant.B, Q, np.diag(R), zero, scaling=plant.scaling)
     except SettingError:
         return None
     distance = float(np.linalg.norm(scale * (gain - K) @ T @ root) / size)

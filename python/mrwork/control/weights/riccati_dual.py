@@ -100,8 +100,7 @@ def _gain(system: DesignSystem, rows: SquaredRows, weights: Floats) -> tuple[Flo
     R = (rows.D.T * weights) @ rows.D
     if step:
         return sampled_gain(A, B, Q, R, N, step)
-    solution = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
-    return solution.gain, solution.P
+    return solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
 
 
 def _curvature(system: DesignSystem, rows: SquaredRows, weights: Floats, at: Regulated) -> Floats:

@@ -148,7 +148,7 @@ class WeightDesigner:
             gain = riccati_law_gain(self._nominal, regulate(self._nominal, of_nominal, w))
         else:
             plant = self.plant
-            at_once = solve_riccati(plant.A, plant.B, cost.Q, cost.S, cost.N, scaling=plant.scaling).gain
+            at_once, _ = solve_riccati(plant.A, plant.B, cost.Q, cost.S, cost.N, scaling=plant.scaling)
             gain = static_law_gain(self._nominal, of_nominal, w, at_once)
         weights = point.multipliers
         return DesignedWeights(

@@ -29,6 +29,7 @@ from mrwork.study.comparison import (
     compared,
     findings,
     judged_in_words,
+    signed_percent,
 )
 from mrwork.study.results import (
     OFF_BALANCE,
@@ -44,7 +45,6 @@ from mrwork.study.tables import (
     overview_table,
     ratio_table,
     shown_rows,
-    signed_percent,
     step_table,
     value_table,
 )
