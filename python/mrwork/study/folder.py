@@ -16,7 +16,6 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Whole
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
-from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.tested_range import Exceedance, OperatingRange
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
@@ -486,12 +485,12 @@ def design_document(study: Study) -> dict[str, Any]:
     ]
     loops = [
         {
-            "controller": each.row.label,
-            "notes": (*each.law.notes, *each.law.shaping_notes),
-            "margins": None if each.law.margins is None else asdict(each.law.margins),
+            "controller": label,
+            "notes": (*law.notes, *law.shaping_notes),
+            "margins": None if law.margins is None else asdict(law.margins),
         }
-        for each in study.arrangements
-        if isinstance(each.law, ControlLaw) and (each.law.notes or each.law.shaping_notes)
+        for label, law in study.laws
+        if law.notes or law.shaping_notes
     ]
     found: dict[str, Any] = finite({"settings": taken, "weights": weights, "loops": loops})
     return {name: value for name, value in found.items() if value}

@@ -144,25 +144,23 @@ def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | 
     return found
 
 
+def _own_places(arrangement: Arrangement) -> dict[str, list[int]]:
+    """Columns of the bare building and of the devices of the arrangement, by axis."""
+    devices = range(len(arrangement.devices))
+    return {"floor": [*arrangement.floors], "storey": [*arrangement.storeys], "device": [*devices]}
+
+
 def _own_columns(of: Labelled, quantity: Quantity, arrangement: Arrangement) -> Floats:
     """A quantity or a signal, for the bare building and the devices of the arrangement."""
-    columns: dict[str, list[int] | slice] = {
-        "floor": list(arrangement.floors),
-        "storey": list(arrangement.storeys),
-        "device": slice(len(arrangement.devices)),
-    }
+    places = _own_places(arrangement)
     values: Floats = of.numbers[quantity.name]
-    return values[:, columns[quantity.axis]] if quantity.axis in columns else values
+    return values[:, places[quantity.axis]] if quantity.axis in places else values
 
 
 def _shape_of(quantity: Quantity, arrangement: Arrangement) -> tuple[int, ...]:
     """Shape of a quantity of a run, or of one sample of a signal."""
-    sizes = {
-        "floor": len(arrangement.floors),
-        "storey": len(arrangement.storeys),
-        "device": len(arrangement.devices),
-    }
-    return (sizes[quantity.axis],) if quantity.axis in sizes else ()
+    places = _own_places(arrangement)
+    return (len(places[quantity.axis]),) if quantity.axis in places else ()
 
 
 def results_of(responses: Responses, arrangement: Arrangement) -> list[RunResult]:

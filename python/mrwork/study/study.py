@@ -5,7 +5,7 @@ What is not known exactly has realisations: damper parameters, stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
@@ -330,7 +330,7 @@ class Study(Summarised):
     def designs(self) -> tuple[tuple[tuple[str, ...], DesignedWeights], ...]:
         """Designed weights, each with the labels of the rows that have them."""
         found: dict[int, tuple[list[str], DesignedWeights]] = {}
-        for label, law in self._laws:
+        for label, law in self.laws:
             if law.weights is not None:
                 found.setdefault(id(law.weights), ([], law.weights))[0].append(label)
         return tuple((tuple(labels), weights) for labels, weights in found.values())
@@ -343,7 +343,7 @@ class Study(Summarised):
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
         )
-        loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self._laws)
+        loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self.laws)
         return (*taken, *designs, *((heading, notes) for heading, notes in loops if notes))
 
     @property
@@ -352,10 +352,11 @@ class Study(Summarised):
         return tuple((each.row.label, each.taken) for each in self.arrangements if each.taken is not None)
 
     @property
-    def _laws(self) -> Iterator[tuple[str, ControlLaw]]:
-        for each in self.arrangements:
-            if isinstance(each.law, ControlLaw):
-                yield each.row.label, each.law
+    def laws(self) -> tuple[tuple[str, ControlLaw], ...]:
+        """Laws of the registry, each with the label of its row."""
+        return tuple(
+            (each.row.label, each.law) for each in self.arrangements if isinstance(each.law, ControlLaw)
+        )
 
     def _summary(self) -> Summary:
         return Summary(
