@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -18,6 +18,7 @@ from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.study.comparison import (
+    BOTH,
     LAWS,
     RANKS,
     QuantityChange,
@@ -431,7 +432,7 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
         )
     spreads = {row: results.spread(row) for row in rows}
 
-    def better(row: int, *names: str) -> str:
+    def better(row: int, names: Sequence[str]) -> str:
         if passive is None or row == passive:
             return NOTHING
         return format_fixed(times_better(results, row, passive, names), 0)
@@ -439,20 +440,9 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     cells = tuple(
         (
             results.rows[row].label,
-            *(
-                format_fixed(number, 3)
-                for number in (
-                    spreads[row].mean,
-                    spreads[row].least,
-                    spreads[row].lower_quartile,
-                    spreads[row].median,
-                    spreads[row].upper_quartile,
-                    spreads[row].most,
-                )
-            ),
-            better(row, "peak_drift"),
-            better(row, "peak_acceleration"),
-            better(row, "peak_drift", "peak_acceleration"),
+            # All but the number of motions.
+            *(format_fixed(number, 3) for number in astuple(spreads[row])[1:]),
+            *(better(row, names) for names in (BOTH[:1], BOTH[1:], BOTH)),
         )
         for row in rows
     )

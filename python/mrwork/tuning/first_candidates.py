@@ -11,11 +11,10 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator
+from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator, plain_weight
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
@@ -176,15 +175,12 @@ def _sizes(
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
         return [
-            {_WEIGHT: _round_all(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
+            {_WEIGHT: _round_all(plain_weight(factor * given))}
+            for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
         ]
     # The range of R is that of the weights that are held; another shape costs more or less.
     factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
-
-
-def _plain(numbers: Floats) -> Any:
-    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

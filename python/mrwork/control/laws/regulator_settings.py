@@ -28,6 +28,7 @@ from mrwork.control.linear.lqr import (
     MatrixRows,
     Regulator,
     Weights,
+    plain_weight,
     regulator_of_weights,
     regulators_of_costs,
 )
@@ -187,9 +188,10 @@ class RegulatorSettings(CostWeights, LawSettings):
         value counts then.
         """
         factors = 10.0 ** np.arange(1.0, _DECADES)
+        R = np.asarray(self.control_weight, dtype=np.float64)
         designs = type(self).designs(
             problem,
-            [replace(self, control_weight=_divide(self.control_weight, float(each))) for each in factors],
+            [replace(self, control_weight=plain_weight(R / float(factor))) for factor in factors],
         )
         sound = [
             (float(factor), each.gains["gain"])
@@ -243,14 +245,6 @@ _DECADES = 31
 def _power(factor: float) -> str:
     """A factor to the nearest power of ten."""
     return f"1e{max(1, round(float(np.log10(factor))))}"
-
-
-def _divide(weight: Weights | None, factor: float) -> Weights | None:
-    """A control weight over a factor, in its form."""
-    numbers = np.asarray(weight, dtype=np.float64) / factor
-    if numbers.ndim == 2:
-        return tuple(map(tuple, numbers.tolist()))
-    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 @checked

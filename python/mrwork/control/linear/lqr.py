@@ -83,6 +83,13 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     return symmetric(matrix)
 
 
+def plain_weight(numbers: Floats) -> Weights:
+    """A weight as a setting has it: one number, one for each entry, or rows."""
+    if numbers.ndim == 2:
+        return tuple(map(tuple, numbers.tolist()))
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
 @array_dataclass()
 class Weighed:
     """Cost of the weights over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
