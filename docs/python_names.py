@@ -40,7 +40,7 @@ def _without_notes(
     returned: str | None,
 ) -> tuple[str | None, str | None]:
     if isfunction(value):
-        # Functions that return a table instead of axes are overloaded, and are described by the whole signature.
+        # An overloaded function is described by its whole signature.
         analyzer = ModuleAnalyzer.for_module(value.__module__)
         analyzer.analyze()
         analyzer.overloads.pop(value.__qualname__, None)

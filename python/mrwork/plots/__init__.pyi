@@ -12,14 +12,14 @@ from .of_time import loops as loops
 from .of_time import residuals as residuals
 
 if True:  # the lower tier
-    from .building_forms import FrontPlots as FrontPlots
-    from .building_forms import HistoryPlots as HistoryPlots
-    from .building_forms import MotionPlots as MotionPlots
-    from .building_forms import ResponsesPlots as ResponsesPlots
-    from .building_forms import SpectrumPlots as SpectrumPlots
-    from .fit_forms import DrawsPlots as DrawsPlots
-    from .fit_forms import FitPlots as FitPlots
-    from .fit_forms import PredictionPlots as PredictionPlots
-    from .fit_forms import ProfilesPlots as ProfilesPlots
-    from .fit_forms import RunPlots as RunPlots
-    from .fit_forms import TestPlots as TestPlots
+    from .of_fits import DrawsPlots as DrawsPlots
+    from .of_fits import FitPlots as FitPlots
+    from .of_fits import PredictionPlots as PredictionPlots
+    from .of_fits import ProfilesPlots as ProfilesPlots
+    from .of_fits import RunPlots as RunPlots
+    from .of_fits import TestPlots as TestPlots
+    from .of_studies import FrontPlots as FrontPlots
+    from .of_studies import HistoryPlots as HistoryPlots
+    from .of_studies import MotionPlots as MotionPlots
+    from .of_studies import ResponsesPlots as ResponsesPlots
+    from .of_studies import SpectrumPlots as SpectrumPlots

@@ -1,28 +1,32 @@
-"""Figures of what is known about a fit: its laws, profile likelihoods, posterior and prediction bands."""
+"""Figures of laws, profiles, posterior and bands; and the attribute `plot` of the results of identification."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from mrwork.base.arguments import Level, checked
+from mrwork.base.arguments import Level
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
 from mrwork.dampers.spec import law_values
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
+from mrwork.plots import of_time
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
+    Plots,
     add_key,
     axes_for,
     chosen,
+    figure,
     include_zero,
     motion_columns,
     panels_for,
+    short,
     triangle_for,
 )
 from mrwork.report import style
@@ -47,24 +51,7 @@ _COMMANDS = 101
 _LEVEL = 0.95
 
 
-@overload
-def laws(
-    result: Fit | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[False] = False,
-) -> Panels: ...
-@overload
-def laws(
-    result: Fit | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def laws(
     result: Fit | StoredRun,
     ax: GivenAxes = None,
@@ -126,24 +113,7 @@ def laws(
     return panels
 
 
-@overload
-def profiles(
-    result: Profiles | Profile | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[False] = False,
-) -> Panels: ...
-@overload
-def profiles(
-    result: Profiles | Profile | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def profiles(
     result: Profiles | Profile | StoredRun,
     ax: GivenAxes = None,
@@ -194,24 +164,7 @@ def profiles(
     return panels
 
 
-@overload
-def posterior(
-    result: Draws | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[False] = False,
-) -> Panels: ...
-@overload
-def posterior(
-    result: Draws | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def posterior(
     result: Draws | StoredRun,
     ax: GivenAxes = None,
@@ -281,30 +234,7 @@ def posterior(
     return panels
 
 
-@overload
-def bands(
-    result: Prediction | StoredRun,
-    ax: Axes | None = None,
-    *,
-    calibration: Calibration | None = None,
-    over: Literal["time", "displacement", "velocity"] = "time",
-    test: str | int | None = None,
-    level: Level = 0.9,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def bands(
-    result: Prediction | StoredRun,
-    ax: Axes | None = None,
-    *,
-    calibration: Calibration | None = None,
-    over: Literal["time", "displacement", "velocity"] = "time",
-    test: str | int | None = None,
-    level: Level = 0.9,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def bands(
     result: Prediction | StoredRun,
     ax: Axes | None = None,
@@ -402,3 +332,47 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
 
 def _choose(asked: Sequence[str], known: Sequence[str], what: str) -> list[str]:
     return [known[chosen(name, known, what)] for name in asked or known]
+
+
+class TestPlots(Plots):
+    """Figures of a damper test."""
+
+    __test__ = False  # no test of pytest
+
+    histories = short(of_time.histories)
+    loops = short(of_time.loops)
+    commands = short(of_time.commands)
+
+
+class PredictionPlots(TestPlots):
+    """Figures of a prediction: those of its test, and of the force of the model beside it."""
+
+    residuals = short(of_time.residuals)
+    bands = short(bands)
+
+
+class FitPlots(TestPlots):
+    """Figures of a fit: those of its tests, and of its model."""
+
+    residuals = short(of_time.residuals)
+    laws = short(laws)
+
+
+class RunPlots(FitPlots):
+    """Figures of a run folder: those of its fit, and of what later verbs have added."""
+
+    profiles = short(profiles)
+    posterior = short(posterior)
+    bands = short(bands)
+
+
+class DrawsPlots(Plots):
+    """Figures of draws."""
+
+    posterior = short(posterior)
+
+
+class ProfilesPlots(Plots):
+    """Figures of profile likelihoods."""
+
+    profiles = short(profiles)

@@ -1,17 +1,16 @@
-"""Figures of studies: response spectra of motions, runs over the height, where the energy goes, Pareto fronts."""
+"""Figures of motions, runs and tunings; and the attribute `plot` of the results of control."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
-from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
@@ -21,7 +20,8 @@ from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
-from mrwork.plots.sheet import add_key, axes_for, chosen, shown_unit_of
+from mrwork.plots import of_time
+from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
 from mrwork.report import style
 from mrwork.report.canvas import draw_points
 from mrwork.report.fit.parameters import with_unit
@@ -59,28 +59,7 @@ _UNITS: dict[SpectrumQuantity, str] = {
 _PERIODS = (0.05, 4.0, 120)
 
 
-@overload
-def spectra(
-    result: GroundMotion | ResponseSpectrum,
-    ax: Axes | None = None,
-    *,
-    quantity: SpectrumQuantity = "pseudo_acceleration",
-    periods: ArrayLike | None = None,
-    damping: float | None = None,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def spectra(
-    result: GroundMotion | ResponseSpectrum,
-    ax: Axes | None = None,
-    *,
-    quantity: SpectrumQuantity = "pseudo_acceleration",
-    periods: ArrayLike | None = None,
-    damping: float | None = None,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def spectra(
     result: GroundMotion | ResponseSpectrum,
     ax: Axes | None = None,
@@ -149,28 +128,7 @@ _OF_HEIGHT = ("storey", "floor")
 _MOST_BARS = 60
 
 
-@overload
-def storey_profiles(
-    result: Responses | StudyResults | StoredStudy,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "peak_drift",
-    motion: str | int | None = None,
-    rows: Sequence[str | int] = (),
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def storey_profiles(
-    result: Responses | StudyResults | StoredStudy,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "peak_drift",
-    motion: str | int | None = None,
-    rows: Sequence[str | int] = (),
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def storey_profiles(
     result: Responses | StudyResults | StoredStudy,
     ax: Axes | None = None,
@@ -241,26 +199,7 @@ def storey_profiles(
     return axes
 
 
-@overload
-def energies(
-    result: Responses | StudyResults | StoredStudy | History,
-    ax: Axes | None = None,
-    *,
-    motion: str | int | None = None,
-    rows: Sequence[str | int] = (),
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def energies(
-    result: Responses | StudyResults | StoredStudy | History,
-    ax: Axes | None = None,
-    *,
-    motion: str | int | None = None,
-    rows: Sequence[str | int] = (),
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def energies(
     result: Responses | StudyResults | StoredStudy | History,
     ax: Axes | None = None,
@@ -390,24 +329,7 @@ def _energy_columns(parts: Mapping[str, Floats]) -> dict[str, tuple[Floats, str,
     }
 
 
-@overload
-def fronts(
-    result: Front | TuningResults | SizeFront,
-    ax: Axes | None = None,
-    *,
-    law: str | int | None = None,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def fronts(
-    result: Front | TuningResults | SizeFront,
-    ax: Axes | None = None,
-    *,
-    law: str | int | None = None,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def fronts(
     result: Front | TuningResults | SizeFront,
     ax: Axes | None = None,
@@ -474,3 +396,38 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
     axes.set_xlabel("Volume (l)")
     axes.set_ylabel("Dynamic range")
     return axes
+
+
+class HistoryPlots(Plots):
+    """Figures of the history of a closed loop."""
+
+    histories = short(of_time.histories)
+    loops = short(of_time.loops)
+    commands = short(of_time.commands)
+    energies = short(energies)
+
+
+class ResponsesPlots(Plots):
+    """Figures of runs of closed loops: a batch, or a study."""
+
+    storey_profiles = short(storey_profiles)
+    energies = short(energies)
+
+
+class MotionPlots(Plots):
+    """Figures of a ground motion."""
+
+    histories = short(of_time.histories)
+    spectra = short(spectra)
+
+
+class SpectrumPlots(Plots):
+    """Figures of a response spectrum."""
+
+    spectra = short(spectra)
+
+
+class FrontPlots(Plots):
+    """Figures of Pareto fronts."""
+
+    fronts = short(fronts)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
-from mrwork.base.arguments import Whole, checked
+from mrwork.base.arguments import Whole
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
@@ -23,6 +23,7 @@ from mrwork.plots.sheet import (
     add_key,
     axes_for,
     chosen,
+    figure,
     include_zero,
     motion_columns,
     name_axes,
@@ -45,26 +46,7 @@ Pair = tuple[DamperTest, Floats | None]
 _TIME = ("Time", "s")
 
 
-@overload
-def histories(
-    result: Fit | StoredRun | Prediction | DamperTest | History | GroundMotion,
-    ax: Axes | None = None,
-    *,
-    test: str | int | None = None,
-    signal: str = "drift",
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def histories(
-    result: Fit | StoredRun | Prediction | DamperTest | History | GroundMotion,
-    ax: Axes | None = None,
-    *,
-    test: str | int | None = None,
-    signal: str = "drift",
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def histories(
     result: Fit | StoredRun | Prediction | DamperTest | History | GroundMotion,
     ax: Axes | None = None,
@@ -115,28 +97,7 @@ def histories(
     return axes
 
 
-@overload
-def loops(
-    result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
-    *,
-    over: Motion = "displacement",
-    test: str | int | None = None,
-    device: Whole = 0,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def loops(
-    result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
-    *,
-    over: Motion = "displacement",
-    test: str | int | None = None,
-    device: Whole = 0,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def loops(
     result: Fit | StoredRun | Prediction | DamperTest | History,
     ax: Axes | None = None,
@@ -192,26 +153,7 @@ def loops(
     return axes
 
 
-@overload
-def residuals(
-    result: Fit | StoredRun | Prediction,
-    ax: Axes | None = None,
-    *,
-    over: Literal["time", "displacement", "velocity"] = "time",
-    test: str | int | None = None,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def residuals(
-    result: Fit | StoredRun | Prediction,
-    ax: Axes | None = None,
-    *,
-    over: Literal["time", "displacement", "velocity"] = "time",
-    test: str | int | None = None,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def residuals(
     result: Fit | StoredRun | Prediction,
     ax: Axes | None = None,
@@ -267,26 +209,7 @@ def residuals(
     return axes
 
 
-@overload
-def commands(
-    result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
-    *,
-    test: str | int | None = None,
-    device: Whole = 0,
-    data: Literal[False] = False,
-) -> Axes: ...
-@overload
-def commands(
-    result: Fit | StoredRun | Prediction | DamperTest | History,
-    ax: Axes | None = None,
-    *,
-    test: str | int | None = None,
-    device: Whole = 0,
-    data: Literal[True],
-) -> DataFrame: ...
-@checked
-@style.drawn_in_style()
+@figure
 def commands(
     result: Fit | StoredRun | Prediction | DamperTest | History,
     ax: Axes | None = None,

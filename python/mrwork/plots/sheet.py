@@ -1,19 +1,28 @@
-"""Where figures of users are drawn: the axes that were given, or those of a new figure; their names, units and keys."""
+"""What figures of users share: their form as functions and methods, their axes, names, units and keys."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.report import canvas, style
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.style import DisplayUnit
+
+if TYPE_CHECKING:
+    from mrwork.base.labelled import DataFrame
+
+P = ParamSpec("P")
+DrawnT_co = TypeVar("DrawnT_co", covariant=True)
 
 GivenAxes = Axes | Iterable[Axes] | None
 """Axes of a figure of several panels: as many as it has, or `None` for new ones."""
@@ -32,6 +41,43 @@ _SHOWN = {
     "m/s": style.MILLIMETRE_PER_SECOND,
     "m/s^2": DisplayUnit(symbol="m/s²", factor=1.0),
 }
+
+
+class Drawing(Protocol[P, DrawnT_co]):
+    """A figure as a function: returns the axes, or with `data` the table behind them."""
+
+    @overload
+    def __call__(self, *args: Any, data: Literal[True], **named: Any) -> DataFrame: ...
+    @overload
+    def __call__(self, *args: P.args, **named: P.kwargs) -> DrawnT_co: ...
+
+
+def figure(function: Callable[P, DrawnT_co | DataFrame]) -> Drawing[P, DrawnT_co]:
+    """A function of `mr.plots`: its arguments are checked, and it draws in the style of the package."""
+    return cast("Drawing[P, DrawnT_co]", checked(style.drawn_in_style()(function)))
+
+
+class Plots:
+    """Figures of one result."""
+
+    __slots__ = ("result",)
+
+    def __init__(self, result: object) -> None:
+        self.result = result
+
+    def __repr__(self) -> str:
+        names = ", ".join(name for name in dir(self) if not name.startswith("_") and name != "result")
+        return f"Figures of a {type(self.result).__name__}: {names}"
+
+
+def short(function: Drawing[Concatenate[Any, P], DrawnT_co]) -> Drawing[P, DrawnT_co]:
+    """The function as a method of `Plots`, with the result in the place of the object."""
+
+    @wraps(function)
+    def method(plots: Plots, *args: Any, **named: Any) -> Any:
+        return function(plots.result, *args, **named)
+
+    return cast("Drawing[P, DrawnT_co]", method)
 
 
 def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
