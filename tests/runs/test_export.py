@@ -25,7 +25,7 @@ import mrwork as mr
 from mrwork.dampers import OpenSeesBoucWen
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit
-from mrwork.runs.matlab_file import matlab_names
+from mrwork.runs.export import matlab_names
 
 MODEL = "normalised_bouc_wen"
 KNOWN = {"c": 2000.0, "k": 2500.0, "x0": 0.03, "k_w": 500.0, "rho": 8000.0, "sigma": 0.6, "n": 2.0}
