@@ -46,14 +46,6 @@ class Reference:
 _Part = tuple[str, tuple[Reference, ...]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Cited:
-    """A reference and the parts of the run that rest on it."""
-
-    reference: Reference
-    reasons: Sequence[str]
-
-
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
@@ -78,21 +70,20 @@ def run(options: argparse.Namespace) -> int:
     if options.folder is not None:
         parts += _parts(options.folder)
     cited = _once(parts)
-    document = {"entries": [asdict(each.reference) | {"used_for": list(each.reasons)} for each in cited]}
-    text = "\n\n".join(f"% {'; '.join(each.reasons)}\n{each.reference.bibtex}" for each in cited)
+    document = {"entries": [asdict(work) | {"used_for": reasons} for work, reasons in cited]}
+    text = "\n\n".join(f"% {'; '.join(reasons)}\n{work.bibtex}" for work, reasons in cited)
     print_result(options, document, text)
     return 0
 
 
-def _once(parts: Sequence[_Part]) -> list[_Cited]:
+def _once(parts: Sequence[_Part]) -> list[tuple[Reference, list[str]]]:
     """Each reference once, in order, with everything it is cited for."""
-    reasons: dict[str, list[str]] = {}
-    references: dict[str, Reference] = {}
+    cited: dict[str, tuple[Reference, list[str]]] = {}
     for reason, works in parts:
         for work in works:
-            references[work.key] = work
-            reasons.setdefault(work.key, []).append(reason)
-    return [_Cited(reference=references[key], reasons=reasons[key]) for key in references]
+            _, reasons = cited.get(work.key, (work, []))
+            cited[work.key] = (work, [*reasons, reason])
+    return list(cited.values())
 
 
 def _parts(folder: Path) -> list[_Part]:

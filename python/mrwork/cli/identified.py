@@ -1,11 +1,10 @@
-"""An identification of one model, of its laws or of several models: its run with progress, its folder, its text."""
+"""An identification on the command line: its tests and search, its folder with the page, its text and JSON."""
 
 from __future__ import annotations
 
 import argparse
 import importlib
 import os
-import shlex
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -14,28 +13,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.base.progress import ProgressLine
-from mrwork.cli.output import (
-    as_plain,
-    drawing,
-    is_quiet,
-    print_json,
-    progress_line,
-    result_lines,
-    stopped_in_words,
-    task_line,
-)
+from mrwork.cli.frame import Frame, command_line
+from mrwork.cli.options import read_tests
+from mrwork.cli.output import as_plain, drawing, print_json, result_lines, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import Interrupted, escape_text
+from mrwork.errors import escape_text
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
-from mrwork.records import DamperTest
+from mrwork.identification.settings import FitSettings
+from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
 from mrwork.records.reading import Reading
-from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import FIT_RUN, REPORT
-from mrwork.store.unfinished import INTERRUPTED, is_complete
+from mrwork.store.unfinished import INTERRUPTED
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -50,109 +42,99 @@ _SWITCH_SECONDS = 5e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """An identification of a command line: its tests with their reading, and the run folder that it writes."""
+    """An identification of a command line: its frame, and its tests with their reading."""
 
-    options: argparse.Namespace
+    frame: Frame
     reading: Reading
     tests: tuple[DamperTest, ...]
-    destination: Destination
 
     @classmethod
     def of(
-        cls, options: argparse.Namespace, reading: Reading, tests: tuple[DamperTest, ...], ending: str
+        cls, options: argparse.Namespace, settings: FitSettings, ending: str, *, kept: str
     ) -> Identification:
-        """That of these tests; the name of its folder, if none is given, is that of the first test and `ending`."""
+        """That of the tests of the command line, with the observation models of the settings.
+
+        The name of the folder, if none is given, is that of the first test and `ending`.
+        """
+        reading, read = read_tests(options, "fit")
+        tests = tuple(observed(test, settings.observe) for test in read)
         first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
         stem = first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
-        folder = options.out or Path("out") / f"{stem}-{ending}"
-        destination = Destination.of(folder, FIT_RUN, replace=options.replace, resume=options.resume)
-        check_destination(destination)
-        return cls(options=options, reading=reading, tests=tests, destination=destination)
+        frame = Frame.of(options, FIT_RUN, f"{stem}-{ending}", kept)
+        return cls(frame=frame, reading=reading, tests=tests)
 
     @property
     def folder(self) -> Path:
         """The run folder."""
-        return self.destination.path
+        return self.frame.folder
 
     def search(
-        self,
-        search: Callable[[ProgressLine[Any]], Result],
-        described: Callable[[Any], str],
-        *,
-        before: str,
+        self, search: Callable[[ProgressLine[Any]], Result], described: Callable[[Any], str], *, before: str
     ) -> tuple[Result | None, int]:
-        """Run a search with a progress line; return its result, or `None`, and the exit status, 130 after Ctrl-C.
+        """The result of a search, and the exit status; `before` says what has not happened when Ctrl-C leaves none."""
 
-        `before` says what has not happened when Ctrl-C leaves no result.
-        """
-        try:
-            with progress_line(described, quiet=is_quiet(self.options), patience=0.0) as line:
-                threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
-                return search(line), 0
-        except Interrupted as interrupt:
-            if interrupt.result is None:
-                note(f"interrupted before {before}; run the same command with --resume to continue")
-            return interrupt.result, 130
+        def compute(line: ProgressLine[Any]) -> Result:
+            threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
+            return search(line)
+
+        result, status = self.frame.compute(compute, described)
+        if result is None:
+            note(f"interrupted before {before}; run the same command with --resume to continue")
+        return result, status
 
     def described_fit(self, fit: Fit, status: int) -> Fit:
         """The fit with this command line and the reading of its tests, and at `status` 0 with its identifiability."""
         if status == 0:
-            with task_line("identifiability of the parameters", quiet=is_quiet(self.options)):
+            with task_line("identifiability of the parameters", quiet=self.frame.is_quiet):
                 # SciPy's optimisers are slow to load.
                 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-                fit = fit.with_identifiability(
-                    identifiability_of(fit, self.tests, threads=self.options.threads)
-                )
+                threads = self.frame.options.threads
+                fit = fit.with_identifiability(identifiability_of(fit, self.tests, threads=threads))
         return self.with_command(fit)
 
     def with_command(self, fit: Fit) -> Fit:
         """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
-        return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), self.reading)
+        return fit.with_command(command_line(), self.reading)
 
-    def write(
-        self, fit: Fit, journal: Path, *, finished: bool, documents: Mapping[str, object] | None = None
-    ) -> bool:
-        """Write the run folder, its page excepted; return whether that was done.
-
-        After an interrupt it is done without waiting for the disk, and not in place of a complete run.
-        """
-        if not finished and is_complete(self.folder):
-            return False
-        write_run(
-            self.destination,
-            fit=fit,
-            report_html=_NOT_DRAWN if finished else _INTERRUPTED,
-            manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
-            journal=journal,
-            documents=documents,
-            flush=finished,
-        )
-        return True
-
-    def close(
+    def end(
         self,
         fit: Fit,
         status: int,
         *,
+        journal: Path,
+        discard: Callable[[], None] | None,
         text: str,
-        kept: str,
-        written: bool,
         document: Mapping[str, object],
+        documents: Mapping[str, object] | None = None,
         ranking: Ranking | None = None,
         laws: LawTable | None = None,
     ) -> int:
-        """Print the result of a run whose folder is written, draw its page; return the exit status.
+        """Write the run folder, print the result, draw the page; return the exit status.
 
-        After Ctrl-C, `status` 130, a message says whether what is `kept` so far was `written`, and no page is drawn.
+        After Ctrl-C, `status` 130, nothing waits for the disk, no page is drawn, and a message says what is written.
         """
-        if not self.options.json:
+        options, finished = self.frame.options, status == 0
+        written = self.frame.is_to_write(status)
+        if written:
+            write_run(
+                self.frame.destination,
+                fit=fit,
+                report_html=_NOT_DRAWN if finished else _INTERRUPTED,
+                manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
+                journal=journal,
+                documents=documents,
+                flush=finished,
+            )
+            if discard is not None:
+                discard()
+        if not options.json:
             show(text)
-        if status == 130:
-            note(stopped_in_words(self.folder, kept, written=written))
+        if finished:
+            status = drawing(self.folder, self._page(fit, ranking, laws), quiet=self.frame.is_quiet)
         else:
-            status = drawing(self.folder, self._page(fit, ranking, laws), quiet=is_quiet(self.options))
-        if self.options.json:
+            self.frame.note_stop(written=written)
+        if options.json:
             print_json(document)
         elif status == 0:
             show(f"\nReport: {self.folder / REPORT}")

@@ -6,8 +6,8 @@ import argparse
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from functools import partial
+from typing import get_args
 
 from mrwork.base.table import Table
 from mrwork.base.units import COMMAND_SCALES
@@ -22,6 +22,7 @@ from mrwork.cli.options import (
     add_files,
     add_observation,
     add_out,
+    add_repeated,
     add_seed,
     add_threads,
     command_unit,
@@ -33,7 +34,6 @@ from mrwork.cli.options import (
     observation_of,
     parse_bounds,
     parse_ties,
-    read_tests,
 )
 from mrwork.cli.output import as_plain, in_words
 from mrwork.cli.terminal import note
@@ -52,16 +52,13 @@ from mrwork.identification.settings import (
     search_named,
     searches,
 )
-from mrwork.records import DamperTest, observed
+from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for
-from mrwork.records.reading import Reading
 from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
 from mrwork.uncertainty.bands.prediction import Fold
 
-if TYPE_CHECKING:
-    from mrwork.uncertainty.choice.choose import Choice
-    from mrwork.uncertainty.choice.ranking import Ranking
+_WIDTH = 118
 
 
 def add_options(parser: CommandParser) -> None:
@@ -80,34 +77,20 @@ def add_options(parser: CommandParser) -> None:
         help="damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models "
         "and ranks them, or chooses among their laws with --law auto",
     )
-    model.add_argument(
-        "--bound",
-        action="append",
-        default=[],
-        metavar="NAME=LOWER:UPPER",
-        help="range of a parameter; repeat for more",
-    )
-    model.add_argument(
-        "--fix",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="hold a parameter fixed; repeat for more",
-    )
-    model.add_argument(
+    add_repeated(model, "--bound", "NAME=LOWER:UPPER", "range of a parameter; repeat for more")
+    add_repeated(model, "--fix", "NAME=VALUE", "hold a parameter fixed; repeat for more")
+    add_repeated(
+        model,
         "--tie",
-        action="append",
-        default=[],
-        metavar="NAME=EXPRESSION",
-        help="tie a parameter to others, as k=2*c: numbers, parameters, parentheses and + - * / **; for one model "
+        "NAME=EXPRESSION",
+        "tie a parameter to others, as k=2*c: numbers, parameters, parentheses and + - * / **; for one model "
         "whose parameters are constant; repeat for more",
     )
-    laws.add_argument(
+    add_repeated(
+        laws,
         "--law",
-        action="append",
-        default=[],
-        metavar="NAME=LAW",
-        help="let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
+        "NAME=LAW",
+        "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
         "commands, values:0,0.3,1 by values at these, exponential; repeat for more; auto chooses the laws of all other "
         "parameters without bounds by the fit to tests left out",
     )
@@ -127,14 +110,13 @@ def add_options(parser: CommandParser) -> None:
     add_choice(parser)
     add_observation(parser)
     search = parser.group(SEARCH)
-    search.add_argument(
+    add_repeated(
+        search,
         "--start",
+        "RUN",
+        "also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
         dest="starts",
-        action="append",
-        default=[],
         type=named_path,
-        metavar="RUN",
-        help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )
     for name, option in FitSettings.number_options().items():
         add_number(
@@ -182,6 +164,23 @@ def add_options(parser: CommandParser) -> None:
     )
 
 
+def add_choice(parser: CommandParser) -> None:
+    """Declare the options that only a comparison takes."""
+    comparison = parser.group("comparison of models and laws")
+    comparison.add_argument(
+        "--leave-out",
+        choices=get_args(Fold),
+        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
+        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
+    )
+    comparison.add_argument(
+        "--posterior",
+        action="store_true",
+        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
+        "approximation about the fit",
+    )
+
+
 def settings_of(options: argparse.Namespace) -> FitSettings:
     """The settings that the command line gives; starts from earlier fits are added once the model is known."""
     return FitSettings(
@@ -199,27 +198,26 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
-    several = is_choice(options)
-    if settings.ties and (several or laws_are_chosen(options)):
+    several, law_is_auto = is_choice(options), laws_are_chosen(options)
+    if settings.ties and (several or law_is_auto):
         raise SettingError("--tie goes with one model and without --law auto; leave it out")
-    if laws_are_chosen(options):
-        return run_choice_of_laws(options, settings, several=several)
+    if law_is_auto:
+        return _choose_laws(options, settings, ending="models" if several else options.model)
     if several:
-        if options.engine != "lanes":
-            raise SettingError(
-                f"--engine {options.engine} finishes one model; leave it out where models are compared"
-            )
-        return run_choice_of_models(options, settings)
+        return _choose_model(options, settings)
+    return _identify_model(options, settings)
+
+
+def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
     plain = damper(options.model)
-    reading, tests = _observed_tests(options, settings)
-    spec = _with_laws(plain, tests, options)
+    verb = Identification.of(options, settings, plain.name, kept="the best fit")
+    spec = _with_laws(plain, verb.tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    verb = Identification.of(options, reading, tests, spec.name)
-    with run_journal(verb.destination, resume=options.resume, note=note) as journal:
+    with run_journal(verb.frame.destination, resume=options.resume, note=note) as journal:
         fit, status = verb.search(
             lambda line: identify_with(
                 spec,
-                tests,
+                verb.tests,
                 replace(settings, starts=starts),
                 threads=options.threads,
                 on_progress=line,
@@ -232,25 +230,14 @@ def run(options: argparse.Namespace) -> int:
         if fit is None:
             return status
         fit = verb.described_fit(fit, status)
-        written = verb.write(fit, journal.path, finished=status == 0)
-        if written:
-            discard_journal(journal)
-        return verb.close(
+        return verb.end(
             fit,
             status,
-            text=text_of(fit, tests),
-            kept="the best fit",
-            written=written,
-            document=summary_of(fit, tests, verb.folder),
+            journal=journal.path,
+            discard=partial(discard_journal, journal),
+            text=text_of(fit, verb.tests),
+            document=summary_of(fit, verb.tests, verb.folder),
         )
-
-
-def _observed_tests(
-    options: argparse.Namespace, settings: FitSettings
-) -> tuple[Reading, tuple[DamperTest, ...]]:
-    """The tests with the observation models of the settings, and their reading."""
-    reading, read = read_tests(options, "fit")
-    return reading, tuple(observed(test, settings.observe) for test in read)
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
@@ -278,26 +265,6 @@ def _search(options: argparse.Namespace) -> Search | None:
     return resize_search(search, population=options.population, generations=options.generations)
 
 
-_WIDTH = 118
-
-
-def add_choice(parser: CommandParser) -> None:
-    """Declare the options that only a comparison takes."""
-    comparison = parser.group("comparison of models and laws")
-    comparison.add_argument(
-        "--leave-out",
-        choices=get_args(Fold),
-        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
-        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
-    )
-    comparison.add_argument(
-        "--posterior",
-        action="store_true",
-        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
-        "approximation about the fit",
-    )
-
-
 def is_choice(options: argparse.Namespace) -> bool:
     """Whether the command line is for a comparison of models."""
     models = models_of(options)
@@ -311,21 +278,24 @@ def is_choice(options: argparse.Namespace) -> bool:
     return several
 
 
-def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> int:
-    """Identify and rank the models, write the run folder with the report of the best, print the ranking."""
+def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
+    """Identify and rank the models; the folder has the report of the best."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.choose import choose_model
 
-    reading, tests = _observed_tests(options, settings)
-    verb = Identification.of(options, reading, tests, "models")
-    with StepJournals(verb.destination, resume=options.resume, note=note) as journals:
+    if options.engine != "lanes":
+        raise SettingError(
+            f"--engine {options.engine} finishes one model; leave it out where models are compared"
+        )
+    verb = Identification.of(options, settings, "models", kept="what was identified")
+    with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(
             lambda line: choose_model(
-                tests,
+                verb.tests,
                 models_of(options),
                 leave_out=options.leave_out or "test",
                 laws=laws_of(options),
-                unit=command_unit(tests, options),
+                unit=command_unit(verb.tests, options),
                 lagged=options.driver_lag,
                 settings=settings,
                 sampled=options.posterior,
@@ -338,63 +308,50 @@ def run_choice_of_models(options: argparse.Namespace, settings: FitSettings) -> 
         )
         if choice is None:
             return status
+        ranking = choice.ranking
         fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
-        best = verb.described_fit(fits[choice.ranking.chosen], status)
-        documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
-        written = verb.write(
-            best,
-            journals.path(f"{best.model}/fit"),
-            finished=status == 0,
-            documents=documents | {RANKING: asdict(choice.ranking)},
-        )
-        if status == 0:
-            journals.discard()
-        text = _text(choice.ranking, verb.folder)
-        return verb.close(
+        paths = {name: f"{MODELS}/{name}/{FIT}" for name in fits}
+        best = verb.described_fit(fits[ranking.chosen], status)
+        lines = [
+            *_choice_lines(ranking.table, ranking.sentence, ranking.remarks),
+            "",
+            f"Ranking: {verb.folder / RANKING}",
+        ]
+        return verb.end(
             best,
             status,
-            text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
-            kept="what was identified",
-            written=written,
-            document=_summary(choice, verb.folder) | {"findings": as_plain(findings_for("identify", tests))},
-            ranking=choice.ranking,
+            journal=journals.path(f"{best.model}/fit"),
+            discard=journals.discard if status == 0 else None,
+            text="\n".join([*lines, *(["", text_of(best, verb.tests)] if status == 0 else [])]),
+            document={
+                **asdict(ranking),
+                "fits": {name: str(verb.folder / path) for name, path in paths.items()},
+                "out": str(verb.folder),
+                "findings": as_plain(findings_for("identify", verb.tests)),
+            },
+            documents={
+                **{paths[name]: fit.as_dict() for name, fit in fits.items()},
+                RANKING: asdict(ranking),
+            },
+            ranking=ranking,
         )
 
 
-def _summary(choice: Choice, folder: Path) -> dict[str, Any]:
-    fits = {fit.model: str(folder / MODELS / fit.model / FIT) for fit in choice.fits}
-    return asdict(choice.ranking) | {"fits": fits, "out": str(folder)}
-
-
-def _text(ranking: Ranking, folder: Path) -> str:
-    lines = _choice_lines(ranking.table, ranking.sentence, ranking.remarks)
-    return "\n".join([*lines, "", f"Ranking: {folder / RANKING}"])
-
-
-def _choice_lines(table: Table, sentence: str, remarks: Sequence[str]) -> list[str]:
-    """The table of a choice, its sentence and its remarks."""
-    lines = table.lines()
-    for each in (sentence, *(f"Note: {remark}." for remark in remarks)):
-        lines += ["", *textwrap.wrap(each, _WIDTH)]
-    return lines
-
-
-def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, several: bool) -> int:
-    """Choose the laws of one or `several` models, write the run folder of their fit, print what was tried."""
+def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: str) -> int:
+    """Choose the laws of one or several models; the folder has the report of their fit."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.laws import choose_laws
 
     if options.starts:
         raise SettingError("--law auto finds its own starts; leave --start out")
-    reading, tests = _observed_tests(options, settings)
-    verb = Identification.of(options, reading, tests, "models" if several else options.model)
-    with StepJournals(verb.destination, resume=options.resume, note=note) as journals:
+    verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+    with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(
             lambda line: choose_laws(
                 models_of(options),
-                tests,
+                verb.tests,
                 laws=laws_of(options),
-                unit=command_unit(tests, options),
+                unit=command_unit(verb.tests, options),
                 leave_out=options.leave_out,
                 settings=settings,
                 threads=options.threads,
@@ -406,31 +363,32 @@ def run_choice_of_laws(options: argparse.Namespace, settings: FitSettings, *, se
         )
         if choice is None:
             return status
+        table = choice.table
         fit = verb.described_fit(replace(choice.fit, seconds=choice.seconds), status)
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
-        written = verb.write(
-            fit,
-            next(path for path in steps if path.is_file()),
-            finished=status == 0,
-            documents={LAWS: asdict(choice.table)},
-        )
-        if status == 0:
-            journals.discard()
-        return verb.close(
+        lines = [
+            *_choice_lines(table.table, table.sentence, table.notes),
+            "",
+            f"Laws: {verb.folder / LAWS}",
+            "",
+            text_of(fit, verb.tests),
+        ]
+        return verb.end(
             fit,
             status,
-            text="\n".join(
-                [
-                    *_choice_lines(choice.table.table, choice.table.sentence, choice.table.notes),
-                    "",
-                    f"Laws: {verb.folder / LAWS}",
-                    "",
-                    text_of(fit, tests),
-                ]
-            ),
-            kept="the best of what was fitted",
-            written=written,
-            document=summary_of(fit, tests, verb.folder) | {"choice_of_laws": asdict(choice.table)},
-            laws=choice.table,
+            journal=next(path for path in steps if path.is_file()),
+            discard=journals.discard if status == 0 else None,
+            text="\n".join(lines),
+            document=summary_of(fit, verb.tests, verb.folder) | {"choice_of_laws": asdict(table)},
+            documents={LAWS: asdict(table)},
+            laws=table,
         )
+
+
+def _choice_lines(table: Table, sentence: str, remarks: Sequence[str]) -> list[str]:
+    """The table of a choice, its sentence and its remarks."""
+    lines = table.lines()
+    for paragraph in (sentence, *(f"Note: {remark}." for remark in remarks)):
+        lines += ["", *textwrap.wrap(paragraph, _WIDTH)]
+    return lines

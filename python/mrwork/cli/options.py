@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -41,6 +41,13 @@ _NONE = "none"
 _AUTO = "auto"
 
 
+def add_repeated(
+    group: Any, option: str, metavar: str, help: str, *, dest: str | None = None, type: Any = None
+) -> None:
+    """Declare an option that may be given several times, as its help says."""
+    group.add_argument(option, action="append", default=[], metavar=metavar, help=help, dest=dest, type=type)
+
+
 def add_files(parser: CommandParser, *, required: bool = True) -> None:
     """FILE... and the options for reading the files."""
     records = parser.group(RECORDS)
@@ -52,23 +59,21 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         "tests (file, use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
         "or its records",
     )
-    records.add_argument(
+    add_repeated(
+        records,
         "--column",
-        action="append",
-        default=[],
-        metavar="QUANTITY=NAME[:UNIT]",
-        help="heading of a column that is not recognised, with its unit where the file does not tell it, as in "
+        "QUANTITY=NAME[:UNIT]",
+        "heading of a column that is not recognised, with its unit where the file does not tell it, as in "
         "force=F:kN, or the command as a number, as in command=0.5A; repeat for more",
     )
     add_number(records, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
     add_number(records, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
     add_number(records, "--every", EVERY, "use every N-th sample", default=1, metavar="N")
-    records.add_argument(
+    add_repeated(
+        records,
         "--repair",
-        action="append",
-        default=[],
-        metavar="KIND[=AMOUNT]",
-        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as "
+        "KIND[=AMOUNT]",
+        f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as "
         f"in delay=0.002: {AMOUNTS_IN_WORDS}; repeat for more",
     )
     add_number(
@@ -84,12 +89,11 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
 def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: str = _NONE) -> None:
     """Add --observe and --nuisance, with the defaults `default` and `nuisances`."""
     measurement = parser.group(MEASUREMENT)
-    measurement.add_argument(
+    add_repeated(
+        measurement,
         "--observe",
-        action="append",
-        default=[],
-        metavar="WHAT=VALUE",
-        help="observation model: effect of the measurement on the force, which is applied to the model force before "
+        "WHAT=VALUE",
+        "observation model: effect of the measurement on the force, which is applied to the model force before "
         "the comparison: detect applies a moving average that is found in the record, none has no effect; average=S "
         f"(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N: {VALUES_IN_WORDS}; repeat for more; "
         f"default: {default}",

@@ -36,7 +36,7 @@ def is_quiet(options: argparse.Namespace) -> bool:
 
 
 def in_words(report: Told) -> str:
-    """What a report says itself."""
+    """The report's own progress line."""
     return report.in_words
 
 
@@ -119,12 +119,6 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
         return ""
     source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
     return f"the verdicts of the fit, on its page and in {FIT}, stay those by its {source}"
-
-
-def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:
-    """Sentence on what is saved after Ctrl-C, and how to continue."""
-    where = f"{kept} so far is in {folder}" if written else f"{folder} keeps the complete run that it has"
-    return f"interrupted; {where}; run the same command with --resume to continue"
 
 
 def renew_page(folder: Path, *, quiet: bool) -> int:

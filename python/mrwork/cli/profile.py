@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import SHARE, add_number
-from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
+from mrwork.cli.options import add_repeated, add_run, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -45,13 +45,8 @@ def add_options(parser: CommandParser) -> None:
     )
     add_run(parser)
     intervals = parser.group("intervals")
-    intervals.add_argument(
-        "--parameter",
-        dest="parameters",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="profile this parameter only; repeat for more",
+    add_repeated(
+        intervals, "--parameter", "NAME", "profile this parameter only; repeat for more", dest="parameters"
     )
     add_number(intervals, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
     add_threads(parser)

@@ -11,12 +11,13 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import in_words, is_quiet, progress_line
-from mrwork.cli.terminal import keep_stdout, note, show
+from mrwork.cli.output import is_quiet
+from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
+    from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
     from mrwork.study.course import StudyProgress
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from mrwork.study.study import Study
 
 
-# Seconds until progress is shown, and beyond which the expected time is told before.
-_SOON, _LONG = 0.5, 10.0
+# Seconds beyond which the expected time is told before.
+_LONG = 10.0
 
 
 def add_options(parser: CommandParser) -> None:
@@ -78,39 +79,43 @@ def run(options: argparse.Namespace) -> int:
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 
-    verb_of = partial(_verb, options)
-    return run_on_study(options, STUDY_RUN, options.study.stem, verb_of, use=options.motions)
+    return run_on_study(
+        options,
+        STUDY_RUN,
+        options.study.stem,
+        "what was simulated",
+        partial(_verb, options),
+        use=options.motions,
+    )
 
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
-    from mrwork.cli.study_text import StudyVerb, command_line, study_text
+    from mrwork.cli.frame import command_line
+    from mrwork.cli.study_text import StudyVerb, study_text
     from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.run_result import Histories
 
     histories = Histories(place, study, resume=options.resume)
 
-    def compute(journal: Journal) -> StudyResults:
+    def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
 
-        quiet = is_quiet(options)
-        with progress_line(in_words, quiet=quiet, patience=_SOON) as line, keep_stdout():
+        def told(progress: StudyProgress) -> None:
+            expected = 0.0 if progress.left is None else progress.seconds + progress.left
+            if progress.reasons and expected > _LONG:
+                note(f"this will take about {duration_in_words(expected)}: {'; '.join(progress.reasons)}")
+            line(progress)
 
-            def told(progress: StudyProgress) -> None:
-                expected = 0.0 if progress.left is None else progress.seconds + progress.left
-                if progress.reasons and expected > _LONG:
-                    note(f"this will take about {duration_in_words(expected)}: {'; '.join(progress.reasons)}")
-                line(progress)
-
-            return run_study(
-                study,
-                journal=journal,
-                kept=histories.is_stored,
-                keep=histories.keep,
-                on_progress=None if quiet else told,
-                check_step=options.check_step,
-                threads=options.threads,
-            )
+        return run_study(
+            study,
+            journal=journal,
+            kept=histories.is_stored,
+            keep=histories.keep,
+            on_progress=None if is_quiet(options) else told,
+            check_step=options.check_step,
+            threads=options.threads,
+        )
 
     def page(results: StudyResults, seconds: float) -> str:
         # Matplotlib is slow to load.
@@ -136,8 +141,6 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         return "\n".join([*notes, study_text(results, place if drawn or not written else None)])
 
     return StudyVerb(
-        kind=STUDY_RUN,
-        kept="what was simulated",
         compute=compute,
         page=page,
         write=partial(write_study, histories=histories),

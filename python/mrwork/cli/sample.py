@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import TEMPERING, Range, add_number
-from mrwork.cli.options import add_run, add_seed, add_threads, end_parser, opened_run
+from mrwork.cli.options import add_repeated, add_run, add_seed, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -58,12 +58,11 @@ def add_options(parser: CommandParser) -> None:
         metavar="NAME",
         help=f"noise model of the force: {names_in_words(list(NOISES.values()))}; default iid",
     )
-    posterior.add_argument(
+    add_repeated(
+        posterior,
         "--prior",
-        action="append",
-        default=[],
-        metavar="NAME=KIND:A:B",
-        help="normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
+        "NAME=KIND:A:B",
+        "normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
         "k_w=normal:650:50; repeat for more. The default is uniform over the range of the parameter",
     )
     add_number(

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import argparse
 import platform
-import shlex
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,15 +19,15 @@ from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
+from mrwork.base.progress import ProgressLine
 from mrwork.base.table import Table
-from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, stopped_in_words
+from mrwork.cli.frame import Frame, command_line
+from mrwork.cli.output import in_words, is_quiet, print_result, progress_line
 from mrwork.cli.terminal import keep_stdout, note
-from mrwork.errors import Interrupted
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import REPORT, RunKind
-from mrwork.store.unfinished import discard_journal, is_complete, run_journal
+from mrwork.store.unfinished import discard_journal, run_journal
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -47,7 +45,7 @@ from mrwork.study.results import (
     StudyResults,
 )
 from mrwork.study.schema import Use
-from mrwork.study.study import Study, StudyFile
+from mrwork.study.study import Study
 from mrwork.study.tables import (
     bands_of_study,
     change_table,
@@ -59,93 +57,24 @@ from mrwork.study.tables import (
 )
 from mrwork.tuning.results import TuningResults
 
-
-def command_line() -> str:
-    """The command as it was given."""
-    return shlex.join(["mrwork", *sys.argv[1:]])
-
-
 Results = TypeVar("Results", StudyResults, TuningResults)
+
+# Seconds until progress is shown.
+_SOON = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
     """A verb on a study: computes the results and their page, folder, JSON object and text.
 
-    `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written; `kept` says
-    what a folder has after Ctrl-C.
+    `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written.
     """
 
-    kind: RunKind
-    kept: str
-    compute: Callable[[Journal], Results]
+    compute: Callable[[Journal, ProgressLine[Any]], Results]
     page: Callable[[Results, float], str]
     write: Callable[..., None]
     document: Callable[[Results], dict[str, Any]]
     text: Callable[[Results, bool, bool], str]
-
-    def run(
-        self,
-        options: argparse.Namespace,
-        study: Study,
-        destination: Destination,
-        journal: Journal,
-        began: float,
-    ) -> int:
-        """Compute, write the folder, print the result; return the exit status."""
-        place, status, drawn = destination.path, 0, False
-        try:
-            results = self.compute(journal)
-        except Interrupted as interrupt:
-            results, status = interrupt.result, 130
-        finally:
-            journal.finish()
-        written = status == 0 or not is_complete(place)
-        if written:
-            seconds = time.perf_counter() - began
-            manifest = self._manifest(options, study.file, results, seconds)
-            page = None
-            # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
-            if status == 0:
-                with suppress(KeyboardInterrupt):
-                    page = self.page(results, seconds)
-            self.write(
-                destination,
-                results,
-                study_file=study.file,
-                page=page,
-                manifest=manifest,
-                journal=journal.path,
-            )
-            drawn = page is not None
-            discard_journal(journal)
-        document = self.document(results) | {"out": str(place)}
-        print_result(options, document, self.text(results, drawn, written))
-        if status == 130:
-            note(stopped_in_words(place, self.kept, written=written))
-        elif not drawn:
-            note(
-                f"interrupted while the page was drawn; the results are in {place}; run the same command with --resume "
-                "to draw it"
-            )
-            status = 130
-        return status
-
-    def _manifest(
-        self, options: argparse.Namespace, study_file: StudyFile, results: Results, seconds: float
-    ) -> dict[str, Any]:
-        """The manifest of a run on the file `options.study`, as it was read, with the seed `options.seed`."""
-        return {
-            "kind": self.kind.kind,
-            "title": results.title,
-            "status": results.status,
-            "command": command_line(),
-            "seed": options.seed,
-            "study": {"path": str(options.study), "content": digest_of(study_file.text)},
-            "versions": {"mrwork": __version__, "python": platform.python_version()},
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "seconds": seconds,
-        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,27 +97,67 @@ def run_on_study(
     options: argparse.Namespace,
     kind: RunKind,
     default: str,
+    kept: str,
     verb_of: Callable[[Study, Path], StudyVerb[Results]],
     *,
     use: Use | Literal["all"] = "all",
 ) -> int:
-    """Run a verb on the motions of a `use` of its study, in a folder, by default `default` in `out`; its status."""
+    """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status."""
     # The simulation is slow to load.
     from mrwork.runs.study import read_study
 
     began = time.perf_counter()
-    with (
-        progress_line(in_words, quiet=is_quiet(options), patience=0.5) as line,
-        keep_stdout(),
-    ):
+    with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(_Reading())
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
-    place = options.out or Path("out") / default
-    destination = Destination.of(place, kind, replace=options.replace, resume=options.resume)
-    check_destination(destination)
-    with run_journal(destination, resume=options.resume, note=note) as journal:
-        return verb_of(study, destination.path).run(options, study, destination, journal, began)
+    frame = Frame.of(options, kind, default, kept)
+    with run_journal(frame.destination, resume=options.resume, note=note) as journal:
+        verb = verb_of(study, frame.folder)
+        try:
+            with keep_stdout():
+                results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
+        finally:
+            journal.finish()
+        assert results is not None  # an interrupted study has the runs so far
+        written, page = frame.is_to_write(status), None
+        if written:
+            seconds = time.perf_counter() - began
+            # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
+            if status == 0:
+                with suppress(KeyboardInterrupt):
+                    page = verb.page(results, seconds)
+            manifest = {
+                "kind": kind.kind,
+                "title": results.title,
+                "status": results.status,
+                "command": command_line(),
+                "seed": options.seed,
+                "study": {"path": str(options.study), "content": digest_of(study.file.text)},
+                "versions": {"mrwork": __version__, "python": platform.python_version()},
+                "created": datetime.now(UTC).isoformat(timespec="seconds"),
+                "seconds": seconds,
+            }
+            verb.write(
+                frame.destination,
+                results,
+                study_file=study.file,
+                page=page,
+                manifest=manifest,
+                journal=journal.path,
+            )
+            discard_journal(journal)
+        document = verb.document(results) | {"out": str(frame.folder)}
+        print_result(options, document, verb.text(results, page is not None, written))
+        if status == 130:
+            frame.note_stop(written=written)
+        elif page is None:
+            note(
+                f"interrupted while the page was drawn; the results are in {frame.folder}; run the same command with "
+                "--resume to draw it"
+            )
+            status = 130
+        return status
 
 
 _WIDTH = 100

@@ -6,16 +6,17 @@ import argparse
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mrwork.base.numbers import with_decimals
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import in_words, is_quiet, progress_line, table_lines
+from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
+from mrwork.cli.output import table_lines
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 
 if TYPE_CHECKING:
+    from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
     from mrwork.study.schema import TuneTable
@@ -39,12 +40,11 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
     search = parser.group(SEARCH)
-    search.add_argument(
+    add_repeated(
+        search,
         "--law",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study; repeat "
+        "NAME",
+        "tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study; repeat "
         "for more",
     )
     search.add_argument(
@@ -67,23 +67,24 @@ def run(options: argparse.Namespace) -> int:
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 
-    return run_on_study(options, TUNING_RUN, f"{options.study.stem}-tuned", partial(_verb, options))
+    default = f"{options.study.stem}-tuned"
+    return run_on_study(options, TUNING_RUN, default, "what was found", partial(_verb, options))
 
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[TuningResults]:
     """The tuning of the tables of a study, or of the command line."""
-    from mrwork.cli.study_text import StudyVerb, command_line
+    from mrwork.cli.frame import command_line
+    from mrwork.cli.study_text import StudyVerb
     from mrwork.tuning.results import tuning_document, write_tuning
 
     tables = _tables(study, options)
 
-    def compute(journal: Journal) -> TuningResults:
+    def compute(journal: Journal, line: ProgressLine[Any]) -> TuningResults:
         from mrwork.tuning.run import tune
 
-        with progress_line(in_words, quiet=is_quiet(options)) as line:
-            return tune(
-                study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
-            )
+        return tune(
+            study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
+        )
 
     def page(results: TuningResults, _: float) -> str:
         # Matplotlib is slow to load.
@@ -92,8 +93,6 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
         return tuning_page(results, command=command_line())
 
     return StudyVerb(
-        kind=TUNING_RUN,
-        kept="what was found",
         compute=compute,
         page=page,
         write=write_tuning,

@@ -1,0 +1,78 @@
+"""The frame of a verb that computes a run folder: its place, its run with progress, and what Ctrl-C leaves of it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mrwork.base.progress import ProgressLine
+from mrwork.cli.output import in_words, is_quiet, progress_line
+from mrwork.cli.terminal import note
+from mrwork.errors import Interrupted
+from mrwork.store.output_folder import Destination, check_destination
+from mrwork.store.run_folder import RunKind
+from mrwork.store.unfinished import is_complete
+
+Result = TypeVar("Result")
+
+
+def command_line() -> str:
+    """The command as it was given."""
+    return shlex.join(["mrwork", *sys.argv[1:]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """The options of a verb, the run folder that it writes, and what that has after Ctrl-C, in words."""
+
+    options: argparse.Namespace
+    destination: Destination
+    kept: str
+
+    @classmethod
+    def of(cls, options: argparse.Namespace, kind: RunKind, default: str, kept: str) -> Frame:
+        """That of the folder of the command line, or of `default` in `out`, which is refused if it is of another."""
+        folder = options.out or Path("out") / default
+        destination = Destination.of(folder, kind, replace=options.replace, resume=options.resume)
+        check_destination(destination)
+        return cls(options=options, destination=destination, kept=kept)
+
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.destination.path
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether no progress line is shown."""
+        return is_quiet(self.options)
+
+    def compute(
+        self,
+        compute: Callable[[ProgressLine[Any]], Result],
+        described: Callable[[Any], str] = in_words,
+        *,
+        patience: float = 0.0,
+    ) -> tuple[Result | None, int]:
+        """The result with a progress line, after Ctrl-C what there is of it; and the exit status, 0 or 130."""
+        try:
+            with progress_line(described, quiet=self.is_quiet, patience=patience) as line:
+                return compute(line), 0
+        except Interrupted as interrupt:
+            return interrupt.result, 130
+
+    def is_to_write(self, status: int) -> bool:
+        """Whether the folder is written: after Ctrl-C not in place of a complete run."""
+        return status == 0 or not is_complete(self.folder)
+
+    def note_stop(self, *, written: bool) -> None:
+        """Say what is saved after Ctrl-C, and how to continue."""
+        where = f"{self.kept} so far is in {self.folder}"
+        if not written:
+            where = f"{self.folder} keeps the complete run that it has"
+        note(f"interrupted; {where}; run the same command with --resume to continue")
