@@ -26,7 +26,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.amplitudes import amplitude_section
+from mrwork.report.fit.agreement import amplitude_section
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section

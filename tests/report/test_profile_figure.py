@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.report.canvas import png_bytes, svg_bytes
-from mrwork.report.fit.profiles import profiles_figure
+from mrwork.report.fit.parameters import profiles_figure
 from mrwork.uncertainty import Profiles
 from mrwork.uncertainty.identifiability.profile import Profile
 

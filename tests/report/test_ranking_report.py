@@ -7,7 +7,7 @@ import pytest
 
 from mrwork.report import numbers
 from mrwork.report.canvas import svg_bytes
-from mrwork.report.fit.ranking import ranking_figure
+from mrwork.report.fit.choices import ranking_figure
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
 

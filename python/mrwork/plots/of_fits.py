@@ -33,9 +33,8 @@ from mrwork.report import style
 from mrwork.report.canvas import draw_points
 from mrwork.report.figures import Motion, axis_values
 from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
-from mrwork.report.fit.parameters import with_unit
+from mrwork.report.fit.parameters import add_profile, with_unit
 from mrwork.report.fit.posterior import add_corner, label_corner
-from mrwork.report.fit.profiles import add_profile
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate

@@ -179,20 +179,12 @@ def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
 
 def force_history(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against time with the residual below: the whole record, and a few cycles of it enlarged."""
-    return _side_by_side(comparison, unit, draw_record, draw_cycles)
+    return _with_heading(comparison, unit, draw_record, draw_cycles)
 
 
 def hysteresis_loops(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against displacement and against velocity: points of the test, line of the model."""
-    return _side_by_side(comparison, unit, partial(draw_loop, "displacement"), partial(draw_loop, "velocity"))
-
-
-@style.drawn_in_style()
-def one_column(comparison: Comparison, unit: DisplayUnit, draw: Drawing) -> Figure:
-    """A drawing of a test as a figure of one column: `draw_record`, `draw_cycles` or a loop."""
-    figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT))
-    draw(figure, 0, comparison, unit)
-    return figure
+    return _with_heading(comparison, unit, partial(draw_loop, "displacement"), partial(draw_loop, "velocity"))
 
 
 @style.drawn_in_style()
@@ -218,15 +210,24 @@ def repair_panel(test: DamperTest, original: DamperTest, unit: DisplayUnit) -> F
 
 
 @style.drawn_in_style()
-def _side_by_side(comparison: Comparison, unit: DisplayUnit | None, *drawings: Drawing) -> Figure:
-    width = len(drawings) * style.PANEL_WIDTH
-    figure = Figure(figsize=(width, style.PANEL_HEIGHT + _HEADING))
-    heading = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
-    top = 1 - 0.12 / figure.get_figheight()
-    figure.text(canvas.LEFT / width, top, heading, va="top", fontweight="bold")
+def figure_of_test(
+    comparison: Comparison, unit: DisplayUnit, *drawings: Drawing, heading: str = ""
+) -> Figure:
+    """Drawings of a test as a figure, a column each, below its heading if it has one."""
+    width, room = len(drawings) * style.PANEL_WIDTH, _HEADING if heading else 0.0
+    figure = Figure(figsize=(width, style.PANEL_HEIGHT + room))
+    if heading:
+        top = 1 - 0.12 / figure.get_figheight()
+        figure.text(canvas.LEFT / width, top, heading, va="top", fontweight="bold")
     for column, draw in enumerate(drawings):
-        draw(figure, column, comparison, unit or common_force_unit([comparison]))
+        draw(figure, column, comparison, unit)
     return figure
+
+
+def _with_heading(comparison: Comparison, unit: DisplayUnit | None, *drawings: Drawing) -> Figure:
+    heading = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
+    unit = unit or common_force_unit([comparison])
+    return figure_of_test(comparison, unit, *drawings, heading=heading)
 
 
 def draw_record(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:

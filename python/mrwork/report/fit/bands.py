@@ -146,14 +146,8 @@ def _own_groups(
         prose=(text,) if parts else (),
         panels=(
             panel(
-                f"b{number}-time",
-                "Force over one cycle",
-                time_figure(banded, unit),
-                f"Force over one cycle of test {comparison.test.name} with its bands",
-            ),
-            panel(
                 f"b{number}-error",
-                "Force minus model force over the same cycle",
+                "Force minus model force over one cycle",
                 error_figure(banded, unit),
                 f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
             ),
@@ -312,15 +306,6 @@ class Banded:
         return "synthetic" if self.prediction.test.synthetic else "measured"
 
 
-@style.drawn_in_style()
-def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
-    """Force over one cycle from the middle of the record, with the bands that exist."""
-    figure, axes, _, time = _empty_cycle(banded)
-    add_bands(axes, banded, unit)
-    _finish_cycle(axes, time, f"Force ({unit.symbol})")
-    return figure
-
-
 def add_bands(axes: Axes, banded: Banded, unit: DisplayUnit, over: Motion | None = None) -> None:
     """Force over one cycle with the bands that exist, over time or along the loop over displacement or velocity."""
     samples, test = middle_cycle(banded.prediction), banded.prediction.test
@@ -334,8 +319,11 @@ def add_bands(axes: Axes, banded: Banded, unit: DisplayUnit, over: Motion | None
 
 @style.drawn_in_style()
 def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
-    """The same cycle and its bands minus the model force, which shows narrow bands."""
-    figure, axes, samples, time = _empty_cycle(banded)
+    """Force minus model force over one cycle from the middle of the record, with the bands that exist."""
+    samples, test = middle_cycle(banded.prediction), banded.prediction.test
+    time = test.time[test.counted][samples]
+    # Four entries of the legend need a second line.
+    figure, axes = column_axes(top=0.56)
     residual = banded.prediction.residual[samples]
     ends = [end for band in (banded.predicted, banded.parameters) if band for end in (band.lower, band.upper)]
     largest = max(
@@ -351,21 +339,10 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
         linewidth=1.0,
         label=banded.data_label,
     )
-    _finish_cycle(axes, time, f"Force minus model ({unit.symbol})")
-    return figure
-
-
-def _empty_cycle(banded: Banded) -> tuple[Figure, Axes, slice, Floats]:
-    """Axes for a cycle over time, its samples among those that count, and their time [s]."""
-    samples, test = middle_cycle(banded.prediction), banded.prediction.test
-    # Four entries of the legend need a second line.
-    return *column_axes(top=0.56), samples, test.time[test.counted][samples]
-
-
-def _finish_cycle(axes: Axes, time: Floats, ordinate: str) -> None:
-    finish_signed(axes, ordinate, "Time (s)")
+    finish_signed(axes, f"Force minus model ({unit.symbol})", "Time (s)")
     axes.set_xlim(float(time[0]), float(time[-1]))
     legend(axes, columns=2)
+    return figure
 
 
 @style.drawn_in_style()

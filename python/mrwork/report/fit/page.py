@@ -22,6 +22,7 @@ from mrwork.report import figures
 from mrwork.report.canvas import png_bytes, svg_bytes
 from mrwork.report.figures import Comparison
 from mrwork.report.fit.agreement import (
+    AMPLITUDES,
     agreement_rows,
     blocks_of_tests,
     count_findings,
@@ -29,18 +30,22 @@ from mrwork.report.fit.agreement import (
     has_small_loops,
     overview,
 )
-from mrwork.report.fit.amplitudes import AMPLITUDES
 from mrwork.report.fit.bands import BANDS
+from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
 from mrwork.report.fit.coverage import COVERAGE
-from mrwork.report.fit.gains import PLAN, plan_figure
-from mrwork.report.fit.parameters import IDENTIFIABILITY, TESTED_RANGE, caution, parameter_rows
+from mrwork.report.fit.parameters import (
+    IDENTIFIABILITY,
+    PROFILES,
+    TESTED_RANGE,
+    caution,
+    parameter_rows,
+    profiles_figure,
+)
 from mrwork.report.fit.posterior import POSTERIOR
-from mrwork.report.fit.profiles import PROFILES, profiles_figure
-from mrwork.report.fit.ranking import LAWS, RANKING, ranking_figure
 from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import equation_html, fill_template
-from mrwork.report.section import Absent, OnDrawn, PageProgress, Section, SectionKind, ignore_progress
+from mrwork.report.section import OnDrawn, PageProgress, SectionKind, ignore_progress
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
@@ -115,16 +120,43 @@ def fit_page(
         before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
     fit = run.fit
-    return identification_report(
-        fit,
-        comparisons,
-        model_title=fit.spec.title,
-        equation=fit.spec.equation,
-        source=fit.spec.source,
+
+    def on_test(name: str) -> None:
+        before(f"test {name}")
+
+    *agreement, overall = agreement_rows(fit, comparisons)
+    synthetic = {
+        name
+        for comparison in comparisons
+        if comparison.test.synthetic
+        for name in (comparison.test.path, comparison.test.name)
+    }
+    return fill_template(
+        "fit.html.j2",
+        fit=fit,
+        equation=Markup(equation_html(fit.spec.equation)),
+        status=_STATUS[fit.status],
+        status_detail=_status_detail(fit),
+        banner=_BANNER.get(fit.status, "").format(
+            reason=f": {fit.status_reason}" if fit.status_reason else ""
+        ),
+        headline=_headline(fit),
+        tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
+        parameters=parameter_rows(fit),
+        caution=caution(fit),
+        overall=overall,
+        overview=overview(comparisons, on_test=on_test),
+        blocks=blocks_of_tests(comparisons, agreement, drawn=drawn, on_test=on_test),
+        searched=search_panels(fit),
+        search=search_facts(fit),
         sections=[section for _, section in made if section is not None],
+        checked=count_findings(comparisons),
         absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
-        drawn=drawn,
-        on_test=lambda name: before(f"test {name}"),
+        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
+        inputs=[
+            (name, digest, digest[:_HASH_SHOWN], name in synthetic)
+            for name, digest in fit.provenance.inputs.items()
+        ],
     )
 
 
@@ -149,67 +181,6 @@ def write_page(
     page = fit_page(run, comparisons, every_test=every_test, on_progress=on_progress)
     write_files(run.place, {REPORT: page.encode()})
     return run.place / REPORT
-
-
-def identification_report(
-    fit: Fit,
-    comparisons: Sequence[Comparison],
-    *,
-    model_title: str,
-    equation: str,
-    source: str,
-    sections: Sequence[Section] = (),
-    absent: Sequence[Absent] = (),
-    drawn: Mapping[int, str] | None = None,
-    on_test: Callable[[str], None] = lambda name: None,
-) -> str:
-    """The page of a fit and of the tests it is compared with, HTML with styles and figures inside.
-
-    `equation` is in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple tags pass through). `drawn` are the indices
-    of the tests that are drawn in full, with what each stands for, by default `drawn_in_full`; `on_test` hears of each
-    before it is drawn.
-    """
-    *agreement, overall = agreement_rows(fit, comparisons)
-    synthetic = {
-        name
-        for comparison in comparisons
-        if comparison.test.synthetic
-        for name in (comparison.test.path, comparison.test.name)
-    }
-    return fill_template(
-        "fit.html.j2",
-        fit=fit,
-        model_title=model_title,
-        equation=Markup(equation_html(equation)),
-        source=source,
-        status=_STATUS[fit.status],
-        status_detail=_status_detail(fit),
-        banner=_BANNER.get(fit.status, "").format(
-            reason=f": {fit.status_reason}" if fit.status_reason else ""
-        ),
-        headline=_headline(fit),
-        tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
-        parameters=parameter_rows(fit),
-        caution=caution(fit),
-        overall=overall,
-        overview=overview(comparisons, on_test=on_test),
-        blocks=blocks_of_tests(
-            comparisons,
-            agreement,
-            drawn=drawn_in_full(comparisons) if drawn is None else drawn,
-            on_test=on_test,
-        ),
-        searched=search_panels(fit),
-        search=search_facts(fit),
-        sections=sections,
-        checked=count_findings(comparisons),
-        absent=absent,
-        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
-        inputs=[
-            (name, digest, digest[:_HASH_SHOWN], name in synthetic)
-            for name, digest in fit.provenance.inputs.items()
-        ],
-    )
 
 
 def _status_detail(fit: Fit) -> str:

@@ -116,7 +116,7 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 
 
 def _table(draws: Draws) -> Table:
-    # The one verdict on a parameter is in the section on identifiability.
+    # The one verdict on a parameter is in the table of parameters.
     return page_table(
         "Posterior of each parameter",
         (

@@ -197,7 +197,10 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
     return page_table(
         "Tests of the residuals",
         (
-            TableColumn(heading="test", cell=lambda row: row[0].test.name),
+            TableColumn(
+                heading="test",
+                cell=lambda row: f"{row[0].test.name}{' (synthetic)' if row[0].test.synthetic else ''}",
+            ),
             column("lag-1 autocorr.", lambda each: numbers.format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(
