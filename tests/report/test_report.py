@@ -140,7 +140,7 @@ def test_the_page_says_how_many_samples_the_standard_errors_count() -> None:
     described = fit(tested)
     counted = report(tested, n_effective=212.3)
     assert "Standard error, 212 effective samples" in counted
-    assert "residuals as 212 effective samples" in counted
+    assert "residuals count as 212 effective samples" in counted
     old = parameters.caution(replace(described, n_effective=None))
     assert "read them as lower limits" in old
     nothing = tuple(replace(estimate, standard_error=None) for estimate in described.estimates)

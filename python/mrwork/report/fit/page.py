@@ -165,7 +165,7 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
     opened = reopen(place)
     fit = opened.fit
     if fit.identifiability is None:
-        # Earlier versions did not store it.
+        # That of an interrupted run is not stored.
         fit = fit.with_identifiability(identifiability_of(fit, opened.tests))
     return with_additions(opened.place, fit), comparisons_of(fit, opened.tests)
 

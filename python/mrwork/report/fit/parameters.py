@@ -15,7 +15,7 @@ from mrwork.base import numbers
 from mrwork.base.numbers import shortest
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.identification.fit import Direction, Estimate, Fit, Identifiability, Intervals, VerdictName
+from mrwork.identification.fit import Direction, Estimate, Fit, Intervals, VerdictName
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
@@ -90,26 +90,29 @@ def _plain(text: str) -> Aligned:
 
 
 def caution(fit: Fit) -> str:
-    """Assumptions of the uncertainties."""
+    """Assumptions of the uncertainties, from which the verdicts follow."""
+    counted = ""
+    if fit.n_effective is not None:
+        counted = (
+            f" The {numbers.format_fixed(fit.n_time, 0)} residuals count as "
+            f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, as their autocorrelation asks."
+        )
     if fit.intervals is not None:
         return (
-            f"The {fit.intervals.heading}s take the place of standard errors. They hold if the model is right; an end "
-            "that is not given is one at which the data do not bound the parameter."
+            f"The {fit.intervals.heading}s take the place of standard errors, and the verdicts follow from them. They "
+            "hold if the model is right; an end that is not given is one at which the data do not bound the parameter."
+            f"{counted}"
         )
     if all(estimate.standard_error is None for estimate in fit.estimates):
         return "No standard errors: they could not be computed for this fit."
-    linear = (
-        "They take the force to be linear in the parameters over that range, and the model to be right; profiles and "
-        "posterior draws do without the first."
+    earlier = (
+        "These standard errors are of an earlier version, which took residuals to be independent from one sample to "
+        "the next: read them as lower limits."
     )
-    if fit.n_effective is None:
-        return (
-            "These standard errors are of an earlier version, which took residuals to be independent from one sample "
-            f"to the next: read them as lower limits. {linear}"
-        )
     return (
-        f"Standard errors count the {numbers.format_fixed(fit.n_time, 0)} residuals as "
-        f"{numbers.format_fixed(fit.n_effective, 0)} effective samples, as their autocorrelation asks. {linear}"
+        f"{counted.lstrip() or earlier} Standard errors, and the verdicts that follow from them, take the force to be "
+        "linear in the parameters over that range, and the model to be right; profiles and posterior draws do without "
+        "the first."
     )
 
 
@@ -156,12 +159,16 @@ def _identifiability_section(run: StoredRun, _: Sequence[Comparison]) -> Section
     if identifiability is None:
         return None
     judged = {each.name: run.fit.verdict_on(each.name) for each in identifiability.verdicts}
+    words = {verdict for verdict, _ in judged.values()}
+    advice = " ".join(_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words)
     points = tuple(_sentence(each) for each in identifiability.informative)
+    ground = "; the directions below follow from the derivatives at the fit" if points else ""
+    stated = f"The verdict on each parameter stands in the table of parameters{ground}."
     return Section(
         anchor="identifiability",
         title="Identifiability",
         summary=_summary(judged),
-        groups=(Group(prose=_prose(run.fit, identifiability, judged), points=points),),
+        groups=(Group(prose=tuple(filter(None, (stated, advice))), points=points),),
     )
 
 
@@ -174,29 +181,6 @@ def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
     return f"Identifiability: {'; '.join(parts)}."
-
-
-def _prose(
-    fit: Fit, identifiability: Identifiability, judged: Mapping[str, tuple[str, str]]
-) -> tuple[str, ...]:
-    effective = numbers.format_fixed(identifiability.n_effective, 0)
-    counted = (
-        f"The {numbers.format_fixed(identifiability.n_time, 0)} residuals count as {effective} effective samples, "
-        "as their autocorrelation asks."
-    )
-    if fit.intervals is None:
-        basis = (
-            "The verdicts in the table of parameters follow from the standard errors, which take the force to be "
-            "linear in the parameters over that range; profiles and posterior draws do not."
-        )
-    else:
-        basis = (
-            f"The verdicts in the table of parameters follow from the {fit.intervals.heading}s, the directions below "
-            "from the derivatives at the fit."
-        )
-    words = {verdict for verdict, _ in judged.values()}
-    advice = [_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words]
-    return tuple(filter(None, (f"{counted} {basis}", " ".join(advice))))
 
 
 def _sentence(direction: Direction) -> str:

@@ -30,7 +30,13 @@ _NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 
 def search_panels(fit: Fit) -> tuple[Panel, ...]:
     """The convergence of the search and, where it fitted from many starts, the misfits of these local minimisations."""
-    return tuple(filter(None, (_convergence_panel(fit), waterfall_panel(fit))))
+    reached = "refined to" if fit.refinement_steps else "best fit"
+    description = (
+        f"NRMSE of the best and of the median candidate against simulated candidates, "
+        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
+    )
+    course = panel("search", "Misfit during the search", search_figure(fit), description)
+    return tuple(filter(None, (course, waterfall_panel(fit))))
 
 
 def search_facts(fit: Fit) -> list[tuple[str, str]]:
@@ -110,15 +116,6 @@ def waterfall_figure(ends: Floats, reached: int) -> Figure:
     axes.set_xlim(0.4, ends.size + 0.6)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
     return figure
-
-
-def _convergence_panel(fit: Fit) -> Panel:
-    reached = "refined to" if fit.refinement_steps else "best fit"
-    description = (
-        f"NRMSE of the best and of the median candidate against simulated candidates, "
-        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
-    )
-    return panel("search", "Misfit during the search", search_figure(fit), description)
 
 
 def _local_minimisations(fit: Fit) -> tuple[Floats, int]:

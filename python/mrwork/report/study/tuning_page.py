@@ -54,17 +54,13 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
                 color=style.BAND_EDGE,
                 linewidth=5.0,
             )
-        last = place == len(laws) - 1
         axes.plot(each.train.score, place, "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK)
         if each.test is not None:
             axes.plot(each.test.score, place, "o", markersize=5, color=style.MODEL)
-        if last:
-            axes.plot(
-                [], [], "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK, label="training"
-            )
-            if each.test is not None:
-                axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
-            axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
+    axes.plot([], [], "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK, label="training")
+    if laws[0].test is not None:
+        axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
+    axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
     name_rows(axes, [escape_text(name) for name in reversed(names)], "Score over i = 0")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2, columnspacing=0.9)
