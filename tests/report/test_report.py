@@ -18,7 +18,6 @@ from mrwork import StoredRun
 from mrwork.records import DamperTest, Finding
 from mrwork.report import figures
 from mrwork.report.figures import Comparison
-from mrwork.report.fit import parameters
 from mrwork.report.fit.page import fit_page
 
 VOID = {"meta", "br", "wbr", "link", "img", "hr"}
@@ -141,8 +140,6 @@ def test_the_page_says_how_many_samples_the_standard_errors_count() -> None:
     counted = report(tested, n_effective=212.3)
     assert "Standard error, 212 effective samples" in counted
     assert "residuals count as 212 effective samples" in counted
-    old = parameters.caution(replace(described, n_effective=None))
-    assert "read them as lower limits" in old
     nothing = tuple(replace(estimate, standard_error=None) for estimate in described.estimates)
     assert "No standard errors" in report(tested, estimates=nothing)
 

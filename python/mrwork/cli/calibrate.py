@@ -95,11 +95,6 @@ def run(options: argparse.Namespace) -> int:
 def _unseen(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
-    if not fit.motions:
-        note(
-            f"the tests of {options.run_folder} cannot be read as they were, so that only identical files are "
-            "recognised as seen; identify again from the files"
-        )
     words = observation_of(options, fit.settings.observe)
     _, read = read_tests(options, "calibration")
     findings = told_findings("calibrate", read, options)

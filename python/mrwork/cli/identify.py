@@ -280,13 +280,13 @@ def is_choice(options: argparse.Namespace) -> bool:
 
 def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
     """Identify and rank the models; the folder has the report of the best."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.choice.choose import choose_model
-
     if options.engine != "lanes":
         raise SettingError(
             f"--engine {options.engine} finishes one model; leave it out where models are compared"
         )
+    # SciPy's optimisers are slow to load.
+    from mrwork.uncertainty.choice.choose import choose_model
+
     verb = Identification.of(options, settings, "models", kept="what was identified")
     with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(
@@ -339,11 +339,11 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
 
 def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: str) -> int:
     """Choose the laws of one or several models; the folder has the report of their fit."""
+    if options.starts:
+        raise SettingError("--law auto finds its own starts; leave --start out")
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.laws import choose_laws
 
-    if options.starts:
-        raise SettingError("--law auto finds its own starts; leave --start out")
     verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
     with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(

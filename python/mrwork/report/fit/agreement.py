@@ -85,7 +85,6 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
         numbers.column([norm.time for norm in norms], 3),
         numbers.column([norm.displacement for norm in norms], 3),
         numbers.column([norm.velocity for norm in norms], 3),
-        [*(numbers.format_fixed(each.residual_autocorrelation, 4) for each in tested), ""],
         [numbers.format_fixed(entry.n_time, 0) for entry in every],
         [*(numbers.format_fixed(each.substeps, 0) for each in tested), ""],
     ]
