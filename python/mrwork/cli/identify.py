@@ -107,7 +107,19 @@ def add_options(parser: CommandParser) -> None:
         help="let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; "
         "for records of a set point that varies, rather than of the current itself; left out where the tests show none",
     )
-    add_choice(parser)
+    comparison = parser.group("comparison of models and laws")
+    comparison.add_argument(
+        "--leave-out",
+        choices=get_args(Fold),
+        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
+        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
+    )
+    comparison.add_argument(
+        "--posterior",
+        action="store_true",
+        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
+        "approximation about the fit",
+    )
     add_observation(parser)
     search = parser.group(SEARCH)
     add_repeated(
@@ -161,23 +173,6 @@ def add_options(parser: CommandParser) -> None:
         parser,
         run,
         resume="resume a run that was killed or interrupted; all other options but --threads as in that run",
-    )
-
-
-def add_choice(parser: CommandParser) -> None:
-    """Declare the options that only a comparison takes."""
-    comparison = parser.group("comparison of models and laws")
-    comparison.add_argument(
-        "--leave-out",
-        choices=get_args(Fold),
-        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
-        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
-    )
-    comparison.add_argument(
-        "--posterior",
-        action="store_true",
-        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
-        "approximation about the fit",
     )
 
 

@@ -64,12 +64,24 @@ def blocks_of_tests(
     """
     unit = figures.common_force_unit(comparisons)
     blocks = []
-    for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True)):
+    for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True), start=1):
+        test = comparison.test
         panels: tuple[Panel, ...] = ()
-        if number in drawn:
-            on_test(comparison.test.name)
-            panels = _test_panels(f"t{number + 1}", comparison, row, unit)
-        blocks.append(_test_block(number + 1, comparison, row, panels, drawn.get(number, "")))
+        if number - 1 in drawn:
+            on_test(test.name)
+            panels = _test_panels(f"t{number}", comparison, row, unit)
+        blocks.append(
+            TestBlock(
+                anchor=f"test-{number}" if panels else ANCHOR,
+                name=test.name,
+                role=drawn.get(number - 1, ""),
+                synthetic=test.synthetic,
+                conditions=_conditions(test, comparison.quality),
+                agreement=row,
+                findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
+                panels=panels,
+            )
+        )
     return blocks
 
 
@@ -105,22 +117,6 @@ def count_findings(comparisons: Sequence[Comparison]) -> str:
     ]
     records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
     return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
-
-
-def _test_block(
-    number: int, comparison: Comparison, agreement: AgreementRow, panels: tuple[Panel, ...], role: str
-) -> TestBlock:
-    test = comparison.test
-    return TestBlock(
-        anchor=f"test-{number}" if panels else ANCHOR,
-        name=test.name,
-        role=role,
-        synthetic=test.synthetic,
-        conditions=_conditions(test, comparison.quality),
-        agreement=agreement,
-        findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
-        panels=panels,
-    )
 
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
