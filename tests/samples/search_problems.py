@@ -51,8 +51,7 @@ def optimiser_named(name):
     """An optimiser of the registry; the test is skipped where its library is absent."""
     if name in OPTIMISERS:
         return OPTIMISERS[name]
-    library = name.partition("_")[0]
-    pytest.importorskip(library, reason=f"{library} is not installed: pip install 'mrwork[peers]'")
+    pytest.importorskip(name, reason=f"{name} is not installed: pip install 'mrwork[peers]'")
     return PEERS[name]
 
 

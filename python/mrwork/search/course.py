@@ -11,12 +11,12 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, NotNegative, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import ArgumentError, SettingError
-from mrwork.search.rules import REASONS, EliteRule, StopRules, check_ranges, distinct_best
+from mrwork.search.rules import REASONS, EliteRule, StopRules, distinct_best
 from mrwork.search.unit_cube import Streams
 
 
@@ -431,13 +431,8 @@ class Ceiling:
         A multiple, at least 1, of the median misfit of the previous generation.
     """
 
-    absolute: float | None = None
-    over_median: float | None = None
-
-    def __post_init__(self) -> None:
-        check_ranges(
-            {"absolute": (self.absolute, 0.0, math.inf), "over_median": (self.over_median, 1.0, math.inf)}
-        )
+    absolute: NotNegative | None = None
+    over_median: Annotated[float, Within(least=1.0)] | None = None
 
     def limit(self, course: Course) -> Floats:
         """The ceiling of each running replicate, shape (n_running, 1); `inf` where there is none."""

@@ -44,12 +44,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
@@ -65,7 +65,7 @@ from mrwork.search.course import (
     with_better_members,
     with_generation,
 )
-from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
@@ -91,23 +91,13 @@ class StandardGA:
         Which points of the run are kept as starts of a local minimisation.
     """
 
-    population: int = 60
-    crossover_probability: float = 0.8
-    mutation_probability: float = 0.05
-    mutation_deviation: float = 0.1
+    population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
+    crossover_probability: Share = 0.8
+    mutation_probability: Share = 0.05
+    mutation_deviation: Share = 0.1
     ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=200))
     elite: EliteRule = field(default_factory=EliteRule)
-
-    def __post_init__(self) -> None:
-        check_ranges(
-            {
-                "population": (self.population, 4, LARGEST_POPULATION),
-                "crossover_probability": (self.crossover_probability, 0.0, 1.0),
-                "mutation_probability": (self.mutation_probability, 0.0, 1.0),
-                "mutation_deviation": (self.mutation_deviation, 0.0, 1.0),
-            }
-        )
 
     @checked
     def start(
@@ -215,19 +205,11 @@ class EfficientGA:
     True
     """
 
-    population: int = 60
-    elite_share: float = 0.01
+    population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
+    elite_share: Share = 0.01
     ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=StopRules)
     elite: EliteRule = field(default_factory=EliteRule)
-
-    def __post_init__(self) -> None:
-        check_ranges(
-            {
-                "population": (self.population, 4, LARGEST_POPULATION),
-                "elite_share": (self.elite_share, 0.0, 1.0),
-            }
-        )
 
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> GAState:
@@ -362,25 +344,17 @@ class DifferentialEvolution:
         Which points of the run are kept as starts of a local minimisation.
     """
 
-    population: int = 60
+    population: Annotated[int, Within(least=5, most=LARGEST_POPULATION)] = 60
     base: Literal["best", "random"] = "best"
-    factor: tuple[float, float] = (0.5, 1.0)
-    crossover_probability: float = 0.7
+    factor: Annotated[tuple[float, float], Within(least=0.0, most=2.0)] = (0.5, 1.0)
+    crossover_probability: Share = 0.7
     stop: StopRules = field(default_factory=StopRules)
     elite: EliteRule = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
         least, greatest = self.factor
-        check_ranges(
-            {
-                "population": (self.population, 5, LARGEST_POPULATION),
-                "factor": (least, 0.0, greatest),
-                "factor, the greatest,": (greatest, 0.0, 2.0),
-                "crossover_probability": (self.crossover_probability, 0.0, 1.0),
-            }
-        )
-        if self.base not in ("best", "random"):
-            raise SettingError(f"`base` is 'best' or 'random', got {self.base!r}")
+        if least > greatest:
+            raise SettingError(f"`factor` is from {least:g} to {greatest:g}; give the smaller one first")
 
     @checked
     def start(

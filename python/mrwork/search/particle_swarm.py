@@ -19,11 +19,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mrwork.base.arguments import AnyNumbers, Seed, checked
+from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.search.course import (
@@ -35,7 +35,7 @@ from mrwork.search.course import (
     with_better_members,
     with_rows,
 )
-from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
 
@@ -77,25 +77,13 @@ class ParticleSwarm:
         Which points of the run are kept as starts of a local minimisation.
     """
 
-    population: int = 60
-    inertia: tuple[float, float] = (0.9, 0.4)
-    own_attraction: float = 1.49618
-    common_attraction: float = 1.49618
-    velocity_limit: float = 0.2
+    population: Annotated[int, Within(least=2, most=LARGEST_POPULATION)] = 60
+    inertia: tuple[Share, Share] = (0.9, 0.4)
+    own_attraction: Annotated[float, Within(least=0.0, most=4.0)] = 1.49618
+    common_attraction: Annotated[float, Within(least=0.0, most=4.0)] = 1.49618
+    velocity_limit: Share = 0.2
     stop: StopRules = field(default_factory=StopRules)
     elite: EliteRule = field(default_factory=EliteRule)
-
-    def __post_init__(self) -> None:
-        check_ranges(
-            {
-                "population": (self.population, 2, LARGEST_POPULATION),
-                "inertia": (min(self.inertia), 0.0, 1.0),
-                "inertia, the greater,": (max(self.inertia), 0.0, 1.0),
-                "own_attraction": (self.own_attraction, 0.0, 4.0),
-                "common_attraction": (self.common_attraction, 0.0, 4.0),
-                "velocity_limit": (self.velocity_limit, 0.0, 1.0),
-            }
-        )
 
     @checked
     def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> SwarmState:

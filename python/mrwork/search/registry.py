@@ -11,7 +11,7 @@ from typing import Any
 from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
-from mrwork.search.peers import CMAEvolution, PeerOptimiser, PymooGA, ScipyDifferentialEvolution
+from mrwork.search.peers import CMAEvolution
 
 # Any: each optimiser has its own type of state.
 OPTIMISERS: Mapping[str, Optimiser[Any]] = {
@@ -24,11 +24,7 @@ OPTIMISERS: Mapping[str, Optimiser[Any]] = {
 }
 """Searches of the package by name, with their default settings."""
 
-PEERS: Mapping[str, PeerOptimiser] = {
-    "cma": CMAEvolution(),
-    "pymoo_ga": PymooGA(),
-    "scipy_differential_evolution": ScipyDifferentialEvolution(),
-}
+PEERS: Mapping[str, CMAEvolution] = {"cma": CMAEvolution()}
 """Searches of other libraries by name; each library is imported when its search starts."""
 
 ALL_OPTIMISERS: Mapping[str, Optimiser[Any]] = {**OPTIMISERS, **PEERS}

@@ -1,4 +1,4 @@
-"""Settings of every optimiser: rules that end a replicate, points that are kept as elite; range checks.
+"""Settings of every optimiser: rules that end a replicate, points that are kept as elite.
 
 **Hypothesis test** of Kwok et al. (2007). The test reads the trace `e_g` of the least misfit per generation. From the
 first improvement `g0` on, the errors are taken as exponentially distributed with mean `mu`. The first and greatest of
@@ -26,13 +26,12 @@ normalised Bouc-Wen, two tests each, eight seeds). There are two alternatives, b
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import AnyNumbers, Shape, checked
+from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Shape, Share, checked
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 
@@ -156,33 +155,20 @@ class StopRules:
         be resumed.
     """
 
-    target: float | None = None
-    max_generations: int = 300
-    max_evaluations: int | None = None
-    spread_tolerance: float | None = 1e-6
+    target: NotNegative | None = None
+    max_generations: Count = 300
+    max_evaluations: Count | None = None
+    spread_tolerance: Share | None = 1e-6
     confidence: float | None = 0.95
-    floor_share: float = 0.0
-    stall_generations: int | None = 80
-    stall_tolerance: float = 1e-3
-    min_generations: int = 80
-    max_seconds: float | None = None
+    floor_share: Share = 0.0
+    stall_generations: Count | None = 80
+    stall_tolerance: Share = 1e-3
+    min_generations: Count = 80
+    max_seconds: NotNegative | None = None
 
     def __post_init__(self) -> None:
         if self.confidence is not None:
             threshold(self.confidence)
-        check_ranges(
-            {
-                "target": (self.target, 0.0, math.inf),
-                "max_generations": (self.max_generations, 1, math.inf),
-                "max_evaluations": (self.max_evaluations, 1, math.inf),
-                "spread_tolerance": (self.spread_tolerance, 0.0, 1.0),
-                "floor_share": (self.floor_share, 0.0, 1.0),
-                "stall_generations": (self.stall_generations, 1, math.inf),
-                "stall_tolerance": (self.stall_tolerance, 0.0, 1.0),
-                "min_generations": (self.min_generations, 1, math.inf),
-                "max_seconds": (self.max_seconds, 0.0, math.inf),
-            }
-        )
 
     @checked
     def ended(
@@ -243,11 +229,8 @@ class EliteRule:
     between any two.
     """
 
-    count: int = 16
-    distance: float = 0.2
-
-    def __post_init__(self) -> None:
-        check_ranges({"count": (self.count, 1, np.inf), "distance": (self.distance, 0.0, 1.0)})
+    count: Count = 16
+    distance: Share = 0.2
 
 
 def distinct_best(
@@ -283,11 +266,3 @@ def distinct_best(
         taken_gene[:, enters, n_taken[enters]] = candidate[:, enters]
         n_taken[enters] += 1
     return taken
-
-
-def check_ranges(ranges: Mapping[str, tuple[float | None, float, float]]) -> None:
-    """Refuse the first setting, given as name and (value, lower, upper), outside of its range; `None` passes."""
-    for name, (value, lower, upper) in ranges.items():
-        # This form refuses NaN too.
-        if value is not None and not lower <= value <= upper:
-            raise SettingError(f"`{name}` lies between {lower} and {upper}, got {value}")
