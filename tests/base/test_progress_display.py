@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,16 +16,17 @@ from mrwork.base.progress import (
     NotebookBar,
     PlainLines,
     ProgressLine,
+    ProgressReport,
     TerminalBar,
     display_here,
 )
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, slots=True)
+class Report(ProgressReport):
     """A report of a computation."""
 
-    in_words: str
+    in_words: str = field()
     share: float | None = None
 
 

@@ -28,7 +28,7 @@ from mrwork.identification.identify import identify_again
 from mrwork.identification.minimise.level_search import relative_force
 from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.minimise.multistart import StartingPoints
-from mrwork.identification.minimise.polish import Ended, polish_with_wanted_lag
+from mrwork.identification.minimise.polish import FinalFit, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.damper_test import loading_of
@@ -212,7 +212,7 @@ def test_a_rate_that_is_given_is_kept() -> None:
     assert fit.warnings == ()
 
 
-def ended_from(test: DamperTest, rate: float) -> Ended:
+def ended_from(test: DamperTest, rate: float) -> FinalFit:
     """Where the final fit ends that starts from the true laws and this rate of the lag."""
     problem = Problem.of(SPEC, (test,), FitSettings(bounds=FIXED))
     points = StartingPoints(

@@ -1,6 +1,6 @@
 """How progress is shown: by widgets in a notebook, a bar on a terminal, elsewhere a line from time to time.
 
-What is told is the report's own `in_words`; a bar shows its `share` where that is known.
+Every report of a computation is a `ProgressReport`, which says itself in words and knows the share that is done.
 """
 
 from __future__ import annotations
@@ -47,22 +47,25 @@ COMPILE_TIME = CompileTime()
 """Of this process."""
 
 
-@runtime_checkable
-class Shared(Protocol):
-    """A report that knows which share of the work is done."""
+class ProgressReport(ABC):
+    """Progress of a computation; a report that has its share as a field declares it by `field()`."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def in_words(self) -> str:
+        """Progress in one line."""
 
     @property
     def share(self) -> float | None:
-        """From 0 to 1, `None` where it is not known."""
+        """Share of the work that is done, from 0 to 1; `None` where it is not known."""
+        return None
 
 
-@runtime_checkable
-class Told(Protocol):
-    """A report that says itself in words."""
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line."""
+def share_of_time(seconds: float, left: float | None) -> float | None:
+    """Share of the time that has passed after so many `seconds`; `None` where what is `left` is not known."""
+    return None if left is None else seconds / max(seconds + left, 1e-9)
 
 
 @runtime_checkable
@@ -223,7 +226,7 @@ class ProgressLine(Generic[Report]):
         text = escape_text(self._described(progress))
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + self._display.every
-            self._display.show(text, progress.share if isinstance(progress, Shared) else None)
+            self._display.show(text, progress.share if isinstance(progress, ProgressReport) else None)
 
     def _tick(self) -> None:
         while not self._closed.wait(_TICK):
@@ -253,7 +256,7 @@ class ProgressLine(Generic[Report]):
 
 
 @checked
-def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[Told]:
+def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[ProgressReport]:
     """Progress of a computation below a cell of a notebook, on a terminal, or in lines of a log; for `on_progress`.
 
     In a notebook it is a widget where `ipywidgets` is installed, on a terminal a bar, elsewhere a line every 30 s. In

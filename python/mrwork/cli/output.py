@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from mrwork.base.progress import ProgressLine, Told
+from mrwork.base.progress import ProgressLine, ProgressReport
 from mrwork.base.summary import Summarised, align_rows
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError
@@ -35,7 +35,7 @@ def is_quiet(options: argparse.Namespace) -> bool:
     return bool(options.json or getattr(options, "quiet", False))
 
 
-def in_words(report: Told) -> str:
+def in_words(report: ProgressReport) -> str:
     """The report's own progress line."""
     return report.in_words
 

@@ -19,7 +19,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
-from mrwork.base.progress import ProgressLine
+from mrwork.base.progress import ProgressLine, ProgressReport
 from mrwork.base.table import Table
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.output import in_words, is_quiet, print_result, progress_line
@@ -78,7 +78,7 @@ class StudyVerb(Generic[Results]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Reading:
+class _Reading(ProgressReport):
     """Progress of reading a study, with the time since it began [s]."""
 
     seconds: float = 0.0

@@ -20,6 +20,7 @@ import numpy as np
 from mrwork.base.arguments import Threads, Within, checked
 from mrwork.base.keys import key
 from mrwork.base.numbers import format_rounded
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
@@ -275,7 +276,7 @@ class ClairvoyantStart(Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClairvoyantProgress:
+class ClairvoyantProgress(ProgressReport):
     """Progress of a search: start, iteration and their number, smooth score, elapsed time [s]."""
 
     start: str
@@ -283,6 +284,11 @@ class ClairvoyantProgress:
     iterations: int
     smooth_score: float
     seconds: float
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: the start, its iterations, the smooth score."""
+        return f"{self.start}, iteration {self.iteration} of {self.iterations}, score about {self.smooth_score:.3f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -14,6 +14,7 @@ import numpy as np
 
 from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words, format_rate
+from mrwork.base.progress import ProgressReport
 from mrwork.errors import Interrupted
 from mrwork.store.codec import build_value
 from mrwork.store.journal import Journal
@@ -114,7 +115,7 @@ class Tally:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class Progress(ProgressReport):
     """Progress of an identification; `share` is the used part of what the stage allows at most.
 
     `fit_percent` is the best fit so far of what is `fitted`, as "dahl on excerpts"; empty for the model on all samples.
@@ -126,7 +127,7 @@ class Progress:
     count: int
     unit: Unit
     fit_percent: float
-    share: float
+    share: float = field()
     seconds: float
     generation: int
     median_percent: float

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers as numbers
 from mrwork.base.arguments import checked
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
 from mrwork.report.canvas import inline_svg
@@ -19,7 +20,7 @@ from mrwork.runs.load import StoredRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PageProgress:
+class PageProgress(ProgressReport):
     """Parts of a page, or figure files, that are `done` of `total`, and the next `task` in words."""
 
     done: int

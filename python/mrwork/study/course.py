@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.progress import ProgressReport, share_of_time
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
@@ -36,7 +37,7 @@ _COMPARED, _LARGEST_FACTOR = 10_000, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudyProgress:
+class StudyProgress(ProgressReport):
     """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s].
 
     `left` is the time that is left [s], `None` where it is not known. `reasons` say, in the first report that has it,
@@ -61,7 +62,7 @@ class StudyProgress:
     @property
     def share(self) -> float | None:
         """Share of the time that has passed, `None` where it is not known."""
-        return None if self.left is None else self.seconds / max(self.seconds + self.left, 1e-9)
+        return share_of_time(self.seconds, self.left)
 
     def later(self, seconds: float) -> StudyProgress:
         """The same after some time without a report [s]; what takes longer than expected has no time left to tell."""

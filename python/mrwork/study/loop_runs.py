@@ -79,10 +79,7 @@ class PlayedCommands:
             return recall_or_compute(journal, "clairvoyant", inputs, ClairvoyantStart, search)
 
         def on_progress(progress: ClairvoyantProgress) -> None:
-            report(
-                f"{asked.row.label}, {ground.name}: {progress.start}, iteration {progress.iteration} of "
-                f"{progress.iterations}, score about {progress.smooth_score:.3f}"
-            )
+            report(f"{asked.row.label}, {ground.name}: {progress.in_words}")
 
         return clairvoyant(
             base.building,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.laws.control_law import control_law
@@ -259,7 +260,7 @@ _ENDS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TuningProgress:
+class TuningProgress(ProgressReport):
     """Progress of a tuning: the present law, its candidates, its least objective, laws done and in total, seconds."""
 
     label: str

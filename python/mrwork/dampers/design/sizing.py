@@ -5,6 +5,7 @@ A Pareto front shows what the same wishes cost: size against dynamic range again
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,9 @@ import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
+from mrwork.base.numbers import duration_in_words
 from mrwork.base.plotted import plots_of
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
@@ -160,14 +163,22 @@ class SizedDamper(Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SizingProgress:
+class SizingProgress(ProgressReport):
     """Progress after a generation; `volume` [m^3] of the smallest damper that meets the wishes, NaN without one."""
 
     stage: Literal["smallest", "front"]
     evaluations: int
-    share: float
+    share: float = field()
     volume: float
     seconds: float
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line: the search, its candidates, the smallest damper."""
+        least = (
+            "none meets the wishes yet" if math.isnan(self.volume) else f"smallest {1e3 * self.volume:.3g} l"
+        )
+        return f"{self.stage}, {self.evaluations} candidates, {least}, {duration_in_words(self.seconds)}"
 
 
 OnSizing = Callable[[SizingProgress], bool | None]
@@ -190,7 +201,7 @@ class SizingReporter:
             stage=stage,
             evaluations=evaluations,
             share=min(evaluations / self.budget, 1.0),
-            volume=least * self.envelope if least <= 1.0 else float("nan"),
+            volume=least * self.envelope if least <= 1.0 else math.nan,
             seconds=time.perf_counter() - self.began,
         )
         return bool(self.on_progress(progress))

@@ -211,7 +211,7 @@ _WITHIN_A_SAMPLE = 0.01
 
 
 @array_dataclass()
-class Ended:
+class FinalFit:
     """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
 
     problem: Problem
@@ -226,13 +226,13 @@ class Ended:
 
 def polish_with_wanted_lag(
     problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep
-) -> Ended:
+) -> FinalFit:
     """Fit to convergence from the starting points, without the driver's lag where that is as good.
 
     A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
     where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
     """
-    lagged = Ended(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
+    lagged = FinalFit(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
     if not rate_is_shown(problem.form.spec, problem.form, problem.objective.tests):
         return lagged
     plain = _without_lag(problem)
@@ -249,14 +249,14 @@ def polish_with_wanted_lag(
     )
     # A start of the model without the lag is none of the fit that may be interrupted.
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
-    without = Ended(problem=plain, polished=polished)
+    without = FinalFit(problem=plain, polished=polished)
     missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
     minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
     if missing is not None and missing.misfit_with < minimised:
         # The search with the lag has ended in a false minimum.
         start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
         again = polish(problem, start, on_start=on_start, on_step=on_step)
-        lagged = Ended(problem=problem, polished=again)
+        lagged = FinalFit(problem=problem, polished=again)
     return _choose_fit(lagged, without)
 
 
@@ -282,7 +282,7 @@ def _without_lag(problem: Problem) -> Problem:
     )
 
 
-def _choose_fit(lagged: Ended, without: Ended) -> Ended:
+def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
     """The fit with the lag where it is better by more than chance, else that without it."""
     with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
     tiny = np.finfo(np.float64).tiny

@@ -15,6 +15,7 @@ from warnings import warn
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.progress import ProgressReport, share_of_time
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
@@ -184,7 +185,7 @@ class Choice(WithAxes, Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChoiceProgress:
+class ChoiceProgress(ProgressReport):
     """Progress of a comparison, with that of the current fit; `seconds_left` is `None` before the end of the first."""
 
     model: str
@@ -208,10 +209,8 @@ class ChoiceProgress:
 
     @property
     def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return (
-            None if self.seconds_left is None else self.seconds / max(self.seconds + self.seconds_left, 1e-9)
-        )
+        """Share of the time that has passed, `None` where it is not known."""
+        return share_of_time(self.seconds, self.seconds_left)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -17,6 +17,7 @@ import numpy as np
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
@@ -55,7 +56,7 @@ class LawChoice(WithAxes, Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LawProgress:
+class LawProgress(ProgressReport):
     """Progress of a choice of laws: the best left-out fit of `n_tried` sets, and that of the current identification."""
 
     model: str
@@ -78,11 +79,6 @@ class LawProgress:
         if self.within is not None:
             parts.append(f"{self.within.stage}, {self.within.best_in_words}")
         return ", ".join([*parts, duration_in_words(self.seconds)])
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

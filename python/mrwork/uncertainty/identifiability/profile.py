@@ -19,6 +19,7 @@ from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import plots_of
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
@@ -331,7 +332,7 @@ _MOST_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileProgress:
+class ProfileProgress(ProgressReport):
     """Progress of a profile likelihood: sides that have ended of all, points, simulations."""
 
     ended: int

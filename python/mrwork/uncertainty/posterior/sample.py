@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words, format_rate
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
@@ -343,7 +344,7 @@ _MOST_BYTES = 16 << 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SamplingProgress:
+class SamplingProgress(ProgressReport):
     """Progress of a sampling run: steps done and allowed, steps per second, the latest diagnosis, if any."""
 
     steps: int
