@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.base.argument_kinds import Kind, kind_of
-from mrwork.base.arguments import nodes_of
+from mrwork.base.arguments import Kind, kind_of, nodes_of
 from mrwork.errors import ArgumentError, MrworkError
 
 NAMESPACES: tuple[str, ...] = (

@@ -68,7 +68,7 @@ def facts_of(error: BaseException) -> tuple[object, ...]:
 
 def test_the_walk_finds_the_errors() -> None:
     assert {f"mrwork.errors.{name}" for name in errors.__all__} <= ERRORS.keys()
-    assert "mrwork.base.argument_kinds.Refusal" in ERRORS
+    assert "mrwork.base.arguments.Refusal" in ERRORS
 
 
 @pytest.mark.parametrize("name", ERRORS)

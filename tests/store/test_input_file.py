@@ -51,7 +51,7 @@ ELSEWHERE = {
     "cli/init.py": "a file of the package",
     "cli/terminal.py": "the null device in place of a closed output",
     "files/delimited.py": "lines in memory",
-    "namespace.py": "stubs of the package",
+    "base/namespace.py": "stubs of the package",
     "files/open_table.py": "bytes in memory",
     "files/rows.py": "bytes in memory",
     "report/style.py": "a file of the package",

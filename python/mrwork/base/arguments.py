@@ -7,22 +7,31 @@ of a field. What must be above zero is at least 1e-100, so that its inverse and 
 taken as they are. Lists become tuples, and numbers become arrays, where the annotation says so. An annotation that
 cannot be checked, such as `Any` or a type of a library that is loaded late, takes everything.
 A class says in `_made_by` how a user gets one of its objects.
+
+Each annotation becomes a `Kind`: how a message calls such a value, and the check that accepts or refuses one.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+import operator
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
-from functools import wraps
+from functools import partial, wraps
+from numbers import Real
+from types import NoneType
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base.argument_kinds import Kind, Refusal, check_shape, kind_of
+from mrwork.base import hints as nodes
 from mrwork.base.hints import (
+    LARGEST,
     May,
     Node,
+    Notes,
     Shape,
     Within,
     fields_of,
@@ -31,10 +40,18 @@ from mrwork.base.hints import (
     notes_of_default,
     shape_of,
 )
-from mrwork.base.keys import closest
+from mrwork.base.keys import closest, suggestion
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.errors import ArgumentError, InvalidSettingError, MrworkError, SettingError, escape_text
+from mrwork.errors import (
+    ArgumentError,
+    InvalidSettingError,
+    MrworkError,
+    Restorable,
+    SettingError,
+    UnknownChoiceError,
+    escape_text,
+)
 
 __all__ = [
     "AnyArray",
@@ -216,3 +233,438 @@ def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) 
         for name, parameter in signature.parameters.items()
         if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }
+
+
+# Kinds of values
+
+# As many characters of a value as a message repeats.
+_SHOWN = 40
+
+
+def check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
+    """Refuse an array with other axes, or with lengths that differ from the `known` ones, which are added to."""
+    found = tuple(np.shape(value))
+    wanted = f"({', '.join(shape.axes)}{',' if len(shape.axes) == 1 else ''})"
+    if len(found) != len(shape.axes):
+        raise Refusal(f"has shape {found}; give shape {wanted}", SettingError)
+    for axis, length in zip(shape.axes, found, strict=True):
+        expected, source = known.setdefault(axis, (length, parameter))
+        if length != expected:
+            raise Refusal(
+                f"has shape {found}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
+                SettingError,
+            )
+
+
+class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the name of the argument is known
+    """Why a value is refused: the place in the argument, the rest of the sentence, and the error to raise."""
+
+    def __init__(self, sentence: str, error: type[MrworkError] = ArgumentError, place: str = "") -> None:
+        super().__init__(sentence)
+        self.sentence, self.error, self.place = sentence, error, place
+
+
+class OtherKind(Refusal):
+    """The value is of another kind altogether, so that another member of a union may take it."""
+
+    def __init__(self, value: object, words: str) -> None:
+        super().__init__(f"is {_quote_value(value)}; give {words}")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What an argument may be, and the check that returns it as the function gets it or raises `Refusal`.
+
+    Of the members of a union, those of lower `rank` are asked first.
+    """
+
+    words: str
+    accept: Callable[[Any], Any]
+    rank: int = 1
+
+
+_ANYTHING = Kind("anything", lambda value: value)
+
+
+def kind_of(node: Node) -> Kind:
+    """The check of what an annotation declares."""
+    of = [kind_of(each) for each in node.parts]
+    match node:
+        case nodes.Scalar(kind):
+            return _SCALARS[kind](node.notes)
+        case nodes.Enumerated(values):
+            return _name(values)
+        case nodes.Array(None):
+            return _array_like(node.notes)
+        case nodes.Array(scalar):
+            return _array(scalar, node.notes)
+        case nodes.Items(kind):
+            return _sequence(of[0], as_tuple=kind is tuple)
+        case nodes.Fixed():
+            return _tuple(of)
+        case nodes.ByName():
+            return _mapping(*of)
+        case nodes.Either(kind):
+            return _one_of([*of, *([_NONE] if kind is NoneType else ())])
+        case nodes.Function((takes, returns)):
+            return _function(takes, returns)
+        case nodes.Record(kind) | nodes.Instance(kind):
+            return _object(kind, of)
+    return _ANYTHING
+
+
+def _quote_value(value: object) -> str:
+    """A value as messages quote it."""
+    if value is None:
+        return "None"
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape} with values of type {value.dtype}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, str | bytes | bool | int | float | complex):
+        try:
+            text = repr(value)
+        except ValueError:
+            return "a number of thousands of digits"
+        return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+    return f"{'an' if type(value).__name__[0] in 'AEIOUaeiou' else 'a'} {type(value).__name__}"
+
+
+def _instance(kind: type, words: str, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise OtherKind(value, words)
+    return value
+
+
+# Scalars
+
+
+def _float(notes: Notes) -> Kind:
+    words = "a number"
+
+    def accept(value: Any) -> Any:
+        number = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+        if not isinstance(number, Real) or isinstance(number, bool):
+            raise OtherKind(value, words)
+        try:
+            plain = float(number)
+        except OverflowError:
+            raise Refusal(f"is {_quote_value(value)}; give a smaller number", SettingError) from None
+        if notes or not abs(plain) <= LARGEST:
+            _check_numbers(np.float64(plain), notes)
+        exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
+        return number if exact else plain
+
+    return Kind(words, accept, rank=0)
+
+
+def _int(notes: Notes) -> Kind:
+    words = "a whole number"
+
+    def accept(value: Any) -> int:
+        if isinstance(value, bool | np.bool_):
+            raise OtherKind(value, words)
+        try:
+            number = operator.index(value)
+        except TypeError:
+            raise OtherKind(value, words) from None
+        for each in notes:
+            if isinstance(each, Within) and each.excludes(number):
+                wanted = each.instead_of(number, "whole number")
+                raise Refusal(f"is {_quote_value(number)}; give {wanted}", SettingError)
+        if not -(2**63) <= number < 2**64:
+            raise Refusal(f"is {_quote_value(number)}; give a whole number of 64 bits", SettingError)
+        return number
+
+    return Kind(words, accept, rank=0)
+
+
+def _bool(_: Notes) -> Kind:
+    def accept(value: Any) -> bool:
+        if not isinstance(value, bool | np.bool_):
+            raise OtherKind(value, "true or false")
+        return bool(value)
+
+    return Kind("true or false", accept, rank=0)
+
+
+def _text(_: Notes) -> Kind:
+    return Kind("a text", partial(_instance, str, "a text"), rank=0)
+
+
+_NONE = Kind("None", partial(_instance, NoneType, "None"), rank=0)
+_SCALARS: dict[type, Callable[[Notes], Kind]] = {
+    float: _float, int: _int, bool: _bool, str: _text, NoneType: lambda _: _NONE,
+}  # fmt: skip
+
+
+def _name(choices: tuple[Any, ...]) -> Kind:
+    texts = [each for each in choices if isinstance(each, str)]
+    words = " or ".join(map(repr, choices))
+
+    def accept(value: Any) -> Any:
+        # Not by `in`: an array would be compared element by element, and 1 equals true.
+        for choice in choices:
+            if type(value) is type(choice) and value == choice:
+                return choice
+        if isinstance(value, str) and texts:
+            raise Refusal(f"is {_quote_value(value)}{suggestion(value, texts)}", UnknownChoiceError)
+        if type(value) in {type(choice) for choice in choices}:
+            raise Refusal(f"is {_quote_value(value)}; give {words}", UnknownChoiceError)
+        raise OtherKind(value, words)
+
+    return Kind(words, accept, rank=0)
+
+
+# Arrays
+
+
+def _array(scalar: type, notes: Notes) -> Kind:
+    kinds = {"f": "iuf", "i": "iu", "u": "iu", "c": "iufc", "b": "b"}.get(np.dtype(scalar).kind, "")
+    words = {"f": "an array of numbers", "c": "an array of numbers"}.get(
+        np.dtype(scalar).kind, f"an array of {np.dtype(scalar)}"
+    )
+
+    def accept(value: Any) -> Any:
+        array = _as_array(value, kinds, words)
+        if array.dtype.kind in "fciu":
+            _check_numbers(array, notes)
+        return array if array.dtype == scalar else array.astype(scalar)
+
+    return Kind(words, accept, rank=3) if kinds else _ANYTHING
+
+
+def _array_like(notes: Notes) -> Kind:
+    words = "an array of numbers"
+
+    def accept(value: Any) -> Any:
+        if May.BE_TRACED in notes and _is_traced(value):
+            return value
+        array = _as_array(value, "iuf", words)
+        _check_numbers(array, notes)
+        if May.BE_TRACED in notes:
+            return array.astype(np.float64, copy=False)
+        return value if isinstance(value, int | float | list | tuple) else array
+
+    return Kind(words, accept, rank=3)
+
+
+def _is_traced(value: Any) -> bool:
+    """Whether this is an array of another library than NumPy."""
+    return hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray | np.generic)
+
+
+def _as_array(value: Any, kinds: str, words: str) -> Any:
+    if value is None or isinstance(value, str | bytes | Mapping | set | frozenset):
+        raise OtherKind(value, words)
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise Refusal("has masked values; fill them in or cut them out")
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError):
+        raise Refusal(
+            f"is {_quote_value(value)} that is no array; give {words} in rows of one length"
+        ) from None
+    if array.ndim == 0 and array.dtype.kind == "O" and not isinstance(value, int):
+        raise OtherKind(value, words)
+    if array.dtype.kind == "O" and all(type(each) is int for each in array.flat):
+        raise Refusal("has whole numbers of more than 64 bits; give smaller ones", SettingError)
+    if array.dtype.kind not in kinds and array.size:
+        raise Refusal(f"has values of type {array.dtype}; give {words}")
+    return array if array.size else array.astype(np.float64 if "f" in kinds else np.int64)
+
+
+def _check_numbers(values: Any, notes: Notes) -> None:
+    """Refuse numbers that are not finite, and those out of the ranges among the notes."""
+    numbers = "finite numbers" if np.ndim(values) else "a finite number"
+    # The limits are beyond single precision.
+    size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
+    if not (size <= LARGEST).all():
+        allowed = (
+            (size <= LARGEST)
+            | ((size > LARGEST) & (May.BE_INFINITE in notes))
+            | (np.isnan(values) & (May.BE_NAN in notes))
+        )
+        if not np.all(allowed):
+            most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {LARGEST:g}"
+            raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
+    for each in notes:
+        if isinstance(each, Within) and np.any(out := each.excludes(values)):
+            first = values if np.ndim(values) == 0 else values[np.asarray(out)][0]
+            wanted = each.instead_of(first, "numbers" if np.ndim(values) else "number")
+            raise Refusal(f"{_worst(values, out)}; give {wanted}", SettingError)
+
+
+def _worst(values: Any, out: Any) -> str:
+    if np.ndim(values) == 0:
+        return f"is {values:g}"
+    first = tuple(int(each) for each in np.argwhere(out)[0])
+    return f"is {values[first]:g} at {first[0] if len(first) == 1 else first}"
+
+
+# Containers
+
+
+def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
+    words = f"a list, each item {of.words}"
+
+    def accept(value: Any) -> Any:
+        # The rows of a matrix are items of their own where items are lists.
+        listed = _list_values(value, words, most_axes=2 if of.rank > 1 else 1)
+        items = [_at(of, each, f"[{position}]") for position, each in enumerate(listed)]
+        if listed is value and all(new is old for new, old in zip(items, listed, strict=True)):
+            items = value
+        return tuple(items) if as_tuple or not isinstance(listed, list) else items
+
+    return Kind(words, accept, rank=2)
+
+
+def _iterable(of: Kind) -> Kind:
+    """Items of a container are checked, of a dict its keys; those of an iterator only come when it is used."""
+    words = f"several values, each {of.words}"
+
+    def accept(value: Any) -> Any:
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+            raise OtherKind(value, words)
+        if isinstance(value, list | tuple | set | frozenset | Mapping):
+            return tuple(_at(of, each, f"[{position}]") for position, each in enumerate(value))
+        return value
+
+    return Kind(words, accept, rank=2)
+
+
+def _tuple(kinds: list[Kind]) -> Kind:
+    words = f"{len(kinds)} values: {', '.join(each.words for each in kinds)}"
+
+    def accept(value: Any) -> Any:
+        listed = _list_values(value, words)
+        if len(listed) != len(kinds):
+            raise Refusal(f"has {len(listed)} values; give {words}")
+        return tuple(
+            _at(kind, each, f"[{position}]")
+            for position, (kind, each) in enumerate(zip(kinds, listed, strict=True))
+        )
+
+    return Kind(words, accept, rank=2)
+
+
+def _mapping(names: Kind, values: Kind) -> Kind:
+    words = f"a dict, each value {values.words}"
+
+    def accept(value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise OtherKind(value, words)
+        found = {
+            _at(names, name, f" key {name!r}"): _at(values, each, f"[{name!r}]")
+            for name, each in value.items()
+        }
+        return value if all(found[name] is value[name] for name in found) else found
+
+    return Kind(words, accept, rank=2)
+
+
+def _list_values(value: Any, words: str, most_axes: int = 1) -> Any:
+    if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
+        return value.tolist()
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
+        raise OtherKind(value, words)
+    return value if isinstance(value, list | tuple) else tuple(value)
+
+
+def _at(kind: Kind, value: Any, place: str) -> Any:
+    try:
+        return kind.accept(value)
+    except Refusal as refusal:
+        refusal.place = f"{place}{refusal.place}"
+        raise
+
+
+# Objects
+
+
+def _object(kind: Any, of: list[Kind]) -> Kind:
+    if kind is type:
+        return Kind("a class", partial(_instance, type, "a class"))
+    if kind is Iterable:
+        return _iterable(*of or (_ANYTHING,))
+    if kind is os.PathLike:
+        return Kind("a path", _path)
+    if getattr(kind, "_is_protocol", False):
+        return _protocol(kind)
+    made = getattr(kind, "_made_by", "")
+    words = (
+        f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}{f', made by {made}' if made else ''}"
+    )
+    return Kind(words, partial(_instance, kind, words))
+
+
+def _path(value: Any) -> Any:
+    if not isinstance(value, os.PathLike) or not isinstance(os.fspath(value), str):
+        raise OtherKind(value, "a path")
+    return value
+
+
+def _function(takes: Any, returns: Any) -> Kind:
+    """A function that can be called with so many arguments; no class where it is called for its effect alone."""
+    alone = returns in (None, NoneType, bool | None)
+    count = len(takes) if isinstance(takes, list) else None
+    words = "a function" if count is None else f"a function of {count} argument{'' if count == 1 else 's'}"
+
+    def accept(value: Any) -> Any:
+        if not callable(value) or (alone and isinstance(value, type)):
+            raise OtherKind(value, words)
+        if count is not None and not _takes(value, count):
+            raise Refusal(f"is a function of other arguments; give {words}")
+        return value
+
+    return Kind(words, accept)
+
+
+def _takes(function: Any, count: int) -> bool:
+    try:
+        signature = inspect.signature(function)
+    except (ValueError, TypeError):
+        # Some compiled functions have none.
+        return True
+    try:
+        signature.bind(*[None] * count)
+    except TypeError:
+        return False
+    return True
+
+
+def _protocol(kind: type) -> Kind:
+    members = {
+        name
+        for base in kind.__mro__
+        if getattr(base, "_is_protocol", False) and base.__module__ != "typing"
+        for name in (*vars(base), *vars(base).get("__annotations__", ()))
+        if name == "__call__" or not name.startswith("_")
+    }
+    words = "a function" if "__call__" in members else f"an object with {', '.join(sorted(members))}"
+
+    def accept(value: Any) -> Any:
+        if isinstance(value, type) or not all(hasattr(value, name) for name in members):
+            raise OtherKind(value, words)
+        return value
+
+    return Kind(words, accept)
+
+
+def _one_of(kinds: list[Kind]) -> Kind:
+    kinds.sort(key=lambda each: each.rank)
+    words = " or ".join(each.words for each in kinds if each.words != "None")
+
+    def accept(value: Any) -> Any:
+        closest: Refusal | None = None
+        for kind in kinds:
+            try:
+                return kind.accept(value)
+            except OtherKind as refusal:
+                if refusal.place:
+                    closest = closest or refusal
+            except Refusal as refusal:
+                closest = closest or refusal
+        raise closest or OtherKind(value, words)
+
+    return Kind(words, accept, rank=max(each.rank for each in kinds))

@@ -114,7 +114,7 @@ class Fixed(Node):
     """A tuple with an item of each part."""
 
     def of(self, count: int) -> tuple[Node, ...]:
-        """What each of so many items is; as many as there must be if that is another number."""
+        """Node expected at each of `count` positions; as many as there must be if that is another number."""
         return self.parts
 
     @property
@@ -127,7 +127,7 @@ class Items(Fixed):
     """A tuple, or another sequence, of any number of items."""
 
     def of(self, count: int) -> tuple[Node, ...]:
-        """What each of so many items is."""
+        """Node expected at each of `count` positions."""
         return self.parts * count
 
 

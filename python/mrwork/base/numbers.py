@@ -153,7 +153,7 @@ def percent(share: float, decimals: int = 1) -> str:
 
 
 def power_of_ten(power: int) -> str:
-    """What follows a mantissa; nothing for the power 0."""
+    """Exponent part of a formatted number."""
     return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
 
 

@@ -21,8 +21,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.base.argument_kinds import Refusal, kind_of
-from mrwork.base.arguments import AnyNumbers, Positive, checked
+from mrwork.base.arguments import AnyNumbers, Positive, Refusal, checked, kind_of
 from mrwork.base.hints import Within, node_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass

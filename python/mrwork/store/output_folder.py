@@ -348,16 +348,12 @@ _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 def check_destination(destination: Destination) -> None:
     """Check that a run can be written to its destination, before any computation."""
     parent = destination.place.parent
-    try:
+    with _explain_failure(destination):
         destination.run()
         parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=_PROBE, dir=parent):
             pass
         sweep(parent)
-    except OutputError:
-        raise
-    except OSError as reason:
-        raise _cannot_write(destination, reason) from reason
 
 
 def write_folder(
@@ -377,32 +373,24 @@ def write_folder(
     `folders` are created even if empty. `flush`: whether to wait until the folder is on the disk.
     """
     place = destination.place
-    try:
+    with _explain_failure(destination):
         destination.check_losses()
         place.parent.mkdir(parents=True, exist_ok=True)
         beside = Path(tempfile.mkdtemp(prefix=_BESIDE, dir=place.parent))
-    except OutputError:
-        raise
-    except OSError as reason:
-        raise _cannot_write(destination, reason) from reason
-    try:
-        with Lock(beside / _WRITER):
-            fresh = beside / _NEW
-            fresh.mkdir()
-            digests = _fill(fresh, contents, copied, linked or {}, folders)
-            _keep(destination.list_user_files(), fresh)
-            # Last, so that no file of the run is newer.
-            (fresh / MANIFEST).write_bytes(complete_manifest(manifest, destination.kind, digests))
-            if flush:
-                _flush(fresh)
-            (beside / _OLD).mkdir()
-            _swap(fresh, place, beside / _OLD / place.name)
-    except OutputError:
-        raise
-    except OSError as reason:
-        raise _cannot_write(destination, reason) from reason
-    finally:
-        _discard(beside)
+        try:
+            with Lock(beside / _WRITER):
+                fresh = beside / _NEW
+                fresh.mkdir()
+                digests = _fill(fresh, contents, copied, linked or {}, folders)
+                _keep(destination.list_user_files(), fresh)
+                # Last, so that no file of the run is newer.
+                (fresh / MANIFEST).write_bytes(complete_manifest(manifest, destination.kind, digests))
+                if flush:
+                    _flush(fresh)
+                (beside / _OLD).mkdir()
+                _swap(fresh, place, beside / _OLD / place.name)
+        finally:
+            _discard(beside)
 
 
 def sweep(folder: Path) -> None:
@@ -499,11 +487,18 @@ def _flush(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _cannot_write(destination: Destination, reason: OSError) -> OutputError:
-    if reason.errno in _DISK_FULL:
-        cause, remedy = "the disk is full", "free some space"
-    else:
-        cause, remedy = reason.strerror or str(reason), "choose another folder"
-    return OutputError(
-        f"cannot write the run to {destination.path}: {cause}; {remedy}, what was there is untouched"
-    )
+@contextmanager
+def _explain_failure(destination: Destination) -> Iterator[None]:
+    """Turn an error of the system in the block into an `OutputError` on the run."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as reason:
+        if reason.errno in _DISK_FULL:
+            cause, remedy = "the disk is full", "free some space"
+        else:
+            cause, remedy = reason.strerror or str(reason), "choose another folder"
+        raise OutputError(
+            f"cannot write the run to {destination.path}: {cause}; {remedy}, what was there is untouched"
+        ) from reason

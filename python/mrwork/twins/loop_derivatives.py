@@ -309,7 +309,7 @@ class PrescribedLoop:
 def prescribed_loop(
     *,
     matrices: Mapping[str, Floats],
-    devices: Sequence[tuple[DamperSpec, Floats, Floats, float, bool]],
+    dampers: Sequence[TwinDamper],
     acceleration: Floats,
     dt: float,
     duration: float,
@@ -318,25 +318,13 @@ def prescribed_loop(
     delay: float,
     scales: CriteriaAtRest,
 ) -> PrescribedLoop:
-    """The loop under a ground motion [m/s^2] every `dt` [s], from NumPy arrays; the first command has no delay [s].
-
-    `devices`: model, parameters, row, number in parallel and whether differential, of each device.
-    """
+    """The loop under a ground motion [m/s^2] every `dt` [s], from NumPy arrays; the first command has no delay [s]."""
     begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
     times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
     return PrescribedLoop(
         plant=LoopPlant.of(**matrices),
-        devices=tuple(
-            LoopDevice(
-                spec=spec,
-                theta=jnp.asarray(theta),
-                row=jnp.asarray(row),
-                count=count,
-                differential=differential,
-            )
-            for spec, theta, row, count, differential in devices
-        ),
+        devices=_devices(dampers),
         ground=half_steps(acceleration, dt, step_time, n_steps),
         step_time=step_time,
         places=np.floor(times / interval + 1e-9).astype(np.intp),
