@@ -128,7 +128,8 @@ def test_a_number_outside_its_range_is_refused_with_the_range(verb: str, option:
     assert option.help is not None
     assert option.type.in_words in option.help  # type: ignore[union-attr] # argparse does not say what it holds
     limits = option.type if isinstance(option.type, Range) else option.type.of  # type: ignore[union-attr] # argparse does not say what it holds
-    beyond = (limits.lower - 1, limits.upper + 1, np.nextafter(limits.lower, -np.inf))
+    least, most = limits.within.least, limits.within.most
+    beyond = (least - 1, most + 1, np.nextafter(least, -np.inf))
     for value in (*NO_NUMBERS, *beyond):
         ended = mrwork(verb, f"{option.option_strings[0]}={value}")
         refused(ended, value)

@@ -134,7 +134,7 @@ def add_options(parser: CommandParser) -> None:
         add_number(
             search,
             f"--{name.replace('_', '-')}",
-            Range(lower=option.least, upper=option.most),
+            Range(within=option.within),
             option.says,
             default=option.default,
             metavar=option.metavar,

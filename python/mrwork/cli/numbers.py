@@ -29,10 +29,9 @@ _SHOWN = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """The numbers from `lower` to `upper`, in `unit`; integers where `whole`."""
+    """The numbers `within` a range, in `unit`; integers where `whole`."""
 
-    lower: float
-    upper: float
+    within: Within
     unit: str = ""
     whole: bool = False
 
@@ -41,16 +40,12 @@ class Range:
         """The range of an annotated number, that of the function which takes it."""
         node = node_of(hint)
         (within,) = node.notes
-        return cls(lower=within.least, upper=within.most, whole=node.kind is int)
-
-    @property
-    def _within(self) -> Within:
-        return Within(least=self.lower, most=self.upper)
+        return cls(within=within, whole=node.kind is int)
 
     @property
     def in_words(self) -> str:
         """The range as the help and messages state it."""
-        return f"{self._within.in_words} {self.unit}".rstrip()
+        return f"{self.within.in_words} {self.unit}".rstrip()
 
     def __call__(self, text: str) -> float:
         """The number that a text gives."""
@@ -58,7 +53,7 @@ class Range:
             value = int(text) if self.whole else float(text)
         except ValueError:
             raise self._refusal(text) from None
-        if value != value or self._within.excludes(value):
+        if value != value or self.within.excludes(value):
             raise self._refusal(text)
         return value
 
@@ -116,21 +111,21 @@ Numeric = Range | Listed | OrWord
 
 
 def _of(ends: tuple[float, float], unit: str) -> Range:
-    return Range(lower=ends[0], upper=ends[1], unit=unit)
+    return Range(within=Within(least=ends[0], most=ends[1]), unit=unit)
 
 
-SEED = Range(lower=0, upper=LARGEST_SEED, whole=True)
+SEED = Range(within=Within(least=0, most=LARGEST_SEED), whole=True)
 THREADS = Range.of(Threads)
 # Instants of a record may count from a far epoch, in seconds.
-INSTANT = Range(lower=-1e10, upper=1e10, unit="s")
-SETTLE = Range(lower=0.0, upper=1e6, unit="s")
-EVERY = Range(lower=1, upper=1_000_000, whole=True)
+INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
+SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
+EVERY = Range(within=Within(least=1, most=1_000_000), whole=True)
 # The largest population of six parameters is 50 MB, and its generation takes minutes.
-POPULATION = Range(lower=2, upper=LARGEST_POPULATION, whole=True)
-GENERATIONS = Range(lower=1, upper=1_000_000, whole=True)
-SHARE = Range(lower=0.001, upper=0.999999)
-TEMPERING = OrWord("effective", Range(lower=1e-9, upper=1.0))
-SUBSTEP_FACTOR = Range(lower=1, upper=256, whole=True)
+POPULATION = Range(within=Within(least=2, most=LARGEST_POPULATION), whole=True)
+GENERATIONS = Range(within=Within(least=1, most=1_000_000), whole=True)
+SHARE = Range(within=Within(least=0.001, most=0.999999))
+TEMPERING = OrWord("effective", Range(within=Within(least=1e-9, most=1.0)))
+SUBSTEP_FACTOR = Range(within=Within(least=1, most=256), whole=True)
 # What a rig can do, with room.
 STROKE = _of(STROKE_RANGE, "m")
 VELOCITY = _of(VELOCITY_RANGE, "m/s")
@@ -139,7 +134,7 @@ FREQUENCY = _of(FREQUENCY_RANGE, "Hz")
 AMPLITUDES = Listed(AMPLITUDE)
 FREQUENCIES = Listed(FREQUENCY)
 COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
-SCALE = Range(lower=1e-12, upper=1e12)
+SCALE = Range(within=Within(least=1e-12, most=1e12))
 OPENSEES_ERROR = Range.of(OpenSeesError)
 TIME_STEP = replace(Range.of(OpenSeesTimeStep), unit="s")
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, Literal, TypeAlias
 
 from mrwork.base.arguments import Count, Level, Seed, checked
-from mrwork.base.hints import Record, fields_of, hints_of
+from mrwork.base.hints import Record, Within, fields_of, hints_of
 from mrwork.base.keys import suggestion
 from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.residual import NuisanceName
@@ -178,26 +178,26 @@ LARGEST_POWER = 16.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberOption:
-    """Command-line option of a numeric setting: help, placeholder, default and range."""
+    """Option of the command line for a numeric setting: help, placeholder, default, range, and words of its refusal."""
 
     says: str
     metavar: str
     default: float
-    least: float
-    most: float
+    within: Within
+    noun: str
+    remedy: str
 
-
-def _number_option(says: str, *, metavar: str, default: float, least: float, most: float) -> Any:
-    """A setting that is an option of `mrwork identify` of its name."""
-    option = NumberOption(says=says, metavar=metavar, default=default, least=least, most=most)
-    return field(default=default, metadata={"option": option})
+    @property
+    def setting(self) -> Any:
+        """The field of a dataclass that is an option of `mrwork identify` of its name."""
+        return field(default=self.default, metadata={"option": self})
 
 
 @checked
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 
-    A number is also an option of `mrwork identify` where it is declared by `_number_option`. `search` is `None` for the
+    A number whose field is that of a `NumberOption` is also an option of `mrwork identify`. `search` is `None` for the
     default search of the model; a name is replaced by the registered search of that name.
 
     Raises
@@ -212,22 +212,24 @@ class FitSettings:
     bounds: Mapping[str, tuple[LowerBound, UpperBound]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
     ties: Mapping[str, str] = field(default_factory=dict)
-    power: float = _number_option(
-        "minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power gives "
-        "more weight to the worst file",
+    power: float = NumberOption(
+        says="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
+        "gives more weight to the worst file",
         metavar="P",
         default=ROOT_MEAN_SQUARE,
-        least=ROOT_MEAN_SQUARE,
-        most=LARGEST_POWER,
-    )
-    force_exponent: float = _number_option(
-        "assume that errors grow between files with their force to this power: 1, the default, gives all files the "
-        "same weight, 0 compares errors in newtons",
+        within=Within(least=ROOT_MEAN_SQUARE, most=LARGEST_POWER),
+        noun="the power of the mean over tests",
+        remedy=f"give 2, where all weigh the same, up to {LARGEST_POWER:g}, where hardly any but the worst counts",
+    ).setting
+    force_exponent: float = NumberOption(
+        says="assume that errors grow between files with their force to this power: 1, the default, gives all files "
+        "the same weight, 0 compares errors in newtons",
         metavar="E",
         default=EQUAL_SHARES,
-        least=0.0,
-        most=EQUAL_SHARES,
-    )
+        within=Within(least=0.0, most=EQUAL_SHARES),
+        noun="the exponent of the force",
+        remedy="give 1, where all tests weigh the same, down to 0, where errors in newtons do",
+    ).setting
     engine: Engine = "lanes"
     nuisances: tuple[NuisanceName, ...] = ()
     observe: tuple[str, ...] = (DETECT,)
@@ -237,16 +239,9 @@ class FitSettings:
         if isinstance(self.search, str):
             object.__setattr__(self, "search", search_named(self.search))
         object.__setattr__(self, "observe", as_words(self.observe))
-        if not ROOT_MEAN_SQUARE <= self.power <= LARGEST_POWER:
-            raise SettingError(
-                f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
-                f"up to {LARGEST_POWER:g}, where hardly any but the worst counts"
-            )
-        if not 0.0 <= self.force_exponent <= EQUAL_SHARES:
-            raise SettingError(
-                f"the exponent of the force is {self.force_exponent:g}; give 1, where all tests weigh the same, down "
-                "to 0, where errors in newtons do"
-            )
+        for name, option in self.number_options().items():
+            if option.within.excludes(value := getattr(self, name)):
+                raise SettingError(f"{option.noun} is {value:g}; {option.remedy}")
 
     def as_record(self) -> dict[str, Any]:
         """Plain values of all fields, for JSON; a search is a record with its name as `kind`."""
