@@ -115,20 +115,7 @@ class Journal:
 
     @checked
     def agree(self, subject: str, facts: Mapping[str, object]) -> None:
-        """Record the fingerprint of a run, or compare it with that of the run being resumed.
-
-        Parameters
-        ----------
-        subject
-            Kind of the run, which names the step.
-        facts
-            The fingerprint.
-
-        Raises
-        ------
-        JournalError
-            If the two differ; the message names the differences.
-        """
+        """Record the facts of a run, or refuse to resume one with others; `subject`, its kind, names the step."""
         stated = plain(facts)
         recorded = self._next(subject)
         if recorded is None:
@@ -146,17 +133,8 @@ class Journal:
     def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T]) -> T | None:
         """Return the recorded result of the next step, or `None` if the step must be computed.
 
-        Parameters
-        ----------
-        step, inputs
-            Name of the step, and the digest of its inputs.
-        read
-            Makes the result from its record.
-
-        Raises
-        ------
-        JournalError
-            If another step, or the same step with other inputs, is recorded, or what `read` cannot read.
+        `inputs` is the digest of its inputs, and `read` makes the result from its record. Another step, or the same
+        step with other inputs, is refused.
         """
         recorded = self._next(step)
         if recorded is None:
@@ -210,15 +188,7 @@ class Journal:
         return result
 
     def lock(self) -> None:
-        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`.
-
-        Raises
-        ------
-        JournalError
-            If another writer holds the file.
-        OutputError
-            If its folder cannot be written.
-        """
+        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`."""
         self._take_lock()
         self._kept = True
 
