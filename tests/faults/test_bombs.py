@@ -16,8 +16,8 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork.buildings import read_building
-from mrwork.buildings.from_file import read_matrix
 from mrwork.errors import MrworkError
+from mrwork.files.matrices import read_matrix
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.store.parse import json_value

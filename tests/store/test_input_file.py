@@ -13,9 +13,9 @@ import pytest
 
 import mrwork
 from mrwork.buildings import read_building
-from mrwork.buildings.from_file import read_matrix
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError, RecordError
+from mrwork.files.matrices import read_matrix
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test, read_test_table
 from mrwork.store.input_file import TOML, bytes_of, is_there, start_of, text_of

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
-from mrwork.buildings.from_file import read_matrices
 from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
+from mrwork.files.matrices import read_matrices
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -29,7 +29,6 @@ from mrwork.base.keys import (
 from mrwork.base.places import Place
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
-from mrwork.buildings.from_file import read_matrix
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
@@ -41,6 +40,7 @@ from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Referenc
 from mrwork.control.laws.law_settings import SETTINGS, design_law
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
+from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.named_laws import Trials, without_defaults
