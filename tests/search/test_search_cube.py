@@ -9,7 +9,6 @@ import pytest
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
-from sentences import Refused
 
 from mrwork.search import EliteRule, Streams, latin_hypercube
 from mrwork.search.rules import distinct_best
@@ -131,8 +130,3 @@ def test_distinct_best_of_many_populations_is_that_of_each():
     alone = [distinct_best(population[[row]], misfit[[row]], rule)[0] for row in range(6)]
     assert np.array_equal(together, alone)
     assert np.all(together[4] == -1)
-
-
-def test_rules_out_of_range_are_refused_by_name(refused: Refused):
-    for setting in ({"count": 0}, {"distance": 1.5}):
-        refused(EliteRule, **setting)

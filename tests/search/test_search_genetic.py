@@ -20,7 +20,6 @@ from search_problems import (
     sphere,
     states,
 )
-from sentences import Refused
 
 from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
 from mrwork.search.evolution import _crossover, _fitness, _roulette
@@ -199,15 +198,3 @@ def test_without_crossover_and_mutation_nothing_new_is_simulated():
 def test_an_odd_population_keeps_its_size(population):
     run = states(replace(StandardGA(), population=population), sphere, n_params=3, rng=0, generations=3)
     assert all(state.population.shape == (1, population, 3) for state in run)
-
-
-def test_settings_out_of_range_are_refused_by_name(refused: Refused):
-    for optimiser, setting in (
-        (EfficientGA(), {"elite_share": 1.5}),
-        (Ceiling(), {"absolute": -1.0}),
-        (Ceiling(), {"over_median": 0.9}),
-        (StandardGA(), {"crossover_probability": 1.1}),
-        (StandardGA(), {"mutation_probability": -0.1}),
-        (StandardGA(), {"mutation_deviation": math.nan}),
-    ):
-        refused(replace, optimiser, **setting)
