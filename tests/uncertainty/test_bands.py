@@ -133,6 +133,15 @@ def test_one_test_alone_says_so() -> None:
     assert "is little evidence for the next" in calibration.basis
 
 
+def test_an_error_below_zero_contradicts_a_calibration() -> None:
+    calibration = calibrate(group(np.random.default_rng(7), 2), held_out="")
+    assert not calibration.disagreement()
+    first, second = calibration.scores
+    assert replace(calibration, scores=(first, -second)).disagreement() == (
+        f"an error of {calibration.tests[1]} is below zero"
+    )
+
+
 def test_impossible_requests_are_refused_in_a_sentence(refused: Refused) -> None:
     refused(calibrate, [], held_out="")
     refused(next_test_quantile, [np.ones(3)], 90.0)

@@ -300,11 +300,15 @@ class Calibration(Summarised, Related):
     seen: tuple[Likeness, ...] = ()
 
     def disagreement(self) -> str:
-        """First contradiction: a test without errors."""
+        """First contradiction: a test without errors, or with one below zero."""
         if not self.tests or len(self.scores) != len(self.tests):
             return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
-        empty = [name for name, scores in zip(self.tests, self.scores, strict=True) if not scores.size]
-        return f"it has no errors of {empty[0]}" if empty else ""
+        for name, scores in zip(self.tests, self.scores, strict=True):
+            if not scores.size:
+                return f"it has no errors of {name}"
+            if scores.min() < 0.0:
+                return f"an error of {name} is below zero"
+        return ""
 
     @checked
     def knows(self, test: DamperTest) -> Likeness | None:
