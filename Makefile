@@ -27,13 +27,13 @@ sentences: $(VENV)/.built $(VENV)/.dev
 	MRWORK_SENTENCES=write $(BIN)/python -m pytest
 
 # What a user, a file or a machine may do wrong, in the long form; `make test` has a smoke of each.
-faults: export PYTHONPATH := .:tests/samples:tests/faults
+faults: export PYTHONPATH := .:tests/samples
 faults: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python -m tools.fuzzing
 	$(BIN)/python -m tools.fuzzing.mistakes
-	$(BIN)/python tests/faults/invocations.py
-	$(BIN)/python tests/faults/endings.py
-	$(BIN)/python tests/faults/lies.py
+	$(BIN)/python -m tools.faults.invocations
+	$(BIN)/python -m tools.faults.endings
+	$(BIN)/python -m tools.faults.lies
 
 lint: $(VENV)/.built $(VENV)/.dev
 	cargo fmt --check

@@ -6,13 +6,11 @@ sentence, or what it says can be used. `MRWORK_MUTANTS` is how many of the mutan
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import random
 import shutil
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,7 +25,6 @@ from study_texts import study_text
 import mrwork as mr
 from mrwork.errors import MrworkError
 from mrwork.identification.fit_file import reopen
-from mrwork.store.journal_file import line_of
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
@@ -42,75 +39,23 @@ from mrwork.store.run_folder import (
     RANKING,
     RESULTS,
 )
+from tools.faults.damage import array_mutants, journal_mutants, json_mutants
+from tools.faults.options import written_record
 
 MUTANTS = os.environ.get("MRWORK_MUTANTS", "12")
 # Pages take seconds: of the mutants that can be read, one in so many is predicted with or drawn.
 PREDICTED, DRAWN = 4, 60
-TWICE = "stands twice"
 STEPS = 20
 T = TypeVar("T")
-WRONG: tuple[Any, ...] = (
-    *(None, "", "text", "\x1b[31m\n", -1, 0, 1.5, 1e300, -1e300, 10**80, True, [], {}, [[]], {"a": [None]}),
-)
-
-Mutant = tuple[str, Callable[[], str]]
 
 # Every mutant takes minutes a document.
 pytestmark = [pytest.mark.timeout(3600)] if MUTANTS == "all" else []
 
 
-def nodes(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    """Paths of everything within a JSON value."""
-    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for name, entry in pairs:
-        yield (*path, name)
-        yield from nodes(entry, (*path, name))
-
-
-def parent_of(document: Any, path: tuple[str | int, ...]) -> Any:
-    for name in path[:-1]:
-        document = document[name]
-    return document
-
-
-def changed(document: Any, path: tuple[str | int, ...], change: str, wrong: Any) -> str:
-    """The text of a document with one value changed."""
-    if not path:
-        return json.dumps(wrong)
-    made = copy.deepcopy(document)
-    within, name = parent_of(made, path), path[-1]
-    if change == "is":
-        within[name] = wrong
-    elif change == "removed":
-        del within[name]
-    elif change == "renamed":
-        within[f"{name}_"] = within.pop(name)
-    elif isinstance(name, int):
-        within.insert(name, copy.deepcopy(within[name]))
-    else:
-        within[TWICE] = within[name]
-    return json.dumps(made).replace(json.dumps(TWICE), json.dumps(path[-1]))
-
-
-def mutants(text: str) -> list[Mutant]:
-    """What is done to a JSON document, and what makes its text."""
-    document = json.loads(text)
-    found: list[Mutant] = []
-    for path in [(), *nodes(document)]:
-        where = ".".join(map(str, path))
-        found += [(f"{where} is {wrong!r}", partial(changed, document, path, "is", wrong)) for wrong in WRONG]
-        if path:
-            changes = ("removed", "twice", *(("renamed",) if isinstance(path[-1], str) else ()))
-            found += [
-                (f"{where} {change}", partial(changed, document, path, change, None)) for change in changes
-            ]
-    return found
-
-
-def sampled(found: list[T], share: float = 1.0) -> list[T]:
+def sampled(listed: list[T], share: float = 1.0) -> list[T]:
     """Those that are tried; a `share` of them where each takes long."""
-    count = len(found) if MUTANTS == "all" else int(MUTANTS)
-    return random.Random(7).sample(found, min(len(found), max(1, int(share * count))))
+    count = len(listed) if MUTANTS == "all" else int(MUTANTS)
+    return random.Random(7).sample(listed, min(len(listed), max(1, int(share * count))))
 
 
 def in_one_sentence(ended: Ended, what: str) -> None:
@@ -140,24 +85,12 @@ def read(load: Callable[[], Any], what: str) -> bool:
 # Runs of an identification
 
 
-def write_record(path: Path, stroke: float) -> Path:
-    time = np.arange(0.0, 2.0, 0.01)
-    velocity = 2.0 * np.pi * stroke * np.cos(2.0 * np.pi * time)
-    noise = 0.01 * np.random.default_rng(3).standard_normal(time.size)
-    columns = (
-        time,
-        stroke * np.sin(2.0 * np.pi * time),
-        0.4 * np.tanh(velocity / 10.0) + 0.005 * velocity + noise,
-    )
-    rows = "\n".join(",".join(f"{number:.9f}" for number in row) for row in zip(*columns, strict=True))
-    path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
-    return path
-
-
 @pytest.fixture(scope="module")
 def records(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     place = tmp_path_factory.mktemp("records")
-    return [write_record(place / f"{stroke:g}mm1Hz.csv", stroke) for stroke in (10.0, 14.0, 20.0)]
+    return [
+        written_record(place / f"{stroke:g}mm1Hz.csv", stroke, noise=0.01) for stroke in (10.0, 14.0, 20.0)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +119,7 @@ def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     path = copied / name
     # Another process reads it, each time.
     (copied / DRAWS).unlink()
-    found = mutants(path.read_text())
+    found = json_mutants(path.read_text())
     kept, accepted = path.read_text(), 0
     for what, text in sampled(found):
         path.write_text(text())
@@ -206,27 +139,7 @@ def test_forged_predictions_are_refused_or_used(copied: Path) -> None:
     (copied / DRAWS).unlink()
     with np.load(path) as archive:
         arrays = dict(archive)
-    forged: list[tuple[str, dict[str, Any]]] = [
-        (f"facts {what}", {**arrays, "facts": np.array(text())})
-        for what, text in mutants(str(arrays["facts"]))
-    ]
-    for name, values in arrays.items():
-        forged.append((f"{name} removed", {key: each for key, each in arrays.items() if key != name}))
-        if name == "facts":
-            continue
-        for what, made in (
-            ("cut", values[:-1]),
-            ("empty", values[:0]),
-            ("of two rows", np.stack([values, values])),
-            ("a number", values[0]),
-            ("nan", np.full_like(values, np.nan)),
-            ("inf", np.full_like(values, np.inf)),
-            ("huge", np.full(values.shape, 1e300)),
-            ("zero", np.zeros_like(values)),
-            ("complex", values.astype(complex)),
-            ("text", np.full(values.shape, "x")),
-        ):
-            forged.append((f"{name} {what}", {**arrays, name: made}))
+    forged = array_mutants(arrays, "facts")
     accepted = 0
     for what, made in sampled(forged):
         np.savez(path, **made)  # type: ignore[arg-type] # NumPy takes arrays by any name
@@ -295,29 +208,10 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path, refused:
 # Journals
 
 
-def forged_lines(content: bytes) -> list[tuple[str, Callable[[], bytes]]]:
-    """Mutants of a journal: each has the checksum of what it says."""
-    lines = content.splitlines()
-
-    def forged(number: int, text: Callable[[], str]) -> bytes:
-        made = json.loads(text())
-        line = line_of(made).rstrip() if isinstance(made, dict) else text().encode()
-        return b"\n".join([*lines[:number], line, *lines[number + 1 :]]) + b"\n"
-
-    entries = [json.loads(line) for line in lines]
-    for entry in entries:
-        del entry["crc32"]
-    return [
-        (f"line {number + 1}: {what}", partial(forged, number, text))
-        for number, entry in enumerate(entries)
-        for what, text in mutants(json.dumps(entry))
-    ]
-
-
 def test_a_forged_chain_is_refused_or_resumed(copied: Path) -> None:
     path = copied / CHAIN
     words = ("sample", copied, "--steps", STEPS, "--walkers", WALKERS, "--resume", "--quiet", "--json")
-    found = forged_lines(b"\n".join(path.read_bytes().splitlines()[:3]) + b"\n")
+    found = journal_mutants(b"\n".join(path.read_bytes().splitlines()[:3]) + b"\n")
     for what, content in sampled(found, 0.2):
         path.write_bytes(content())
         in_one_sentence(mrwork(*words), what)
@@ -343,7 +237,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_results_of_a_study_are_used_or_refused(name: str, study: Path, tmp_path: Path) -> None:
     for each in (RESULTS, MANIFEST):
         shutil.copy(study / "out" / each, tmp_path / each)
-    found, accepted = mutants((study / "out" / name).read_text()), 0
+    found, accepted = json_mutants((study / "out" / name).read_text()), 0
 
     def results() -> Any:
         stored = mr.study.read_results(tmp_path)
@@ -363,7 +257,7 @@ def test_results_of_a_study_are_used_or_refused(name: str, study: Path, tmp_path
 def test_a_forged_journal_of_a_study_is_refused_or_resumed(study: Path, tmp_path: Path) -> None:
     place = Path(shutil.copytree(study, tmp_path / "study"))
     path = place / "out" / JOURNAL
-    found = forged_lines(path.read_bytes())
+    found = journal_mutants(path.read_bytes())
     words = (
         "respond",
         place / "study.toml",
@@ -401,7 +295,7 @@ def test_results_of_a_tuning_are_used_or_refused(tuned: Path, tmp_path: Path) ->
             # Six references have equal fields, and four fifths of the values: one of them is enough.
             del document["references"][1:]
         text = json.dumps(document)
-        found = mutants(text)
+        found = json_mutants(text)
         for what, forged in sampled(found):
             (tmp_path / name).write_text(forged())
             accepted += read(lambda: (found := mr.tuning.read_tuning(tmp_path), found.warnings), what)

@@ -6,8 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ended_jobs import JOBS, Job, same_results, written_results
-from endings import WAYS, Row, Stage
+
+from tools.faults.ended_jobs import JOBS, Job, same_results, written_results
+from tools.faults.endings import WAYS, Row, Stage
 
 SMALL = ("identify", "test0.csv", "--model", "bingham", "--every", "4", "--threads", "1", "--out", "run")
 JOB = replace(

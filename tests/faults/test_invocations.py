@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 from command_line import Ended
-from invocations import all_tried, misprinted, table
+
+from tools.faults.invocations import all_tried, misprinted, table
 
 
 def test_odd_command_lines_end_in_a_result_or_a_sentence(capfd: pytest.CaptureFixture[str]) -> None:

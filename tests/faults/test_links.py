@@ -21,11 +21,11 @@ from pathlib import Path
 import pytest
 from command_line import Ended, mrwork
 from study_texts import study_text
-from test_command_line_options import written_record
 from tuning_samples import TWO_STOREYS, study_file
 
 from mrwork.cli.door import verbs
 from mrwork.store.run_folder import JOURNAL, MANIFEST
+from tools.faults.options import written_record
 
 EVERY = os.environ.get("MRWORK_LINKS") == "all"
 # Where files lie is asked, not what they show.

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from command_line import mrwork
 from sentences import Refused
-from test_command_line_options import arguments_of, options_of, written_record
 from test_links import FIT, SPECIAL, done, listed, make_special
 
 import mrwork as mr
 from mrwork.cli.door import verbs
+from tools.faults.options import arguments_of, options_of, written_record
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 WITH_OUT = [verb for verb in verbs() if any("--out" in each.option_strings for each in options_of(verb))]

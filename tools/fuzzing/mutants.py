@@ -12,6 +12,8 @@ import zlib
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal
 
+from tools.faults.damage import places
+
 Structure = Literal["text", "json", "toml", "journal", "binary", "matlab", "zip"]
 """What a damaged copy is aware of: lines and numbers, keys, checksums, fields of sizes, compressed blocks."""
 
@@ -435,31 +437,19 @@ _OF_TEXT: Final = (*_LINES, *_LINES, _encoded, _flipped, _cut, _repeated, _trunc
 # Of keys
 
 
-def _values(tree: Any) -> list[tuple[Any, Any]]:
-    """Every place in a JSON value: its container and its key there."""
-    found: list[tuple[Any, Any]] = []
-    waiting = [tree]
-    while waiting:
-        here = waiting.pop()
-        places = list(here) if isinstance(here, dict) else range(len(here)) if isinstance(here, list) else ()
-        for key in places:
-            found.append((here, key))
-            if isinstance(here[key], dict | list):
-                waiting.append(here[key])
-    return found
-
-
 def _changed_value(rng: Random, tree: Any) -> tuple[Any, str]:
     """A JSON value with one place changed, and the text that stands for `_RAW`."""
     # Few of the places are numbers of a long list.
-    places = _values(tree)
+    all_places = places(tree)
     raw = rng.choice(_VALUES)
-    if not places:
+    if not all_places:
         return "@@0@@", raw
-    containers = [
-        place for place in places if isinstance(place[0][place[1]], dict | list) or isinstance(place[0], dict)
+    of_containers = [
+        place
+        for place in all_places
+        if isinstance(place.container[place.key], dict | list) or isinstance(place.container, dict)
     ]
-    container, key = rng.choice(containers if containers and rng.random() < 0.7 else places)
+    _, container, key = rng.choice(of_containers if of_containers and rng.random() < 0.7 else all_places)
     value = container[key]
     match rng.randrange(8):
         case 0 | 1 | 2:
@@ -467,7 +457,7 @@ def _changed_value(rng: Random, tree: Any) -> tuple[Any, str]:
         case 3:
             del container[key]
         case 4:
-            other, there = rng.choice(places)
+            _, other, there = rng.choice(all_places)
             container[key], other[there] = other[there], value
         case 5 if isinstance(container, dict):
             container[rng.choice((str(key) + "_", "", str(key).upper(), "a\nb", "\x1b"))] = container.pop(key)

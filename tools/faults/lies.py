@@ -1,4 +1,4 @@
-"""Sweep of honest and lying records over all models: `python tests/faults/lies.py [honest|lies] [MODEL ...]`.
+"""Sweep of honest and lying records over all models: `python -m tools.faults.lies [honest|lies] [MODEL ...]`.
 
 Printed are the warnings that honest records get, and the share of each lie that is told.
 """

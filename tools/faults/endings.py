@@ -1,6 +1,6 @@
 """Every long verb, ended in every way that a machine or a user has; then continued, to the same result.
 
-    python tests/faults/endings.py [--verb NAME] [--way NAME] [--points N] [--part K/N] [--stages DIR] [--quick]
+    python -m tools.faults.endings [--verb NAME] [--way NAME] [--points N] [--part K/N] [--stages DIR] [--quick]
 
 A job is a command that takes some seconds on one thread. It is run once undisturbed; then again and again, each time
 in a fresh folder, and ended: killed, interrupted, on a disk that is full, beside a second process. After each end its
@@ -27,9 +27,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "samples"))
-
-from ended_jobs import JOBS, Job, same_results, written_results
+from tools.faults.ended_jobs import JOBS, Job, same_results, written_results
 
 MOST_CPU_AFTER = 0.2
 # CPU seconds of the first points: the interpreter and the first modules are loaded.

@@ -1,6 +1,6 @@
 """Odd command lines for every verb: each must end in a result or in one sentence, soon and in little memory.
 
-    python tests/faults/invocations.py [--verb NAME] [--most N] [--seed N] [--seconds S] [--quick]
+    python -m tools.faults.invocations [--verb NAME] [--most N] [--seed N] [--seconds S] [--quick]
 
 Options come from the parser. Each is given odd values; files and folders are replaced by pipes, devices, loops of links
 and damaged ones; files of a run are removed, cut and forged; options are combined at random. A command line is right
@@ -34,11 +34,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "samples"))
-
 from command_line import COMMAND, Ended, mrwork
 from study_texts import study_text
-from test_command_line_options import (
+from tuning_samples import study_file
+
+from mrwork.cli.door import parser, verbs
+from tools.faults.damage import damages
+from tools.faults.options import (
     NO_NUMBERS,
     NO_PATHS,
     NO_TEXTS,
@@ -47,9 +49,6 @@ from test_command_line_options import (
     options_of,
     written_record,
 )
-from tuning_samples import study_file
-
-from mrwork.cli.door import parser, verbs
 
 MOST_CPU = 10.0
 MOST_MEMORY = 1 << 30
@@ -126,48 +125,6 @@ def odd_files(folder: Path) -> list[Path]:
         *(Path(name) for name in ("/dev/zero", "/dev/null", "/dev/full", "/dev/tty", "/", "/proc/self/mem")),
         *(folder / name for name in ("nowhere", "\udcff", "x" * 300, "\x1b[31m", "a\nb", "\u202e")),
         folder / "nul\0name",
-    ]
-
-
-def damages(run: Path) -> list[tuple[str, Callable[[Path], None]]]:
-    """Ways in which a run folder can be half removed or damaged, each with its name."""
-
-    def of(name: str, damage: str) -> Callable[[Path], None]:
-        def done(place: Path) -> None:
-            path = place / name
-            content = path.read_bytes() if path.is_file() else b""
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-            if damage == "a folder":
-                path.mkdir()
-            elif damage == "a pipe":
-                os.mkfifo(path)
-            elif damage == "a loop":
-                path.symlink_to(path)
-            elif damage != "removed":
-                path.write_bytes(
-                    {
-                        "empty": b"",
-                        "cut": content[: len(content) // 2],
-                        "no UTF-8": b'{"kind": "\xff"}',
-                        "nested": b'{"a":' + b"[" * 100_000,
-                        "a list": b"[1, 2]",
-                        "numbers": content.replace(b"0.", b"1" + b"0" * 330 + b"."),
-                        "null": content.replace(b"0", b"null"),
-                        "renamed": content.replace(b'"k', b'"q').replace(b'"n', b'"m'),
-                    }[damage]
-                )
-
-        return done
-
-    kinds = ("removed", "empty", "cut", "no UTF-8", "nested", "a list", "numbers", "null", "renamed")
-    return [
-        (f"{path.name} {damage}", of(path.name, damage))
-        for path in sorted(run.iterdir())
-        if path.name != "report.html"
-        for damage in (*kinds, "a folder", "a pipe", "a loop")
     ]
 
 
