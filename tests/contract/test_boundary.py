@@ -5,75 +5,74 @@ The sweep reads `_rust` itself: this file is about the compiled module, below th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import pickle
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from boundary_calls import (
     CALLS,
     DEVICES,
+    MODEL,
+    N_TIME,
     NOMINAL,
     REFUSALS,
     Call,
+    Place,
     controller_arguments,
     curve_arguments,
     dampers_arguments,
     fault,
     hardware,
+    leaves,
     observer_arguments,
     respond_arguments,
     riccati_arguments,
+    unaligned,
+    with_part,
 )
+from damper_samples import sine
 from sentences import Refused
 
 from mrwork import _rust
+from mrwork.dampers import damper
+from mrwork.dampers.simulation import Loading, simulate_force, simulate_forces, simulate_misfits
+from mrwork.errors import SettingError, SimulationError
 
 
-def arrays_in(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Every array in an argument, with its place."""
-    if isinstance(value, np.ndarray):
-        yield name, value
-    elif isinstance(value, (list, tuple)):
-        for index, entry in enumerate(value):
-            yield from arrays_in(entry, f"{name}[{index}]")
-    elif isinstance(value, SimpleNamespace):
-        for field, entry in vars(value).items():
-            yield from arrays_in(entry, f"{name}.{field}")
+class Case(NamedTuple):
+    """An array in an argument of a call."""
 
+    call: Call
+    argument: str
+    place: Place
+    array: np.ndarray
 
-def with_array(value: Any, name: str, wanted: str, array: Any) -> Any:
-    """The argument with the array at the place `wanted` replaced."""
-    if name == wanted:
-        return array
-    if isinstance(value, (list, tuple)):
-        entries = [with_array(entry, f"{name}[{i}]", wanted, array) for i, entry in enumerate(value)]
-        return type(value)(entries)
-    if isinstance(value, SimpleNamespace):
-        named = vars(value).items()
-        return SimpleNamespace(**{key: with_array(v, f"{name}.{key}", wanted, array) for key, v in named})
-    return value
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Axes of any length."""
+        return self.call.free.get(self.argument, ())
 
-
-def called(call: Call, argument: str, place: str, array: Any) -> BaseException | None:
-    """The refusal of the call with this array at `place`, `None` where it is accepted."""
-    arguments = dict(call.arguments)
-    arguments[argument] = with_array(arguments[argument], argument, place, array)
-    try:
-        call.function(**arguments)
-    except REFUSALS as error:
-        return error
-    return None
+    def refusal(self, array: Any) -> BaseException | None:
+        """The refusal of the call with another array, `None` where it is accepted."""
+        arguments = dict(self.call.arguments)
+        arguments[self.argument] = with_part(arguments[self.argument], self.place, array)
+        try:
+            self.call.function(**arguments)
+        except REFUSALS as error:
+            return error
+        return None
 
 
 CASES = [
-    pytest.param(CALLS[name], argument, place, array, id=f"{name}-{place}")
+    pytest.param(Case(CALLS[name], argument, place, part), id="-".join(map(str, (name, argument, *place))))
     for name in CALLS
     for argument, value in CALLS[name].arguments.items()
-    for place, array in arrays_in(value, argument)
+    for place, part in leaves(value)
+    if isinstance(part, np.ndarray)
 ]
-every_array = pytest.mark.parametrize(("call", "argument", "place", "array"), CASES)
+every_array = pytest.mark.parametrize("case", CASES)
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -99,9 +98,10 @@ def test_the_sweep_knows_every_function_that_takes_an_array():
 
 
 @every_array
-def test_an_axis_of_another_length_is_refused_in_one_sentence(call, argument, place, array):
+def test_an_axis_of_another_length_is_refused_in_one_sentence(case):
+    array = case.array
     for axis in range(array.ndim):
-        if axis in call.free.get(place, ()):
+        if axis in case.free:
             continue
         # The first axis of a batch may only shrink where nothing else has its length.
         for count in (-1, 1, array.shape[axis]):
@@ -109,64 +109,59 @@ def test_an_axis_of_another_length_is_refused_in_one_sentence(call, argument, pl
                 continue
             shape = list(array.shape)
             shape[axis] += count
-            other = np.ones(shape, dtype=array.dtype)
-            error = called(call, argument, place, other)
-            assert isinstance(error, ValueError), (place, array.shape, other.shape)
+            error = case.refusal(np.ones(shape, dtype=array.dtype))
+            assert isinstance(error, ValueError), shape
             assert "\n" not in str(error)
 
 
 @every_array
-def test_a_transposed_array_is_refused(call, argument, place, array):
-    if array.ndim < 2 or array.shape[0] == array.shape[-1] or len(call.free.get(place, ())) == array.ndim:
+def test_a_transposed_array_is_refused(case):
+    array = case.array
+    if array.ndim < 2 or array.shape[0] == array.shape[-1] or len(case.free) == array.ndim:
         return
-    transposed = np.ascontiguousarray(array.T)
-    assert isinstance(called(call, argument, place, transposed), ValueError), (place, array.shape)
+    assert isinstance(case.refusal(np.ascontiguousarray(array.T)), ValueError)
 
 
 @every_array
-def test_other_dimensions_are_refused(call, argument, place, array):
-    for other in (array[None].copy(), array[..., None].copy(), np.array(1.0, dtype=array.dtype)):
-        assert isinstance(called(call, argument, place, other), (TypeError, ValueError)), other.shape
-    if array.ndim > 1:
-        assert isinstance(called(call, argument, place, array.ravel()), (TypeError, ValueError))
-
-
-@every_array
-def test_other_dtypes_are_refused(call, argument, place, array):
+def test_what_is_no_array_of_its_dimensions_and_dtype_is_refused(case):
+    array = case.array
+    others = [array[None].copy(), array[..., None].copy(), np.array(1.0, dtype=array.dtype)]
+    others += [array.tolist(), "text", {}, 1.0, *([array.ravel()] if array.ndim > 1 else [])]
+    for other in others:
+        assert isinstance(case.refusal(other), (TypeError, ValueError)), other
     for dtype in (np.float32, np.float16, np.int64, np.int8, np.bool_, np.complex128, object, "U8"):
-        assert isinstance(called(call, argument, place, np.ones_like(array).astype(dtype)), TypeError), dtype
+        assert isinstance(case.refusal(np.ones_like(array).astype(dtype)), TypeError), dtype
 
 
 @every_array
-def test_things_that_are_no_arrays_are_refused(call, argument, place, array):
-    for other in (array.tolist(), "text", {}, 1.0):
-        assert isinstance(called(call, argument, place, other), (TypeError, ValueError)), other
-
-
-@every_array
-def test_arrays_in_pieces_are_refused_or_give_the_same(call, argument, place, array):
+def test_arrays_in_pieces_are_refused_or_give_the_same(case):
+    array = case.array
     if array.size < 2 or array.dtype != np.float64:
         return
-    double = np.repeat(array, 2, axis=-1)
-    pieces = [double[..., ::2], array[::-1].copy()[::-1]]
+    pieces = [np.repeat(array, 2, axis=-1)[..., ::2], array[::-1].copy()[::-1]]
     if array.ndim > 1 and min(array.shape) > 1:
         pieces.append(np.asfortranarray(array))
     for piece in pieces:
         assert np.array_equal(piece, array)
         if piece.flags.c_contiguous:
             continue
-        error = called(call, argument, place, piece)
-        assert isinstance(error, ValueError), place
+        error = case.refusal(piece)
+        assert isinstance(error, ValueError)
         assert "C-contiguous" in str(error)
 
 
 @every_array
-def test_unaligned_arrays_are_refused(call, argument, place, array):
-    if array.size:
-        room = np.zeros(array.nbytes + 1, dtype=np.uint8)
-        unaligned = np.ndarray(array.shape, array.dtype, buffer=room.data, offset=1)
-        unaligned[...] = array
-        assert isinstance(called(call, argument, place, unaligned), ValueError), place
+def test_unaligned_arrays_are_refused(case):
+    if case.array.size:
+        assert isinstance(case.refusal(unaligned(case.array)), ValueError)
+
+
+@every_array
+def test_numbers_that_are_no_numbers_never_panic(case):
+    array = case.array
+    real = array.dtype == np.float64
+    for bad in (np.nan, np.inf, -np.inf, 1e308, -1.0) if real else (np.iinfo(array.dtype).max,):
+        case.refusal(np.full_like(array, bad))
 
 
 def test_rows_without_entries_take_no_memory(refused: Refused):
@@ -177,15 +172,6 @@ def test_rows_without_entries_take_no_memory(refused: Refused):
 @pytest.mark.parametrize("threads", [2**61, 2**63, 2**64 - 1])
 def test_any_number_of_threads_is_taken(threads):
     _rust.riccati_equations(**riccati_arguments(), threads=threads)
-
-
-@every_array
-def test_numbers_that_are_no_numbers_never_panic(call, argument, place, array):
-    for bad in (np.nan, np.inf, -np.inf, 1e308, -1.0):
-        if array.dtype == np.float64:
-            called(call, argument, place, np.full_like(array, bad))
-    if array.dtype != np.float64:
-        called(call, argument, place, np.full_like(array, np.iinfo(array.dtype).max))
 
 
 def test_runs_of_another_width_are_refused_with_the_right_one(refused: Refused):
@@ -306,3 +292,111 @@ def test_a_curve_with_fewer_laws_than_parameters_is_refused(refused: Refused):
 def test_a_peak_that_could_not_be_measured_is_refused(refused: Refused):
     for threads, seconds in ((10**6, 0.01), (1, np.nan), (1, -1.0), (1, 1e9)):
         refused(_rust.fma_peak, threads, seconds)
+
+
+# Calls of a damper
+
+
+def damper_call(name: str, **changes: Any) -> None:
+    CALLS[name].function(**{**CALLS[name].arguments, **changes})
+
+
+def test_calls_of_a_damper_that_make_no_sense_are_refused(refused: Refused):
+    history = CALLS["misfits"].arguments["loading"]
+    for name, wrong in (
+        ("misfits", {"limits": np.full(2, np.inf)}),
+        ("misfits", {"force": np.zeros(0)}),
+        ("misfits", {"force": np.zeros(N_TIME - 1)}),
+        ("misfits", {"force": np.zeros(2 * N_TIME)[::2]}),
+        # A misfit over nothing would be zero, the best there is.
+        ("misfits", {"first": N_TIME}),
+        ("misfits", {"first": N_TIME + 5}),
+        ("force", {"state": np.zeros(1)}),
+        *(
+            (name, {"substep_factor": factor})
+            for name in ("misfits", "force_histories")
+            for factor in (0, 3, 128)
+        ),
+        *(("LoadingHistory", {"dt": dt}) for dt in (0.0, -1e-3, np.nan, np.inf)),
+        *(
+            ("LoadingHistory", {signal: np.append(np.zeros(N_TIME - 1), bad)})
+            for signal in ("displacement", "velocity")
+            for bad in (np.nan, np.inf, -np.inf)
+        ),
+        ("LoadingHistory", {"displacement": np.zeros(3)}),
+        ("LoadingHistory", {"velocity": np.zeros(N_TIME + 1)}),
+    ):
+        refused(damper_call, name, **wrong)
+    refused(history.stages, 0)
+
+
+def test_wrong_number_of_columns_names_the_right_one(spec):
+    n_params = len(spec.parameters)
+    for wrong in (np.ones((3, n_params - 1)), np.ones((3, 2 * n_params)), np.ones((3, 0))):
+        for name, theta in (
+            ("misfits", wrong),
+            ("force_histories", wrong),
+            ("force", wrong[0]),
+            ("rate", wrong[0]),
+        ):
+            with pytest.raises(ValueError, match=rf"`theta` has {wrong.shape[1]} columns.*takes {n_params}"):
+                damper_call(name, model=spec.name, theta=theta)
+
+
+@pytest.mark.parametrize("name", ["misfits", "force_histories", "force"])
+def test_unknown_models_are_refused_with_those_that_exist(spec, name):
+    with pytest.raises(LookupError, match=rf"no damper model is called \"bouc\".*{spec.name}"):
+        damper_call(name, model="bouc")
+
+
+@pytest.mark.parametrize("value", ["abacus", "\udcff"])
+def test_unknown_instruction_sets_are_refused_and_an_empty_one_is_none(monkeypatch, value):
+    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", value)
+    for call in (
+        _rust.instruction_set,
+        lambda: damper_call("misfits"),
+        lambda: damper_call("force_histories"),
+    ):
+        with pytest.raises(ValueError, match=r"_SET is .*, this machine has .*plain"):
+            call()
+    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", "")
+    damper_call("misfits")
+
+
+@pytest.mark.parametrize("velocity", [None, np.linspace(-1.0, 1.0, N_TIME)])
+def test_histories_pickle_and_do_not_see_later_changes_of_their_arrays(velocity):
+    displacement = np.sin(np.arange(N_TIME))
+    history = _rust.LoadingHistory(0.01, displacement, velocity)
+    before = history.stages(3)
+    displacement[:] = 0.0
+    copy = pickle.loads(pickle.dumps(history))
+    assert (copy.dt, copy.n_time) == (history.dt, history.n_time)
+    np.testing.assert_array_equal(history.stages(3), before)
+    np.testing.assert_array_equal(copy.stages(3), before)
+
+
+def test_the_facade_raises_errors_of_its_own():
+    # The sentence of Rust, in an error of ours; of one's own shape it is said before.
+    spec, loading = damper(MODEL), Loading(dt=0.01, displacement=np.sin(np.arange(N_TIME)))
+    with pytest.raises(SettingError, match=r"`theta` has shape .*see `spec.names`"):
+        simulate_forces(spec, NOMINAL[None, 1:], loading.history())
+    with pytest.raises(SettingError, match="sub-step factor"):
+        simulate_misfits(spec, NOMINAL[None], loading.history(), np.zeros(N_TIME), substep_factor=5)
+    with pytest.raises(SettingError, match="sampling step"):
+        Loading(dt=0.0, displacement=loading.displacement).history()
+    with pytest.raises(SettingError, match="`theta` of simulate_force is nan at 0"):
+        simulate_force(spec, np.full(len(NOMINAL), np.nan), loading)
+
+
+def test_a_single_simulation_that_fails_is_an_error_with_its_remedy(spec):
+    if not spec.n_states:
+        pytest.skip("without states nothing diverges")
+    failures = []
+    # A rate is too stiff where it is large, a time where it is short.
+    for size in (1e100, 1e-100):
+        try:
+            simulate_force(spec, np.full(len(spec.parameters), size), sine(n_time=60))
+        except SimulationError as failure:
+            failures.append(str(failure))
+    assert failures
+    assert all(f"{spec.name} ended as" in failure for failure in failures)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from mrwork import _rust
 
 REFUSALS = (ValueError, TypeError, AttributeError, LookupError, OverflowError, MemoryError)
+Place = tuple[Any, ...]
 N_TIME = 8
 N, DEVICES, STATES = 3, 2, 6
 MODEL = "static_hysteretic"
@@ -22,11 +23,40 @@ NOMINAL = np.array(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Call:
-    """A function of the module with arguments that it accepts; `free` are axes whose length is free."""
+    """A function of the module with arguments that it accepts; `free` are axes of free length of its arrays."""
 
     function: Callable[..., Any]
     arguments: dict[str, Any]
     free: dict[str, tuple[int, ...]]
+
+
+def leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+    """Every part of an argument, with its place: the argument itself, its entries, and theirs."""
+    yield place, value
+    if isinstance(value, (list, tuple)):
+        for index, entry in enumerate(value):
+            yield from leaves(entry, (*place, index))
+    if isinstance(value, SimpleNamespace):
+        for name, entry in vars(value).items():
+            yield from leaves(entry, (*place, name))
+
+
+def with_part(value: Any, place: Place, part: Any) -> Any:
+    if not place:
+        return part
+    if isinstance(value, SimpleNamespace):
+        own = vars(value)
+        return SimpleNamespace(**{**own, place[0]: with_part(own[place[0]], place[1:], part)})
+    entries = list(value)
+    entries[place[0]] = with_part(entries[place[0]], place[1:], part)
+    return type(value)(entries)
+
+
+def unaligned(array: np.ndarray) -> np.ndarray:
+    room = np.zeros(array.nbytes + 1, dtype=np.uint8)
+    other = np.ndarray(array.shape, array.dtype, buffer=room.data, offset=1)
+    other[...] = array
+    return other
 
 
 def building_arguments() -> dict[str, Any]:
@@ -209,7 +239,7 @@ def calls() -> dict[str, Call]:
         "respond": Call(
             function=_rust.respond,
             arguments=respond_arguments(),
-            free={"motions[0][1]": every, "motions[1][1]": every},
+            free={"motions": every},
         ),
     }
 

@@ -10,12 +10,11 @@ import resource
 import signal
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from types import SimpleNamespace
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from boundary_calls import CALLS, REFUSALS, Call
+from boundary_calls import CALLS, REFUSALS, Call, leaves, unaligned, with_part
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -25,7 +24,6 @@ from mrwork import _rust
 _LONGEST = 0.5
 _MEMORY = 6 << 30
 
-Place = tuple[Any, ...]
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 
 NUMBERS = [0.0, -0.0, -1.0, 1e-3, 5e-324, 1e-300, 1e300, 1.7e308, np.nan, np.inf, -np.inf]
@@ -76,35 +74,6 @@ class StoppedError(Exception):
 
 def stop(*_: object) -> None:
     raise StoppedError
-
-
-def leaves(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Every part of an argument, with its place: the argument itself, its entries, and theirs."""
-    yield place, value
-    if isinstance(value, (list, tuple)):
-        for index, entry in enumerate(value):
-            yield from leaves(entry, (*place, index))
-    if isinstance(value, SimpleNamespace):
-        for name, entry in vars(value).items():
-            yield from leaves(entry, (*place, name))
-
-
-def with_part(value: Any, place: Place, part: Any) -> Any:
-    if not place:
-        return part
-    if isinstance(value, SimpleNamespace):
-        own = vars(value)
-        return SimpleNamespace(**{**own, place[0]: with_part(own[place[0]], place[1:], part)})
-    entries = list(value)
-    entries[place[0]] = with_part(entries[place[0]], place[1:], part)
-    return type(value)(entries)
-
-
-def unaligned(array: np.ndarray) -> np.ndarray:
-    room = np.zeros(array.nbytes + 1, dtype=np.uint8)
-    other = np.ndarray(array.shape, array.dtype, buffer=room.data, offset=1)
-    other[...] = array
-    return other
 
 
 def one_of(draw: Draw, values: Sequence[Any]) -> Any:
