@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from posterior_samples import small_sampling, small_test
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork import dampers, motions, records
@@ -64,15 +64,9 @@ def damper_calls(_: Path) -> Calls:
     yield call(box.inside, theta=np.array(box.lower))
     yield call(box.contains, theta=np.array(box.lower))
     yield call(dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0)
-    yield call(
-        dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0).strain_step,
-        error=0.005,
-    )
-    yield call(
-        dampers.bouc_wen_from_opensees,
-        material=dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0),
-        c0=10.0,
-    )
+    material = dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0)
+    yield call(material.strain_step, error=0.005)
+    yield call(dampers.bouc_wen_from_opensees, material=material, c0=10.0)
     yield call(dampers.opensees_from_bouc_wen, theta=bouc_wen * (np.arange(8) != 2), Ao=1.0)
     yield call(dampers.normalised_from_bouc_wen, theta=bouc_wen)
     yield call(dampers.bouc_wen_from_normalised, theta=mr.damper("normalised_bouc_wen").nominal, A=1.0)
@@ -94,20 +88,11 @@ def simulation_calls(_: Path) -> Calls:
     )
     yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
     yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
-    yield call(
-        simulate_misfits,
-        spec=_BINGHAM,
-        theta=rows,
-        history=history,
-        force=np.ones(_N_TIME),
-        first=2,
-        limits=np.full(3, 1e9),
-        substep_factor=1,
-        threads=1,
-    )
-    yield call(simulate_forces, spec=_BINGHAM, theta=rows, history=history, threads=1)
-    yield call(stiffness_shares, spec=_BINGHAM, theta=rows, history=history)
-    yield call(simulate_sensitivities, spec=_BINGHAM, theta=rows, history=history, columns=[0, 1], threads=1)
+    values = {
+        **{"spec": _BINGHAM, "theta": rows, "history": history, "force": np.ones(_N_TIME), "first": 2},
+        **{"limits": np.full(3, 1e9), "substep_factor": 1, "columns": [0, 1], "threads": 1},
+    }
+    yield from calls_with(values, simulate_misfits, simulate_forces, stiffness_shares, simulate_sensitivities)
     yield call(mr.synthetic_test, name="spencer1997")
 
 
@@ -205,13 +190,13 @@ def motion_calls(files: Path) -> Calls:
     yield call(mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05)
     yield call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi")
     yield call(motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6)
-    yield call(motions.baseline_corrected, motion=motion, order=1)
+    values = {"motion": motion, "order": 1, "dt": 0.04, "factor": 0.5, "peak": 2.0, "start": 0.5, "end": 1.5}
+    yield from calls_with(
+        values,
+        *(motions.baseline_corrected, motions.resampled_band_limited, motions.scaled, motions.scaled_to_peak),
+        *(motions.time_scaled, motions.trimmed),
+    )
     yield call(motions.resampled, motion=motion, dt=0.01)
-    yield call(motions.resampled_band_limited, motion=motion, dt=0.04)
-    yield call(motions.scaled, motion=motion, factor=2.0)
-    yield call(motions.scaled_to_peak, motion=motion, peak=2.0)
-    yield call(motions.time_scaled, motion=motion, factor=0.5)
-    yield call(motions.trimmed, motion=motion, start=0.5, end=1.5)
     yield call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01)
     yield call(motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01)
     yield call(motions.near_fault_pulse, amplitude=1.0, period=1.0, cycles=1.5, phase=0.3, dt=0.02)

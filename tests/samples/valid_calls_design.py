@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from small_damper import SMALL, WISHES
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork.dampers import design
@@ -73,26 +73,9 @@ def damper_design_calls(_: Path) -> Calls:
         friction=10.0,
     )
     yield call(_WISHES.missed, design=large)
-    yield call(
-        design.size_damper,
-        wishes=_WISHES,
-        fluid=_FLUID,
-        steel=_STEEL,
-        search="differential_evolution",
-        budget=60,
-        rng=0,
-        on_progress=_continue,
-    )
-    yield call(
-        design.size_front,
-        wishes=_WISHES,
-        fluid=_FLUID,
-        steel=_STEEL,
-        population=12,
-        budget=100,
-        rng=0,
-        on_progress=_continue,
-    )
+    values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
+    yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)
+    yield from calls_with({**values, "population": 12, "budget": 100}, design.size_front)
 
 
 ROOMS = (material_calls, damper_design_calls)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork import identification, search, uncertainty
@@ -64,34 +64,16 @@ def identification_calls(_: Path) -> Calls:
     target, start = small_sampling().target, small_sampling().start
     objective = target.objective
     fit, test = small_fit(), small_test()
-    yield call(
-        mr.identify,
-        model="bingham",
-        tests=(test, _other_test()),
-        search=_QUICK,
-        bounds=_FREE,
-        nuisances=("level",),
-        observe=("gain=1.1",),
-        starts=({"c0": 1000.0},),
-        ties={"f0": "0.01*c0"},
-        power=2.0,
-        force_exponent=1.0,
-        engine="lanes",
-        rng=1,
-        threads=1,
-    )
-    yield call(
-        identification.FitSettings,
-        search=_QUICK,
-        bounds=_FREE,
-        starts=({"c0": 1000.0},),
-        power=2.0,
-        force_exponent=1.0,
-        engine="lanes",
-        nuisances=("offset",),
-        observe=("none",),
-        rng=0,
-    )
+    values = {
+        **{"model": "bingham", "tests": (test, _other_test()), "search": _QUICK, "bounds": _FREE, "rng": 1},
+        **{"nuisances": ("level",), "observe": ("gain=1.1",), "starts": ({"c0": 1000.0},), "threads": 1},
+        **{"ties": {"f0": "0.01*c0"}, "power": 2.0, "force_exponent": 1.0, "engine": "lanes"},
+    }
+    yield from calls_with(values, mr.identify, identification.FitSettings)
+    # Of one candidate, whose nuisances are none.
+    weighed = {"weights": [np.linspace(0.0, 1.0, test.n_time)], "masks": [np.arange(test.n_time) > 3]}
+    huber = {"loss": "huber", "loss_scale": 100.0, "coordinates": "unit", "tests": (test,), "nuisances": ()}
+    yield from calls_with(values | weighed | huber, mr.objective)
     yield call(identification.FitSettings.of_record, record=identification.FitSettings().as_record())
     yield call(Multistart, samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, closeness=0.1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
@@ -114,23 +96,6 @@ def identification_calls(_: Path) -> Calls:
     yield call(mr.simulate, model="bingham", theta=theta[None], record=test, threads=1)
     yield call(mr.sensitivities, model=_BINGHAM, theta=theta, record=test, threads=1)
     yield call(mr.sensitivities(_BINGHAM, theta, test).by, name="c0")
-    yield call(
-        mr.objective,
-        model=_BINGHAM,
-        tests=(test,),
-        bounds=_FREE,
-        ties={"f0": "0.01*c0"},
-        nuisances=(),
-        observe=("gain=1.1",),
-        power=4.0,
-        force_exponent=0.5,
-        weights=[np.linspace(0.0, 1.0, test.n_time)],
-        masks=[np.arange(test.n_time) > 3],
-        loss="huber",
-        loss_scale=100.0,
-        coordinates="unit",
-        threads=1,
-    )
     yield call(_free(), points=theta)
     yield call(_free("unit").theta, points=np.full((2, 4), 0.5))
     yield call(_free().residuals, points=theta)
@@ -174,63 +139,30 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(uncertainty.noise_model, name="iid")
     yield call(uncertainty.Candidate, amplitude=0.01, frequency=1.0, command=0.5)
     yield call(uncertainty.Limits, stroke=0.1, peak_velocity=1.0)
-    yield call(
-        mr.plan,
-        fit=fit,
-        tests=test,
-        candidates=[uncertainty.Candidate(amplitude=0.01, frequency=1.0)],
-        band="force",
-        targets=[uncertainty.Candidate(amplitude=0.005, frequency=2.0)],
-        threads=1,
-    )
-    yield call(mr.identifiability_of, fit=fit, tests=test, threads=1)
-    yield call(mr.profile, fit=fit, tests=test, parameters=("no such",), level=0.9, threads=1)
-    yield call(
-        mr.sample,
-        fit=fit,
-        tests=test,
-        noise="iid",
-        priors={fit.estimates[0].name: uncertainty.Lognormal(median=1000.0, deviation=1.0)},
-        tempering=0.5,
-        walkers=16,
-        most_steps=2,
-        rng=0,
-        threads=1,
-    )
-    yield call(
-        uncertainty.inference_data,
-        draws=small_draws(),
-        fit=fit,
-        tests=test,
-        priors={},
-        pointwise="blocks",
-        most_draws=16,
-        rng=0,
-        threads=1,
-    )
+    values = {
+        **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
+        **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},
+        **{"targets": [uncertainty.Candidate(amplitude=0.005, frequency=2.0)], "parameters": ("no such",)},
+        **{"noise": "iid", "tempering": 0.5, "walkers": 16, "most_steps": 2},
+        "priors": {fit.estimates[0].name: uncertainty.Lognormal(median=1000.0, deviation=1.0)},
+    }
+    yield from calls_with(values, mr.plan, mr.identifiability_of, mr.profile, mr.sample)
+    data = {"priors": {}, "pointwise": "blocks", "most_draws": 16}
+    yield from calls_with(values | data, uncertainty.inference_data)
     yield call(uncertainty.Normal, mean=0.0, deviation=1.0)
     yield call(uncertainty.Lognormal, median=1.0, deviation=1.0)
     yield call(uncertainty.Uniform, lower=0.0, upper=1.0)
     yield call(uncertainty.convergence, chains=np.random.default_rng(0).standard_normal((4, 40)))
-    yield call(
-        mr.choose_model,
-        tests=(test, _other_test()),
-        models=("no such",),
-        leave_out="test",
-        laws={"f_c": "linear"},
-        unit="A",
-        lagged=False,
-        noise="iid",
-        threads=1,
-    )
-    yield call(
-        mr.choose_laws,
-        model=("no such",),
-        tests=(test, _other_test()),
-        laws={"f_c": "linear"},
-        unit="A",
-        threads=1,
-    )
+    chosen = {
+        **{
+            "tests": (test, _other_test()),
+            "models": ("no such",),
+            "model": ("no such",),
+            "leave_out": "test",
+        },
+        **{"laws": {"f_c": "linear"}, "unit": "A", "lagged": False, "noise": "iid", "threads": 1},
+    }
+    yield from calls_with(chosen, mr.choose_model, mr.choose_laws)
 
 
 def search_calls(_: Path) -> Calls:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from loop_samples import devices, five_storeys, rd1005, sweep
 from study_samples import results
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
@@ -51,7 +51,6 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.system_of, building=frame, outputs=["drift", "acceleration"], devices=[1, "storey 2"])
     yield call(of.building_of, system=of.system_of(frame), name="x", **built, **names, source="s")
     yield call(of.balanced_truncation, system=system, order=4)
-    yield call(of.modal_truncation, building=frame, n_modes=2)
     yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
     yield call(
         of.shear_building,
@@ -64,59 +63,21 @@ def buildings_calls(_: Path) -> Calls:
         source="s",
         status="ours",
     )
-    yield call(of.with_rayleigh_coefficients, building=frame, a0=0.1, a1=1e-4)
-    yield call(of.with_rayleigh_damping, building=frame, ratios=(0.02, 0.03), modes=(1, 3))
     yield call(of.with_modal_damping, building=frame, ratios=[0.02] * 5)
-    yield call(of.with_viscous_damper, building=frame, storey=1, damping=100.0)
-    yield call(
-        of.with_yielding_damper,
-        building=frame,
-        storey=1,
-        yield_force=1e3,
-        yield_displacement=2e-3,
-        post_yield_ratio=0.1,
-        sharpness=5.0,
-        name="plates",
-    )
-    yield call(
-        of.with_friction_damper,
-        building=frame,
-        storey=1,
-        slip_load=500.0,
-        stiffness=1e6,
-        sharpness=5.0,
-        name="brace that slips",
-    )
-    yield call(
-        of.with_lead_rubber_bearings,
-        building=frame,
-        mass=300.0,
-        period=2.0,
-        yield_force=800.0,
-        yield_displacement=0.01,
-        ratio=0.02,
-        sharpness=2.0,
-        name="bearings",
-    )
-    yield call(
-        of.with_liquid_column,
-        building=frame,
-        floor=5,
-        mass=20.0,
-        frequency=3.0,
-        width_ratio=0.7,
-        head_loss=4.0,
-        name="column",
-    )
-    yield call(
-        of.with_optimal_liquid_column,
-        building=frame,
-        floor=5,
-        mass_ratio=0.02,
-        width_ratio=0.7,
-        rms_velocity=0.1,
-        mode=1,
-        name="column",
+    values = {
+        **{"building": frame, "storey": 1, "floor": 5, "mode": 1, "n_modes": 2, "name": "added"},
+        **{"a0": 0.1, "a1": 1e-4, "ratios": (0.02, 0.03), "modes": (1, 3), "tuning": "sadek"},
+        **{"mass": 20.0, "stiffness": 1e6, "damping": 100.0, "frequency": 3.0, "period": 2.0, "ratio": 0.1},
+        **{"yield_force": 800.0, "yield_displacement": 2e-3, "post_yield_ratio": 0.1, "sharpness": 5.0},
+        **{"slip_load": 500.0, "head_loss": 4.0, "width_ratio": 0.7, "mass_ratio": 0.02, "rms_velocity": 0.1},
+    }
+    yield from calls_with(
+        values,
+        *(of.modal_truncation, of.with_rayleigh_coefficients, of.with_rayleigh_damping),
+        *(of.with_viscous_damper, of.with_yielding_damper, of.with_friction_damper, of.with_brace),
+        *(of.with_lead_rubber_bearings, of.with_base_isolation, of.with_base_isolation_of_period),
+        *(of.with_liquid_column, of.with_optimal_liquid_column),
+        *(of.with_tuned_mass, of.with_optimal_tuned_mass),
     )
     yield call(
         of.PassiveElement,
@@ -128,19 +89,6 @@ def buildings_calls(_: Path) -> Calls:
         yield_force=500.0,
         yield_displacement=1e-3,
         sharpness=5.0,
-    )
-    yield call(of.with_brace, building=frame, storey=1, stiffness=1e6, mass=1.0, damping=10.0, name="brace")
-    yield call(of.with_base_isolation, building=frame, mass=300.0, stiffness=1e4, damping=10.0)
-    yield call(of.with_base_isolation_of_period, building=frame, mass=300.0, period=2.0, ratio=0.1)
-    yield call(of.with_tuned_mass, building=frame, floor=5, mass=10.0, frequency=3.0, ratio=0.1, name="tuned")
-    yield call(
-        of.with_optimal_tuned_mass,
-        building=frame,
-        floor=5,
-        mass_ratio=0.02,
-        tuning="sadek",
-        mode=1,
-        name="tuned",
     )
 
 
@@ -174,59 +122,30 @@ def gains_calls(_: Path) -> Calls:
     acceleration = of.accelerations(plant)
     C, n = acceleration.C, len(plant.A)
     weighed = weighed_state(plant, plant.energy)
-    yield call(
-        of.loop_margins,
-        plant=plant,
-        gain=of.regulator_of_state(plant, plant.energy, 1e-6).gain,
-        sample_time=1e-3,
-        delay=2e-3,
-        driver_rates=[190.0, None],
-    )
-    yield call(
-        of.regulator_gains,
-        A=plant.A,
-        B=plant.B,
-        state_weight=plant.energy,
-        control_weight=1e-6 * np.eye(2),
-        cross_weight=np.zeros((n, 2)),
-        time="continuous",
-        scaling=plant.scaling,
-        threads=1,
-    )
-    yield call(
-        of.kalman_gains,
-        A=plant.A,
-        C=C,
-        process_noise=np.eye(n),
-        sensor_noise=np.eye(5),
-        cross_noise=np.zeros((n, 5)),
-        time="continuous",
-        scaling=plant.scaling,
-        threads=1,
-    )
-    yield call(
-        of.lyapunov_solutions,
-        A=plant.A,
-        weight=plant.energy,
-        time="continuous",
-        scaling=plant.scaling,
-        threads=1,
-    )
-    yield call(of.lyapunov_function, plant=plant, weight=plant.energy)
-    yield call(
-        of.regulator_of_outputs,
-        plant=plant,
-        outputs=acceleration,
-        weights=np.ones(5),
-        control_weight=[1e-7, 1e-7],
-    )
-    yield call(of.regulator_of_state, plant=plant, state_weight=plant.energy, control_weight=1e-7 * np.eye(2))
-    yield call(
-        of.regulators_of_weights,
-        plant=plant,
-        weighed=[weighed, weighed],
-        control_weights=[1e-7, 1e-6],
-        threads=1,
+    values = {
+        **{
+            "plant": plant,
+            "A": plant.A,
+            "B": plant.B,
+            "C": C,
+            "scaling": plant.scaling,
+            "outputs": acceleration,
+        },
+        **{
+            "state_weight": plant.energy,
+            "control_weight": 1e-6 * np.eye(2),
+            "cross_weight": np.zeros((n, 2)),
+        },
+        **{"process_noise": np.eye(n), "sensor_noise": np.eye(5), "cross_noise": np.zeros((n, 5))},
+        **{"time": "continuous", "threads": 1, "weight": plant.energy, "weights": np.ones(5)},
+        **{"weighed": [weighed, weighed], "control_weights": [1e-7, 1e-6]},
+        **{"gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain, "driver_rates": [190.0, None]},
+        **{"sample_time": 1e-3, "delay": 2e-3},
+    }
+    yield from calls_with(
+        values,
+        *(of.loop_margins, of.regulator_gains, of.kalman_gains, of.lyapunov_solutions, of.lyapunov_function),
+        *(of.regulator_of_outputs, of.regulator_of_state, of.regulators_of_weights),
     )
     yield call(of.regulators_of_weights, plant=plant, weighed=[plant.energy], control_weights=[1e-7, 1e-6])
 
@@ -366,42 +285,26 @@ def loop_calls(_: Path) -> Calls:
     yield call(of.PrescribedCommands.of_history, command=np.ones((40, 2)), sample_time=1e-3, interval=0.01)
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
     yield call(of.ClairvoyantSettings, interval=0.01, explore=5, finish=5, random_starts=1, seed=0)
-    yield call(
-        mr.simulate_loop,
-        building=frame,
-        devices=loop,
-        law=law,
-        motions=[motion],
-        hardware=mr.Hardware(feedback="observer"),
-        histories=True,
-        step_factor=1,
-        nominal=frame,
-        shaping=[[0.01, 50.0]],
-        variation=of.LoopVariation(
+    values = {
+        **{
+            "building": frame,
+            "nominal": frame,
+            "devices": loop,
+            "law": law,
+            "motions": [motion],
+            "motion": motion,
+        },
+        **{"hardware": mr.Hardware(feedback="observer"), "histories": False, "step_factor": 1, "threads": 1},
+        **{"shaping": [[0.01, 50.0]], "commands": commands},
+        "variation": of.LoopVariation(
             buildings=(frame, frame), delay=np.zeros(2), seed=np.zeros(2, dtype=np.int64)
         ),
-        threads=1,
-    )
-    yield call(
-        mr.simulate_loop,
-        building=frame,
-        devices=loop,
-        law=share,
-        motions=[motion],
-        largest_commands=[1.0, 1.5],
-        threads=1,
-    )
-    yield call(
-        of.simulate_prescribed,
-        building=frame,
-        devices=loop,
-        commands=commands,
-        motion=motion,
-        hardware=mr.Hardware(),
-        histories=False,
-        step_factor=1,
-        threads=1,
-    )
+    }
+    yield from calls_with(values, mr.simulate_loop)
+    shared = {"law": share, "largest_commands": [1.0, 1.5], "hardware": mr.Hardware()}
+    shared |= {name: values[name] for name in ("building", "devices", "motions", "motion", "threads")}
+    yield from calls_with(shared, mr.simulate_loop)
+    yield from calls_with(values | {"hardware": mr.Hardware()}, of.simulate_prescribed)
     yield call(
         mr.report.response_sheet_figure,
         controlled=run.histories[0],

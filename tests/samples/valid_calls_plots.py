@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from plotted_results import RESULTS, calibration
-from wrong_arguments import Calls, call
+from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork import plots
@@ -19,45 +19,34 @@ def plots_calls(_: Path) -> Calls:
     axes = Figure().subplots()
     if find_spec("ipywidgets"):
         yield call(mr.explore, model="bingham", test=None, theta=mr.damper("bingham").nominal, command=None)
-    yield call(plots.histories, result=RESULTS["Fit"](), ax=axes, test="0.7 A", signal="drift", data=False)
-    yield call(
-        plots.loops, result=RESULTS["History"](), ax=axes, over="velocity", test=None, device=1, data=False
-    )
-    yield call(plots.residuals, result=RESULTS["Prediction"](), ax=axes, over="velocity", test=0, data=False)
-    yield call(plots.commands, result=RESULTS["History"](), ax=axes, test=None, device=0, data=False)
-    yield call(plots.laws, result=RESULTS["Fit"](), ax=axes, parameters=("f_c",), data=False)
-    yield call(plots.profiles, result=RESULTS["Profiles"](), ax=axes, parameters=("k_w",), data=False)
-    yield call(plots.posterior, result=RESULTS["Draws"](), ax=axes, parameters=("k_w",), data=False)
-    yield call(
-        plots.bands,
-        result=RESULTS["Prediction"](),
-        ax=axes,
-        calibration=calibration(),
-        over="time",
-        test=None,
-        level=0.9,
-        data=False,
-    )
-    yield call(
-        plots.spectra,
-        result=RESULTS["GroundMotion"](),
-        ax=axes,
-        quantity="displacement",
-        periods=np.array([0.5, 1.0]),
-        damping=0.02,
-        data=False,
-    )
-    yield call(
-        plots.storey_profiles,
-        result=RESULTS["Responses"](),
-        ax=axes,
-        quantity="peak_drift",
-        motion=1,
-        rows=(0, "candidate 2"),
-        data=False,
-    )
-    yield call(plots.energies, result=RESULTS["StudyResults"](), ax=axes, motion=0, rows=(0, 1), data=False)
-    yield call(plots.fronts, result=RESULTS["Front"](), ax=axes, law=None, data=False)
+    values = {
+        **{
+            "ax": axes,
+            "data": False,
+            "test": None,
+            "signal": "drift",
+            "over": "velocity",
+            "device": 1,
+            "motion": 1,
+        },
+        **{"parameters": ("k_w",), "calibration": calibration(), "level": 0.9, "law": None, "damping": 0.02},
+        **{"periods": np.array([0.5, 1.0]), "rows": (0, 1)},
+    }
+    for figure, result, own in (
+        (plots.histories, "Fit", {"test": "0.7 A"}),
+        (plots.loops, "History", {}),
+        (plots.residuals, "Prediction", {"test": 0}),
+        (plots.commands, "History", {"device": 0}),
+        (plots.laws, "Fit", {"parameters": ("f_c",)}),
+        (plots.profiles, "Profiles", {}),
+        (plots.posterior, "Draws", {}),
+        (plots.bands, "Prediction", {"over": "time"}),
+        (plots.spectra, "GroundMotion", {"quantity": "displacement"}),
+        (plots.storey_profiles, "Responses", {"quantity": "peak_drift", "rows": (0, "candidate 2")}),
+        (plots.energies, "StudyResults", {"motion": 0}),
+        (plots.fronts, "Front", {}),
+    ):
+        yield from calls_with({**values, "result": RESULTS[result](), **own}, figure)
 
 
 ROOMS = (plots_calls,)

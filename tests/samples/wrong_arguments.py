@@ -33,6 +33,13 @@ def call(function: Callable[..., object], **arguments: Any) -> ValidCall:
     return ValidCall(function, arguments)
 
 
+def calls_with(values: Mapping[str, Any], *functions: Callable[..., object]) -> Calls:
+    """A valid call of each function, with those of the values that its parameters name."""
+    for function in functions:
+        names = inspect.signature(function).parameters
+        yield ValidCall(function, {name: values[name] for name in names if name in values})
+
+
 class Nothing:
     """Of no kind that a function takes."""
 
