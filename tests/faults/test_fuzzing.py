@@ -174,7 +174,9 @@ def environment() -> dict[str, str]:
 
 
 def test_no_reader_fails_on_a_few_mutants(tmp_path: Path) -> None:
-    ended = ran(*fuzzing("--mutants", 300, "--processes", 1, "--out", tmp_path / "faults"), env=environment())
+    ended = ran(
+        *fuzzing("--mutants", 1200, "--processes", 1, "--out", tmp_path / "faults"), env=environment()
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "failures" in ended.stdout
 

@@ -88,20 +88,6 @@ def test_every_cut_of_a_file_is_refused_or_named(
 
 
 @pytest.mark.parametrize(("name", "content"), FORMATS.items())
-def test_no_damage_ends_in_another_error(tmp_path: Path, name: str, content: Callable[[], list[str]]) -> None:
-    whole = bytearray("\n".join(content()).encode())
-    rng = np.random.default_rng(11)
-    path = tmp_path / name
-    for _ in range(150):
-        damaged = bytearray(whole)
-        for place in rng.integers(0, len(whole), 3):
-            damaged[place] = int(rng.choice(list(b"0-9.eE, \t\n:=()xN\xe9")))
-        path.write_bytes(damaged)
-        came = outcome(path)
-        assert isinstance(came, GroundMotion) or str(path) in came
-
-
-@pytest.mark.parametrize(("name", "content"), FORMATS.items())
 def test_a_value_that_is_no_number_is_named_by_its_line(
     tmp_path: Path, name: str, content: Callable[[], list[str]], refused: Refused
 ) -> None:

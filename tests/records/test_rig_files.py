@@ -14,11 +14,10 @@ import h5py
 import numpy as np
 import pytest
 from odd_files import assert_is_the_test
-from record_files import DT, N_TIME, clean_columns, damaged
+from record_files import DT, N_TIME, clean_columns
 from rig_files import lvm, tdms_channels, write_matlab_73, write_tdms
 from sentences import Refused
 
-from mrwork.errors import MrworkError
 from mrwork.records import read_damper_test
 from mrwork.store.input_file import RECORD
 
@@ -334,24 +333,6 @@ def test_a_tdms_file_reads_like_a_plain_table(nptdms: Any, tmp_path: Path, refus
     assert_is_the_test(read_damper_test(path))
     write_tdms(path, tdms_channels())
     refused(read_damper_test, path)
-
-
-@pytest.mark.filterwarnings("ignore:.*npTDMS reports:mrwork.errors.MrworkWarning")
-def test_a_damaged_tdms_file_reads_or_is_refused(
-    nptdms: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "rig.tdms"
-    write_tdms(path, tdms_channels(wf_increment=DT))
-    intact = path.read_bytes()
-    n_refused = 0
-    for copy in damaged(intact, 60, header=300, rng=3):
-        path.write_bytes(copy)
-        try:
-            read_damper_test(path)
-        except MrworkError:
-            n_refused += 1
-    assert n_refused > 0
-    assert capfd.readouterr() == ("", "")
 
 
 def test_without_nptdms_the_remedy_is_named(

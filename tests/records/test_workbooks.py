@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, workbook
-from record_files import codes, damaged, message
+from record_files import codes, message
 from sentences import Refused
 
-from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, read_damper_test
 
 Rows = list[Sequence[object]]
@@ -102,21 +101,6 @@ def test_what_is_no_workbook_with_a_record_is_refused(
     path = tmp_path / "rig.xlsx"
     path.write_bytes(content)
     refused(read_damper_test, path)
-
-
-@needs_calamine
-def test_a_damaged_workbook_is_read_or_refused(tmp_path: Path) -> None:
-    path = tmp_path / "rig.xlsx"
-    whole = workbook({"Run 1": HEAD + BODY})
-    refusals: list[str] = []
-    for copy in damaged(whole, 12, header=len(whole), rng=5):
-        path.write_bytes(copy)
-        try:
-            read_damper_test(path)
-        except MrworkError as error:
-            refusals.append(str(error))
-    assert refusals
-    assert all(len(each.splitlines()) == 1 for each in refusals)
 
 
 @needs_calamine

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -37,16 +37,6 @@ def write_text(path: Path, columns: Mapping[str, NDArray[np.float64]], delimiter
     lines = [delimiter.join(columns), *(delimiter.join(repr(float(cell)) for cell in row) for row in rows)]
     path.write_text("\n".join(lines) + "\n")
     return path
-
-
-def damaged(intact: bytes, n_copies: int, *, header: int, rng: int) -> Iterator[bytes]:
-    """Copies with three bytes of the header changed and cut to a length from a half on; some copies stay whole."""
-    generator = np.random.default_rng(rng)
-    for _ in range(n_copies):
-        copy = bytearray(intact)
-        for place in generator.integers(0, header, size=3):
-            copy[place] = generator.integers(0, 256)
-        yield bytes(copy[: generator.integers(len(copy) // 2, 2 * len(copy))])
 
 
 def codes(test: DamperTest) -> list[str]:
