@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from command_line import printed
-from sentences import Refused
 
 import mrwork as mr
 from mrwork import load
@@ -113,19 +112,6 @@ def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
     more = ("--steps", "1000000", "--walkers", "64") if verb == "sample" else ()
     assert file in printed(verb, place, "--quiet", *more, status=2)
     assert {each.name: each.read_bytes() for each in place.iterdir() if each.name in before} == before
-
-
-def test_bad_input_is_one_sentence(run: Path, refused: Refused) -> None:
-    for arguments in (
-        ["--parameter", "stiffness"],
-        ["--level", "95"],
-        ["--threads", "-1"],
-    ):
-        refused.command("profile", run, *arguments)
-
-
-def test_no_run_is_told(tmp_path: Path, refused: Refused) -> None:
-    refused.command("profile", tmp_path / "nothing")
 
 
 def test_identify_says_what_the_data_do_not_see(run: Path) -> None:

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import sys
-from pathlib import Path
 
-import boundary_sweep
+from command_line import ran
 from examples import TIMES
 
 COUNT = 400 * TIMES
 
 
 def test_calls_with_arguments_of_any_kind_return_or_are_refused_in_a_sentence() -> None:
-    script = Path(boundary_sweep.__file__)
-    paths = os.pathsep.join([str(script.parent), *sys.path])
-    done = subprocess.run(
-        [sys.executable, str(script), str(COUNT)],
-        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    paths = os.pathsep.join(filter(None, sys.path))
+    words = (sys.executable, "-m", "tools.faults.boundary_sweep", COUNT)
+    done = ran(*words, env=os.environ | {"PYTHONPATH": paths, "OMP_NUM_THREADS": "1"})
     assert done.returncode == 0, done.stderr[-4000:]
     counts = {what: int(count) for count, what in re.findall(r"(\d+) ([a-z][a-z ]*[a-z])", done.stdout)}
     assert counts.keys() <= {"accepted", "refused", "stopped"}, done.stdout

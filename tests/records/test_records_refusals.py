@@ -48,6 +48,7 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, refused: Refused) ->
         "\n".join(clean[:2]),
         "\n".join(clean[:10]),
         "\n".join(clean[1:]),
+        "\n".join([HEADER, *reversed(clean[1:])]),
         "a" * 70_000,
         "t_s," * 1_000_000,
         b"\x89PNG\r\n\x1a\n" + bytes(100),

@@ -1,4 +1,4 @@
-"""A sweep of the compiled module with arguments of any kind, in a process of its own: `boundary_sweep.py COUNT`.
+"""A sweep of the compiled module with arguments of any kind: `python -m tools.faults.boundary_sweep COUNT`.
 
 A call returns, or is refused with a sentence. It may also be stopped: what is asked for may be possible, but long.
 """
