@@ -9,12 +9,22 @@ import measured_data
 import numpy as np
 import pytest
 from command_line import mrwork, printed
-from lying_records import LIES, MODELS, MOTIONS, RIGS, TELLING, Columns, Lie, honest, honest_records
 from record_files import codes, message, write_text
 from scipy.io import savemat
 
 from mrwork.records import read_damper_tests
 from mrwork.records.checks import clipped_share, coarse_step
+from tools.faults.lying_records import (
+    LIES,
+    MODELS,
+    MOTIONS,
+    RIGS,
+    TELLING,
+    Columns,
+    Lie,
+    honest,
+    honest_records,
+)
 
 SINE = MOTIONS[0]
 LAB = RIGS[0]

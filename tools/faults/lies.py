@@ -10,9 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import product
 
-from lying_records import LIES, MODELS, RIGS, TELLING, TO_AND_FRO, honest, honest_records
-
 from mrwork.errors import MrworkError
+from tools.faults.lying_records import LIES, MODELS, RIGS, TELLING, TO_AND_FRO, honest, honest_records
 
 # A model of friction and hysteresis each, for lies that all models tell alike.
 _SOME: tuple[str, ...] = ("bingham", "bouc_wen")
