@@ -8,7 +8,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import hypothesis
 import pytest
@@ -73,6 +74,42 @@ def blank_pictures() -> Iterator[None]:
     """Of a module elsewhere that looks at none."""
     with blank():
         yield
+
+
+INSTRUCTION_SETS = ("avx512", "avx2", "plain")
+
+
+@pytest.fixture(params=INSTRUCTION_SETS)
+def instruction_set(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Every instruction set that this machine has, in force for the test."""
+    if not _is_here(request.param, monkeypatch):
+        pytest.skip(f"this machine has no {request.param}")
+    return request.param
+
+
+@pytest.fixture
+def of_instruction_sets(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], list[Any]]:
+    """What a function returns with every instruction set of this machine."""
+
+    def results(function: Callable[[], Any]) -> list[Any]:
+        made = [function() for name in INSTRUCTION_SETS if _is_here(name, monkeypatch)]
+        if len(made) < 2:
+            pytest.skip("this machine has one instruction set only, there is nothing to compare")
+        return made
+
+    return results
+
+
+def _is_here(name: str, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether this machine has an instruction set, which is then in force."""
+    from mrwork import _rust
+
+    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)
+    try:
+        _rust.instruction_set()
+    except ValueError:
+        return False
+    return True
 
 
 _came: dict[str, dict[str, list[str]]] = {}

@@ -6,10 +6,7 @@ import pytest
 from compiled import release_compiled
 from damper_samples import MOTIONS
 
-from mrwork import _rust
 from mrwork.dampers import damper_models
-
-INSTRUCTION_SET = "MRWORK_INSTRUCTION_SET"
 
 
 def n_params(spec):
@@ -36,14 +33,3 @@ def compiled_for():
 def motion(request):
     """Every kind of loading in turn."""
     return MOTIONS[request.param]()
-
-
-@pytest.fixture(params=["avx512", "avx2", "plain"])
-def instruction_set(request, monkeypatch):
-    """Every instruction set that this machine has, in force for the test."""
-    monkeypatch.setenv(INSTRUCTION_SET, request.param)
-    try:
-        _rust.instruction_set()
-    except ValueError as error:
-        pytest.skip(str(error))
-    return request.param

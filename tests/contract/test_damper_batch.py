@@ -9,7 +9,6 @@ import pytest
 from damper_samples import noise, random_theta, sine
 
 import mrwork as mr
-from mrwork import _rust
 from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_misfits
 
 # Around every width of a block: 1, 8, 16, 32 and 48 lanes; the largest batch is two blocks of the widest. The record is
@@ -82,20 +81,14 @@ def test_square_loops_have_the_same_bits_in_wide_packs(name, instruction_set):
     assert_same_bits(simulate_forces(square, mixed, motion).force[:-1], found.force)
 
 
-def test_instruction_sets_give_the_same_bits(spec, theta, history, measured, monkeypatch):
-    runs = {}
-    for name in ("avx512", "avx2", "plain"):
-        monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)
-        try:
-            _rust.instruction_set()
-        except ValueError:
-            continue
+def test_instruction_sets_give_the_same_bits(spec, theta, history, measured, of_instruction_sets):
+    def run():
         force = simulate_forces(spec, theta, history).force
-        runs[name] = np.column_stack([force, simulate_misfits(spec, theta, history, measured).squared_error])
-    if len(runs) < 2:
-        pytest.skip("this machine has one instruction set only, there is nothing to compare")
-    for run in runs.values():
-        assert_same_bits(run, runs["plain"])
+        return np.column_stack([force, simulate_misfits(spec, theta, history, measured).squared_error])
+
+    *others, plain = of_instruction_sets(run)
+    for other in others:
+        assert_same_bits(other, plain)
 
 
 def test_threads_give_the_same_bits(spec, history, measured):

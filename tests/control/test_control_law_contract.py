@@ -5,6 +5,7 @@ Its numbers stand in `loop_samples.law_with_gains`, its formula again, in NumPy,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from loop_samples import (
     sweep,
 )
 
-from mrwork import Device, _rust
+from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.dampers.simulation import Outcome
@@ -47,17 +48,6 @@ WITH_GAINS = [spec for spec in control_laws() if spec.gains]
 @pytest.fixture(params=control_laws(), ids=name_of)
 def spec(request: pytest.FixtureRequest) -> ControlLawSpec:
     """Every registered law in turn."""
-    return request.param
-
-
-@pytest.fixture(params=["avx512", "avx2", "plain"])
-def instruction_set(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Every instruction set that this machine has, in force for the test."""
-    monkeypatch.setenv("MRWORK_INSTRUCTION_SET", request.param)
-    try:
-        _rust.instruction_set()
-    except ValueError as error:
-        pytest.skip(str(error))
     return request.param
 
 
@@ -219,20 +209,15 @@ def test_histories_are_those_of_the_run_alone(spec: ControlLawSpec, instruction_
         np.testing.assert_array_equal(signal, alone.histories[0].numbers[name])
 
 
-def test_instruction_sets_give_the_same_bits(spec: ControlLawSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_instruction_sets_give_the_same_bits(
+    spec: ControlLawSpec, of_instruction_sets: Callable[[Callable[[], Responses]], list[Responses]]
+) -> None:
     loop = devices(rd1005())
-    runs = {}
-    for name in ("avx512", "avx2", "plain"):
-        monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)
-        try:
-            _rust.instruction_set()
-        except ValueError:
-            continue
-        runs[name] = simulate_loop(five_storeys(), loop, candidates(spec, loop, 9), [SHORT])
-    if len(runs) < 2:
-        pytest.skip("this machine has one instruction set only, there is nothing to compare")
-    for run in runs.values():
-        assert_same_bits(run, runs["plain"])
+    *others, plain = of_instruction_sets(
+        lambda: simulate_loop(five_storeys(), loop, candidates(spec, loop, 9), [SHORT])
+    )
+    for other in others:
+        assert_same_bits(other, plain)
 
 
 def test_threads_give_the_same_bits(spec: ControlLawSpec) -> None:
