@@ -8,24 +8,18 @@ import signal
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
 from sentences import Refused
+
+from tools.faults.options import written_record
 
 FAST = ["--generations", "3", "--quiet"]
 
 
 @pytest.fixture
 def record(tmp_path: Path) -> Path:
-    time_s = np.arange(0.0, 2.0, 0.005)
-    x = 10.0 * np.sin(2.0 * np.pi * time_s)
-    v = 20.0 * np.pi * np.cos(2.0 * np.pi * time_s)
-    force = 0.4 * np.tanh(v / 10.0) + 0.005 * v
-    path = tmp_path / "10mm1Hz0x5A.csv"
-    rows = "\n".join(f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time_s, x, force, strict=True))
-    path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
-    return path
+    return written_record(tmp_path / "10mm1Hz0x5A.csv", rate=200.0)
 
 
 def test_models_lists_every_model_and_shows_one_in_full() -> None:

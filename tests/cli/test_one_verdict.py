@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import printed
+from record_files import write_test
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
@@ -71,12 +71,7 @@ CASES = {
 def record(folder: Path, noise: float) -> str:
     """A record of a damper without an offset."""
     test = sinusoidal_test("viscous_dahl", (*DAMPER.values(), 0.0), (0.01, 1.0), noise=noise, rng=3)
-    columns = np.column_stack(
-        [test.dt * np.arange(test.n_time), test.displacement, test.velocity, test.force]
-    )
-    path = folder / "record.csv"
-    np.savetxt(path, columns, delimiter=",", header="time_s,displacement_m,velocity_m/s,force_N", comments="")
-    return str(path)
+    return str(write_test(folder / "record.csv", test))
 
 
 def rows_of(text: str) -> dict[str, str]:

@@ -39,6 +39,16 @@ def write_text(path: Path, columns: Mapping[str, NDArray[np.float64]], delimiter
     return path
 
 
+def write_test(path: Path, test: DamperTest) -> Path:
+    """Write the signals of a test, and its current where it has one."""
+    time = test.dt * np.arange(test.n_time)
+    columns = {"t_s": time, "displacement_m": test.displacement, "velocity_mps": test.velocity}
+    columns["force_n"] = test.force
+    if test.current is not None:
+        columns["current_a"] = np.broadcast_to(test.current, time.shape)
+    return write_text(path, columns)
+
+
 def codes(test: DamperTest) -> list[str]:
     """Findings of the checks, by code."""
     return [finding.code for finding in test.findings]

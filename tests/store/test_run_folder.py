@@ -333,55 +333,31 @@ def damaged(change: Any) -> bytes:
     return json.dumps(document).encode()
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "cannot be read"),
-        (b"", "is not JSON"),
-        (b'{"model": "bouc_', "is not JSON"),
-        (b"\xff\xfe\x00", "byte 2 is 0x00, so this is no text"),
-        (b"[]", r"`fit` should be an object, it is \[\]"),
-        (b"{}", "`fit` lacks model, estimates"),
-        (damaged(lambda fit: fit.update(status="fine")), "`fit.status` should be 'converged' or"),
-        (damaged(lambda fit: fit.update(evaluations=1.5)), "`fit.evaluations` should be an integer"),
-        (damaged(lambda fit: fit.update(evaluations=True)), "`fit.evaluations` should be an integer"),
-        (
-            damaged(lambda fit: fit["estimates"][2].update(value="big")),
-            r"`fit\.estimates\[2\]\.value` should be a number, it is 'big'",
-        ),
-        (
-            damaged(lambda fit: fit.update(estimates=[])),
-            "its estimates are of nothing where normalised_bouc_wen has",
-        ),
-        (damaged(lambda fit: fit["estimates"].pop()), "its estimates are of c, k, x0"),
-        (damaged(lambda fit: fit["estimates"][0].update(name="d")), "its estimates are of d, k, x0"),
-        (
-            damaged(lambda fit: fit["estimates"][0].update(value=None)),
-            r"`fit\.estimates\[0\]\.value` should be a number, it is None",
-        ),
-        (damaged(lambda fit: fit["estimates"][0].update(value=1e9)), "c is 1e\\+09, outside its bounds"),
-        (
-            damaged(lambda fit: fit["estimates"][0].update(standard_error=-1.0)),
-            r"standard_error` should be a number at least 0",
-        ),
-        (damaged(lambda fit: fit.update(estimates=None)), "`fit.estimates` should be a list"),
-        (damaged(lambda fit: fit.update(model="bingam")), "bingam"),
-        (damaged(lambda fit: fit.update(nrmse=10**400)), "a whole number has 401 digits"),
-        (b'{"model": ' + b"[" * 5000 + b"]" * 5000 + b"}", "nested more than 100 deep"),
-        (damaged(lambda fit: fit["error_norms"].pop("time")), "`fit.error_norms` lacks time"),
-        (damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)), "inputs.a` should be a string"),
-    ],
-)
-def test_a_damaged_fit_is_refused_with_the_place_named(
-    tmp_path: Path, content: bytes | None, message: str
-) -> None:
+def test_a_damaged_fit_is_refused_with_the_place_named(tmp_path: Path, refused: Refused) -> None:
     place = write(tmp_path / "run")
-    (place / "fit.json").unlink()
-    if content is not None:
-        (place / "fit.json").write_bytes(content)
-    with pytest.raises(RecordError, match=message) as caught:
-        read_fit(place)
-    assert str(place / "fit.json") in str(caught.value)
+    for content in (
+        *(b"\xff\xfe\x00", b"[]", b"{}"),
+        damaged(lambda fit: fit.update(status="fine")),
+        damaged(lambda fit: fit.update(evaluations=1.5)),
+        damaged(lambda fit: fit.update(evaluations=True)),
+        damaged(lambda fit: fit["estimates"][2].update(value="big")),
+        damaged(lambda fit: fit.update(estimates=[])),
+        damaged(lambda fit: fit["estimates"].pop()),
+        damaged(lambda fit: fit["estimates"][0].update(name="d")),
+        damaged(lambda fit: fit["estimates"][0].update(value=None)),
+        damaged(lambda fit: fit["estimates"][0].update(value=1e9)),
+        damaged(lambda fit: fit["estimates"][0].update(standard_error=-1.0)),
+        damaged(lambda fit: fit.update(estimates=None)),
+        damaged(lambda fit: fit.update(model="bingam")),
+        damaged(lambda fit: fit.update(nrmse=10**400)),
+        b'{"model": ' + b"[" * 5000 + b"]" * 5000 + b"}",
+        damaged(lambda fit: fit["error_norms"].pop("time")),
+        damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)),
+    ):
+        (place / FIT_FILE).write_bytes(content)
+        refused(read_fit, place)
+    (place / FIT_FILE).unlink()
+    refused(read_fit, place)
 
 
 @pytest.mark.parametrize("name", [FIT_FILE, MANIFEST, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, DRAWS])
@@ -394,7 +370,7 @@ def test_a_folder_in_the_place_of_a_file_of_the_run_is_refused_by_its_name(
     refused(load, place)
 
 
-@pytest.mark.parametrize("name", [PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
+@pytest.mark.parametrize("name", [FIT_FILE, PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"", b"[", b"[]", b"{}", b"null", b"NaN", b"[" * 9999])
 def test_damaged_documents_of_a_run_are_refused_by_their_name(
     tmp_path: Path, name: str, content: bytes

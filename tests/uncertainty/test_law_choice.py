@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
+from record_files import write_test
 from sentences import Refused
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
@@ -180,12 +181,7 @@ def test_what_cannot_be_chosen_is_refused(tests: tuple[DamperTest, ...], refused
 def test_a_run_folder_holds_the_table_and_the_page_shows_it(
     tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:
-    files = []
-    for number, test in enumerate(tests):
-        files.append(tmp_path / f"test{number}.csv")
-        rows = np.column_stack([test.time, test.displacement, test.velocity, test.force])
-        lines = [",".join(map(repr, [*row.tolist(), test.current])) for row in rows]
-        files[-1].write_text("\n".join(["t_s,displacement_m,velocity_mps,force_n,current_a", *lines]))
+    files = [write_test(tmp_path / f"test{number}.csv", test) for number, test in enumerate(tests)]
     small = ("--generations", "10", "--threads", "1")
     command = ("identify", *files, "--model", "viscous_dahl", "--law", "auto", *small)
     out = tmp_path / "run"

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
+from record_files import write_test
 from sentences import Refused
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
@@ -213,12 +214,7 @@ def test_a_table_whose_models_contradict_each_other_is_refused(
 def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(
     tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:
-    files = []
-    for number, test in enumerate(tests):
-        files.append(tmp_path / f"test{number}.csv")
-        rows = np.column_stack([test.time, test.displacement, test.velocity, test.force])
-        lines = [",".join(map(repr, [*row.tolist(), test.current])) for row in rows]
-        files[-1].write_text("\n".join(["t_s,displacement_m,velocity_mps,force_n,current_a", *lines]))
+    files = [write_test(tmp_path / f"test{number}.csv", test) for number, test in enumerate(tests)]
     out = tmp_path / "run"
     options = (
         "--law",
