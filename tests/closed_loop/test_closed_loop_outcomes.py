@@ -135,11 +135,6 @@ def test_devices_that_do_not_go_together_are_refused(refused: Refused) -> None:
         refused(simulate_loop, building, [replace(device, row=row) for device in loop], law, [still()])
 
 
-def test_a_step_factor_beyond_reason_is_refused(refused: Refused) -> None:
-    for factor in (0, 65, 2**31):
-        refused(simulate_loop, five_storeys(), devices(friction()), PASSIVE, [still()], step_factor=factor)
-
-
 def test_progress_counts_runs_up_to_all_of_them() -> None:
     said: list[tuple[int, int]] = []
     law = ControlLaw(name="passive", gains={"command": np.ones((5000, 2))})

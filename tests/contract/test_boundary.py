@@ -21,7 +21,6 @@ from boundary_calls import (
     Call,
     Place,
     controller_arguments,
-    curve_arguments,
     dampers_arguments,
     fault,
     hardware,
@@ -283,10 +282,6 @@ def test_settings_that_make_no_sense_are_refused(refused: Refused):
         {"laws": ["spline"] * len(NOMINAL)},
     ):
         refused(respond_with, **wrong)
-
-
-def test_a_curve_with_fewer_laws_than_parameters_is_refused(refused: Refused):
-    refused(_rust.ForceCurve, **{**curve_arguments(), "laws": ["linear"]})
 
 
 def test_a_peak_that_could_not_be_measured_is_refused(refused: Refused):

@@ -57,10 +57,6 @@ def test_values_by_name_and_settings_design_the_same_law() -> None:
     np.testing.assert_array_equal(np.asarray(law.gains["gain"]), np.asarray(by_name.gains["gain"]))
 
 
-def test_a_refusal_names_its_setting(refused: Refused) -> None:
-    refused(design_law, "passive", problem(), {"command": 5.0})
-
-
 def test_a_static_damper_is_its_own_curve_and_another_model_needs_a_counterpart() -> None:
     spec = mr.damper("static_hysteretic").with_current_laws(
         {"c": "linear", "alpha": "cubic", "beta": "linear"}

@@ -226,10 +226,6 @@ def test_a_wish_that_cannot_be_is_refused(refused: Refused) -> None:
         refused(design, frame(), **{"limits": LIMITS, "budget": BUDGET, **given})
 
 
-def test_a_refused_limit_is_named(refused: Refused) -> None:
-    refused(design, frame(), limits={"rms_drift": (1e-3, 2e-3)}, budget=1.0)
-
-
 def test_an_undamped_mode_is_refused(refused: Refused) -> None:
     undamped = mr.buildings.shear_building(name="undamped", masses=[1.0, 1.0], stiffnesses=[10.0, 10.0])
     refused(design, undamped, limits=LIMITS, budget=1.0)

@@ -288,10 +288,6 @@ def test_python_takes_the_name_too() -> None:
     assert fit.settings.search == search_named("multistart")
 
 
-def test_an_unknown_search_is_refused_with_those_there_are(refused: Refused) -> None:
-    refused(mr.identify, "dahl", TEST, search="annealing")
-
-
 SMALL_TEST = small_test()
 COPY = replace(SMALL_TEST, name="copy", path="elsewhere.csv", observation=Observation(gain=1.1))
 FIT = small_fit()

@@ -181,10 +181,6 @@ def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> N
     assert flatter.provenance.settings["power"] == 6.0
 
 
-def test_too_few_commands_for_a_law_are_refused(tests: tuple[DamperTest, ...], refused: Refused) -> None:
-    refused(identify, PRESET.spec, tests[:2], search=SEARCH)
-
-
 def test_a_test_without_the_models_command_is_refused(
     tests: tuple[DamperTest, ...], refused: Refused
 ) -> None:

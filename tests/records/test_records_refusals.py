@@ -82,11 +82,6 @@ def test_a_wrong_row_is_named_by_its_line(tmp_path: Path, refused: Refused) -> N
         refused(read, tmp_path, "\n".join(lines))
 
 
-def test_decimal_commas_throughout_are_not_taken_for_columns(tmp_path: Path, refused: Refused) -> None:
-    rows = [f"0,{row:03d},0,001,{row},5" for row in range(1, 40)]
-    refused(read, tmp_path, "\n".join([HEADER, *rows]))
-
-
 def test_a_dead_channel_is_refused(tmp_path: Path, refused: Refused) -> None:
     for column, value in (
         ("force_n", 0.0),
