@@ -39,9 +39,7 @@ def is_number(option: argparse.Action) -> bool:
 
 
 def written_record(path: Path, stroke: float = 10.0, noise: float = 0.0, rate: float = 100.0) -> Path:
-    """A test at 1 Hz of a damper with friction and viscosity; the `stroke` in mm, the deviation of the noise in kN,
-    the `rate` of its samples in Hz.
-    """
+    """A test at 1 Hz of a damper with friction and viscosity: `stroke` in mm, `noise` in kN, `rate` in Hz."""
     time = np.arange(0.0, 2.0, 1.0 / rate)
     velocity = 2.0 * np.pi * stroke * np.cos(2.0 * np.pi * time)
     force = 0.4 * np.tanh(velocity / 10.0) + 0.005 * velocity
