@@ -136,28 +136,6 @@ def test_an_earlier_fit_without_verdicts_is_read(run: Path, tmp_path: Path) -> N
     assert read_fit(old).identifiability is None
 
 
-def test_standard_errors_of_an_earlier_fit_are_widened_to_effective_samples(
-    run: Path, tmp_path: Path
-) -> None:
-    old = tmp_path / "old"
-    shutil.copytree(run, old)
-    document = json.loads((old / "fit.json").read_text())
-    share = document.pop("n_effective") / document["n_time"]
-    assert share < 0.99
-    for estimate in document["estimates"]:
-        if estimate["standard_error"] is not None:
-            estimate["standard_error"] *= share**0.5
-    (old / "fit.json").write_text(json.dumps(document))
-    before, now = read_fit(old), read_fit(run)
-    assert before.n_effective == now.n_effective
-    for one, other in zip(before.estimates, now.estimates, strict=True):
-        assert (one.standard_error or 0.0) == pytest.approx(other.standard_error or 0.0)
-    # Without verdicts the number of effective samples is not known.
-    document["identifiability"] = None
-    (old / "fit.json").write_text(json.dumps(document))
-    assert "independent samples" in repr(read_fit(old))
-
-
 def test_profiles_do_not_outlive_their_fit(run: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
     shutil.copytree(run, again)
