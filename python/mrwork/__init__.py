@@ -11,9 +11,9 @@ def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.
     from mrwork.base.namespace import attach
 
-    found, names, listed = attach(__name__, __file__)
-    globals().update(__getattr__=found, __dir__=names, __all__=listed)
-    return listed if name == "__all__" else found(name)
+    load, names, listed = attach(__name__, __file__)
+    globals().update(__getattr__=load, __dir__=names, __all__=listed)
+    return listed if name == "__all__" else load(name)
 
 
 def __dir__() -> list[str]:

@@ -92,6 +92,8 @@ Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
+_VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
 
@@ -110,28 +112,30 @@ def checked(target: TargetT) -> TargetT:
             if "__init__" in vars(target):
                 raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
             kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
-        kind.__init__ = _checking(kind.__init__, kind.__name__, kind)
+        kind.__init__ = _check_calls(kind.__init__, kind.__name__, kind)
         return cast(TargetT, kind)
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
-    return cast(TargetT, _checking(target, name))
+    return cast(TargetT, _check_calls(target, name))
 
 
-def _checking(function: Any, name: str, owner: type = object) -> Any:
-    """The function behind the check; a constructor has the fields of its class, the `owner`."""
+def _check_calls(function: Any, name: str, owner: type = object) -> Any:
+    """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
+    parameters = signature.parameters.values()
     positional = tuple(
-        each.name
-        for each in signature.parameters.values()
-        if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
+        parameter.name
+        for parameter in parameters
+        if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
     )
-    rest = next((each.name for each in signature.parameters.values() if each.kind is each.VAR_POSITIONAL), "")
-    takes_any = any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
+    variadic = {parameter.kind: parameter.name for parameter in parameters if parameter.kind in _VARIADIC}
+    rest = variadic.get(inspect.Parameter.VAR_POSITIONAL, "")
+    takes_any = inspect.Parameter.VAR_KEYWORD in variadic
     known = frozenset(signature.parameters)
     required = tuple(
-        each.name
-        for each in signature.parameters.values()
-        if each.default is each.empty and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+        parameter.name
+        for parameter in parameters
+        if parameter.default is parameter.empty and parameter.kind not in variadic
     )
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
@@ -144,7 +148,7 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             kinds.update({name: kind_of(node) for name, node in nodes.items()})
             shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
         if not (takes_any or given.keys() <= known):
-            raise _unknown_argument(name, next(each for each in given if each not in known), signature)
+            raise _unknown_argument(name, next(word for word in given if word not in known), signature)
         if len(args) > len(positional) and not rest:
             raise _by_position(name, positional, len(args), signature)
         if twice := given.keys() & positional[: len(args)]:
@@ -158,18 +162,18 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
             parameter: _accept_value(kinds, name, parameter, value, owner)
             for parameter, value in given.items()
         }
-        if missing := [each for each in required[len(args) :] if each not in given]:
-            listed = list_names([f"`{each}`" for each in missing], len(missing))
+        if missing := [parameter for parameter in required[len(args) :] if parameter not in given]:
+            listed = list_names([f"`{parameter}`" for parameter in missing], len(missing))
             raise ArgumentError(f"{name} lacks {listed}; give {'it' if len(missing) == 1 else 'them'}")
         if shapes:
-            _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
+            _check_shapes(shapes, name, dict(zip(positional, values, strict=False)) | named)
         return function(*values, *more, **named)
 
     return checking
 
 
 def _unknown_argument(function: str, given: str, signature: inspect.Signature) -> ArgumentError:
-    names = [each for each in signature.parameters if each not in ("self", "cls")]
+    names = [parameter for parameter in signature.parameters if parameter not in ("self", "cls")]
     near = closest(given, names)
     meant = f", did you mean `{near}`" if near else f"; it takes {list_names(names, 12) or 'none'}"
     return ArgumentError(escape_text(f"{function} has no argument `{given}`{meant}"))
@@ -178,11 +182,11 @@ def _unknown_argument(function: str, given: str, signature: inspect.Signature) -
 def _by_position(
     function: str, positional: tuple[str, ...], count: int, signature: inspect.Signature
 ) -> ArgumentError:
-    own = [each for each in positional if each not in ("self", "cls")]
+    own = [parameter for parameter in positional if parameter not in ("self", "cls")]
     left_out = len(positional) - len(own)
-    named = [each for each in signature.parameters if each not in positional]
+    named = [parameter for parameter in signature.parameters if parameter not in positional]
     taken = f"takes {list_names(own, 12)} by position" if own else "takes no argument by position"
-    rest = ", ".join(f"{each}=..." for each in named[: count - len(positional)])
+    rest = ", ".join(f"{parameter}=..." for parameter in named[: count - len(positional)])
     remedy = f"give {'the others' if own else 'them'} by name, as in {rest}" if rest else "give no more"
     came = count - left_out
     return ArgumentError(f"{function} {taken} and got {came} value{'' if came == 1 else 's'}; {remedy}")
@@ -209,7 +213,7 @@ def _error(parameter: str, function: str, refusal: Refusal, owner: type = object
     return error
 
 
-def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
+def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
     known: dict[str, tuple[int, str]] = {}
     for parameter, shape in shapes.items():
         value = given.get(parameter)
@@ -223,7 +227,7 @@ def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any])
 
 
 def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Node]:
-    """What each parameter of a function declares, or of the constructor of a dataclass."""
+    """Annotation node of each parameter of a function, or of the constructor of the dataclass `owner`."""
     own = inspect.unwrap(function).__globals__
     declared = fields_of(owner) if is_dataclass(owner) else {}
     return {
@@ -242,22 +246,22 @@ _SHOWN = 40
 
 
 def check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
-    """Refuse an array with other axes, or with lengths that differ from the `known` ones, which are added to."""
-    found = tuple(np.shape(value))
+    """Refuse an array with other axes, or other lengths than `known`; new lengths are added to `known`."""
+    given = tuple(np.shape(value))
     wanted = f"({', '.join(shape.axes)}{',' if len(shape.axes) == 1 else ''})"
-    if len(found) != len(shape.axes):
-        raise Refusal(f"has shape {found}; give shape {wanted}", SettingError)
-    for axis, length in zip(shape.axes, found, strict=True):
+    if len(given) != len(shape.axes):
+        raise Refusal(f"has shape {given}; give shape {wanted}", SettingError)
+    for axis, length in zip(shape.axes, given, strict=True):
         expected, source = known.setdefault(axis, (length, parameter))
         if length != expected:
             raise Refusal(
-                f"has shape {found}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
+                f"has shape {given}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
                 SettingError,
             )
 
 
 class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the name of the argument is known
-    """Why a value is refused: the place in the argument, the rest of the sentence, and the error to raise."""
+    """Refusal of a value: the place in the argument, the rest of the sentence, and the error to raise."""
 
     def __init__(self, sentence: str, error: type[MrworkError] = ArgumentError, place: str = "") -> None:
         super().__init__(sentence)
@@ -265,7 +269,7 @@ class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the
 
 
 class OtherKind(Refusal):
-    """The value is of another kind altogether, so that another member of a union may take it."""
+    """Refusal of a value of another type: another member of a union may accept it."""
 
     def __init__(self, value: object, words: str) -> None:
         super().__init__(f"is {_quote_value(value)}; give {words}")
@@ -273,7 +277,7 @@ class OtherKind(Refusal):
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What an argument may be, and the check that returns it as the function gets it or raises `Refusal`.
+    """Kind of an argument: its name in messages, and the check that returns the value or raises `Refusal`.
 
     Of the members of a union, those of lower `rank` are asked first.
     """
@@ -287,8 +291,8 @@ _ANYTHING = Kind("anything", lambda value: value)
 
 
 def kind_of(node: Node) -> Kind:
-    """The check of what an annotation declares."""
-    of = [kind_of(each) for each in node.parts]
+    """Kind of argument that an annotation declares."""
+    of = [kind_of(part) for part in node.parts]
     match node:
         case nodes.Scalar(kind):
             return _SCALARS[kind](node.notes)
@@ -368,9 +372,9 @@ def _int(notes: Notes) -> Kind:
             number = operator.index(value)
         except TypeError:
             raise OtherKind(value, words) from None
-        for each in notes:
-            if isinstance(each, Within) and each.excludes(number):
-                wanted = each.instead_of(number, "whole number")
+        for note in notes:
+            if isinstance(note, Within) and note.excludes(number):
+                wanted = note.instead_of(number, "whole number")
                 raise Refusal(f"is {_quote_value(number)}; give {wanted}", SettingError)
         if not -(2**63) <= number < 2**64:
             raise Refusal(f"is {_quote_value(number)}; give a whole number of 64 bits", SettingError)
@@ -399,7 +403,7 @@ _SCALARS: dict[type, Callable[[Notes], Kind]] = {
 
 
 def _name(choices: tuple[Any, ...]) -> Kind:
-    texts = [each for each in choices if isinstance(each, str)]
+    texts = [choice for choice in choices if isinstance(choice, str)]
     words = " or ".join(map(repr, choices))
 
     def accept(value: Any) -> Any:
@@ -467,7 +471,7 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
         ) from None
     if array.ndim == 0 and array.dtype.kind == "O" and not isinstance(value, int):
         raise OtherKind(value, words)
-    if array.dtype.kind == "O" and all(type(each) is int for each in array.flat):
+    if array.dtype.kind == "O" and all(type(item) is int for item in array.flat):
         raise Refusal("has whole numbers of more than 64 bits; give smaller ones", SettingError)
     if array.dtype.kind not in kinds and array.size:
         raise Refusal(f"has values of type {array.dtype}; give {words}")
@@ -488,17 +492,17 @@ def _check_numbers(values: Any, notes: Notes) -> None:
         if not np.all(allowed):
             most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {LARGEST:g}"
             raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
-    for each in notes:
-        if isinstance(each, Within) and np.any(out := each.excludes(values)):
+    for note in notes:
+        if isinstance(note, Within) and np.any(out := note.excludes(values)):
             first = values if np.ndim(values) == 0 else values[np.asarray(out)][0]
-            wanted = each.instead_of(first, "numbers" if np.ndim(values) else "number")
+            wanted = note.instead_of(first, "numbers" if np.ndim(values) else "number")
             raise Refusal(f"{_worst(values, out)}; give {wanted}", SettingError)
 
 
 def _worst(values: Any, out: Any) -> str:
     if np.ndim(values) == 0:
         return f"is {values:g}"
-    first = tuple(int(each) for each in np.argwhere(out)[0])
+    first = tuple(int(index) for index in np.argwhere(out)[0])
     return f"is {values[first]:g} at {first[0] if len(first) == 1 else first}"
 
 
@@ -511,7 +515,7 @@ def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
     def accept(value: Any) -> Any:
         # The rows of a matrix are items of their own where items are lists.
         listed = _list_values(value, words, most_axes=2 if of.rank > 1 else 1)
-        items = [_at(of, each, f"[{position}]") for position, each in enumerate(listed)]
+        items = [_accept_at(of, item, f"[{position}]") for position, item in enumerate(listed)]
         if listed is value and all(new is old for new, old in zip(items, listed, strict=True)):
             items = value
         return tuple(items) if as_tuple or not isinstance(listed, list) else items
@@ -520,29 +524,29 @@ def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
 
 
 def _iterable(of: Kind) -> Kind:
-    """Items of a container are checked, of a dict its keys; those of an iterator only come when it is used."""
+    """Kind of an iterable: items of a container and keys of a dict are checked, those of an iterator are not."""
     words = f"several values, each {of.words}"
 
     def accept(value: Any) -> Any:
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             raise OtherKind(value, words)
         if isinstance(value, list | tuple | set | frozenset | Mapping):
-            return tuple(_at(of, each, f"[{position}]") for position, each in enumerate(value))
+            return tuple(_accept_at(of, item, f"[{position}]") for position, item in enumerate(value))
         return value
 
     return Kind(words, accept, rank=2)
 
 
 def _tuple(kinds: list[Kind]) -> Kind:
-    words = f"{len(kinds)} values: {', '.join(each.words for each in kinds)}"
+    words = f"{len(kinds)} values: {', '.join(kind.words for kind in kinds)}"
 
     def accept(value: Any) -> Any:
         listed = _list_values(value, words)
         if len(listed) != len(kinds):
             raise Refusal(f"has {len(listed)} values; give {words}")
         return tuple(
-            _at(kind, each, f"[{position}]")
-            for position, (kind, each) in enumerate(zip(kinds, listed, strict=True))
+            _accept_at(kind, item, f"[{position}]")
+            for position, (kind, item) in enumerate(zip(kinds, listed, strict=True))
         )
 
     return Kind(words, accept, rank=2)
@@ -554,11 +558,11 @@ def _mapping(names: Kind, values: Kind) -> Kind:
     def accept(value: Any) -> Any:
         if not isinstance(value, Mapping):
             raise OtherKind(value, words)
-        found = {
-            _at(names, name, f" key {name!r}"): _at(values, each, f"[{name!r}]")
-            for name, each in value.items()
+        accepted = {
+            _accept_at(names, name, f" key {name!r}"): _accept_at(values, item, f"[{name!r}]")
+            for name, item in value.items()
         }
-        return value if all(found[name] is value[name] for name in found) else found
+        return value if all(accepted[name] is value[name] for name in accepted) else accepted
 
     return Kind(words, accept, rank=2)
 
@@ -571,7 +575,7 @@ def _list_values(value: Any, words: str, most_axes: int = 1) -> Any:
     return value if isinstance(value, list | tuple) else tuple(value)
 
 
-def _at(kind: Kind, value: Any, place: str) -> Any:
+def _accept_at(kind: Kind, value: Any, place: str) -> Any:
     try:
         return kind.accept(value)
     except Refusal as refusal:
@@ -605,7 +609,7 @@ def _path(value: Any) -> Any:
 
 
 def _function(takes: Any, returns: Any) -> Kind:
-    """A function that can be called with so many arguments; no class where it is called for its effect alone."""
+    """Kind of a function by its number of arguments; where it returns nothing, a class is refused."""
     alone = returns in (None, NoneType, bool | None)
     count = len(takes) if isinstance(takes, list) else None
     words = "a function" if count is None else f"a function of {count} argument{'' if count == 1 else 's'}"
@@ -652,8 +656,8 @@ def _protocol(kind: type) -> Kind:
 
 
 def _one_of(kinds: list[Kind]) -> Kind:
-    kinds.sort(key=lambda each: each.rank)
-    words = " or ".join(each.words for each in kinds if each.words != "None")
+    kinds.sort(key=lambda kind: kind.rank)
+    words = " or ".join(kind.words for kind in kinds if kind.words != "None")
 
     def accept(value: Any) -> Any:
         closest: Refusal | None = None
@@ -667,4 +671,4 @@ def _one_of(kinds: list[Kind]) -> Kind:
                 closest = closest or refusal
         raise closest or OtherKind(value, words)
 
-    return Kind(words, accept, rank=max(each.rank for each in kinds))
+    return Kind(words, accept, rank=max(kind.rank for kind in kinds))

@@ -114,7 +114,7 @@ class Fixed(Node):
     """A tuple with an item of each part."""
 
     def of(self, count: int) -> tuple[Node, ...]:
-        """Node expected at each of `count` positions; as many as there must be if that is another number."""
+        """Node expected at each position, whatever their `count`."""
         return self.parts
 
     @property

@@ -44,14 +44,14 @@ _CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
 
 def quote_value(value: object) -> str:
-    """A value of a table as a message quotes it."""
+    """Text of a table's value in a message."""
     if isinstance(value, date | time):
         return f"the date or time {value}"
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
-    """End of a message on an unknown name: the known names that are meant, or all where none is close."""
+    """End of a message on an unknown name: the similar known names, or all where none is close."""
     near = " or ".join(meant(name, known))
     return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
@@ -63,25 +63,25 @@ _MISSPELT = 0.75
 
 
 def closest(name: object, known: Sequence[str]) -> str:
-    """The known name that is meant by an unknown one; empty if none is close."""
+    """Most similar known name; empty if none is close."""
     return next(iter(meant(name, known)), "")
 
 
 def meant(name: object, known: Sequence[str]) -> list[str]:
-    """The known names that an unknown one may mean: itself in another style, its synonyms, or one spelt alike."""
+    """Known names similar to an unknown one: the same in another style, a synonym, or a similar spelling."""
     if not isinstance(name, str):
         return []
-    plain = {without_style(each): each for each in reversed(known)}
+    plain = {without_style(other): other for other in reversed(known)}
     if same := plain.get(without_style(name)):
         return [same]
     for alike in synonyms(name):
-        if found := [plain[word] for each in alike if (word := without_style(each)) in plain]:
-            return found
+        if near := [plain[word] for synonym in alike if (word := without_style(synonym)) in plain]:
+            return near
     if near := get_close_matches(name, known, n=1):
         return near
     # Short names, as of units, are like too many others then.
     alike = get_close_matches(without_style(name), plain, n=1) if len(name) >= _LONG else []
-    return [plain[each] for each in alike]
+    return [plain[word] for word in alike]
 
 
 def key(
@@ -162,7 +162,7 @@ def describe_key(entry: Field[Any]) -> str:
 
 
 def describe_repeat(name: str, values: Sequence[object]) -> str:
-    """Message for a text that stands in an array twice; empty if there is none."""
+    """Message on the first repeated text of an array; empty if there is none."""
     texts = [value for value in values if isinstance(value, str)]
     twice = next((text for text, count in Counter(texts).items() if count > 1), None)
     return "" if twice is None else f"{name} has {twice!r} twice; give each once"
@@ -176,7 +176,7 @@ def range_in_words(entry: Field[Any]) -> str:
 
 
 def _range_of(entry: Field[Any]) -> Within:
-    """The range of the number of a key in a file."""
+    """Permitted range of a key's number in a file, where counts may start from one."""
     within: Within = entry.metadata["within"]
     return (
         replace(within, least=within.least + 1, most=within.most + 1)
@@ -187,17 +187,17 @@ def _range_of(entry: Field[Any]) -> Within:
 
 def control_in(label: str) -> str:
     """The first control character or end of a line in a label, as an escape; empty where there is none."""
-    found = next((each for each in label if unicodedata.category(each) in _CONTROLS), "")
-    return found.encode("unicode_escape").decode("ascii")
+    control = next((character for character in label if unicodedata.category(character) in _CONTROLS), "")
+    return control.encode("unicode_escape").decode("ascii")
 
 
 def plain_values(table: Any) -> None:
     """Turn arrays and lists of a table that a script has built into tuples, so that the table is immutable."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        found = _plain_value(given)
-        if found is not given:
-            object.__setattr__(table, entry.name, found)
+        plain = _plain_value(given)
+        if plain is not given:
+            object.__setattr__(table, entry.name, plain)
 
 
 def _plain_value(given: Any) -> Any:
@@ -237,8 +237,8 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place, *, whole: 
 
 
 def _incomplete(kind: type[T], values: Mapping[str, Any], unread: Collection[str]) -> T:
-    """A table without some of its keys: whoever asks for one of them is `Unread`, too."""
-    table: T = object.__new__(_lacking(cast(Any, kind)))
+    """Incomplete table: access to a missing key raises `Unread`."""
+    table: T = object.__new__(_lacking_class(cast(Any, kind)))
     for entry in fields(cast(Any, kind)):
         value = values.get(entry.name, entry.default)
         if entry.name not in unread and value is not MISSING:
@@ -247,7 +247,7 @@ def _incomplete(kind: type[T], values: Mapping[str, Any], unread: Collection[str
 
 
 @cache
-def _lacking(kind: Any) -> Any:
+def _lacking_class(kind: Any) -> Any:
     metaclass: Any = type(kind)
     return metaclass(kind.__name__, (kind,), {"__slots__": (), "__getattr__": _raise_unread})
 
@@ -282,7 +282,7 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
     def read(name: str, entry: Field[Any], place: Place) -> None:
         unread.add(entry.name)
         with place.keeping():
-            values[entry.name] = _value(declared[entry.name], table[name], place.within(name), entry)
+            values[entry.name] = _read_value(declared[entry.name], table[name], place.within(name), entry)
             unread.discard(entry.name)
 
     for name, entry in known.items():
@@ -293,41 +293,41 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
             continue
         near = meant(name, [*known])
         left = [
-            each
-            for each in known
-            if each not in table and _fits(declared[known[each].name], value, known[each])
+            other
+            for other in known
+            if other not in table and _fits(declared[known[other].name], value, known[other])
         ]
-        taken = [each for each in left if each in near]
+        taken = [other for other in left if other in near]
         may_be = taken or left
-        lacks = list_names([each for each in may_be if is_required(known[each])])
+        lacks = list_names([other for other in may_be if is_required(known[other])])
         with place.keeping():
             place.within(name).refuse(
                 f"{place.table} has no key {name!r}{suggestion(name, [*known], otherwise='it has')}"
                 f"{f', and lacks {lacks}' if lacks and not near else ''}"
             )
-        unread |= {known[each].name for each in may_be if known[each].name not in values}
+        unread |= {known[other].name for other in may_be if known[other].name not in values}
         is_table = any(isinstance(one, dict) for one in (value, *(value if isinstance(value, list) else ())))
-        given = [each for each in near if is_table and known[each].name in values]
+        given = [other for other in near if is_table and known[other].name in values]
         if not (given or is_table):
             taken = get_close_matches(name, taken, n=1, cutoff=_MISSPELT)
-        for each in given or taken[:1]:
-            place.take_for(name, each)
-            read(name, known[each], place)
+        for other in given or taken[:1]:
+            place.take_for(name, other)
+            read(name, known[other], place)
             # What stands below two headings of one table belongs together.
-            unread |= {known[each].name} if each in given else set()
+            unread |= {known[other].name} if other in given else set()
     return values, unread
 
 
 def _fits(node: Node, value: Any, entry: Field[Any]) -> bool:
-    """Whether a value under an unknown name may be one of this key."""
+    """Whether this key could hold a value given under an unknown name."""
     members = node.parts if isinstance(node, nodes.Either) else (node,)
-    return any(_is_near(each, value) for each in members) or (
+    return any(_is_near(member, value) for member in members) or (
         isinstance(value, str) and bool(entry.metadata["unit"])
     )
 
 
 def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
-    """Number of the one of several ways to give a table, each with keys of its own, of which keys are given.
+    """Index of the alternative set of keys, of several `ways` to give a table, whose keys are given.
 
     Keys that all ways have tell nothing. A table with keys of two ways is refused, or with none.
     """
@@ -344,13 +344,13 @@ def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
     return used[0]
 
 
-def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
+def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
     match node:
         case nodes.Either(_, members):
-            near = next((each for each in members if _is_near(each, value)), None)
-            if near is None and {getattr(each, "kind", None) for each in members} == {int, str}:
+            near = next((member for member in members if _is_near(member, value)), None)
+            if near is None and {getattr(member, "kind", None) for member in members} == {int, str}:
                 _refuse(place, value, "a whole number or a text in quotes")
-            return _value(near or members[0], value, place, entry)
+            return _read_value(near or members[0], value, place, entry)
         case nodes.Record(kind):
             if not isinstance(value, dict):
                 _refuse(place, value, f"a table [{place.path[-1]}]")
@@ -360,23 +360,23 @@ def _value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
                 place.refuse(f"{_name(place)} is {value!r}{suggestion(value, choices)}")
             return value
         case nodes.Fixed():
-            return _items(node, value, place, entry)
+            return _read_items(node, value, place, entry)
         case nodes.ByName(_, (_, inner)):
             if not isinstance(value, dict):
                 _refuse(place, value, "a table, as { name = 1 }")
             if not value and inner != Node(notes=inner.notes):
                 place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}, or leave it out")
             read = {
-                name: place.attempt(_value, inner, each, place.within(name), entry)
-                for name, each in value.items()
+                name: place.attempt(_read_value, inner, item, place.within(name), entry)
+                for name, item in value.items()
             }
-            return {name: each() for name, each in read.items()}
+            return {name: result() for name, result in read.items()}
         case nodes.Scalar(kind, _, notes):
-            return _plain(kind, notes, value, place, entry)
+            return _read_scalar(kind, notes, value, place, entry)
     return value
 
 
-def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tuple[Any, ...]:
+def _read_items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tuple[Any, ...]:
     item = node.parts[0]
     tables = isinstance(item, Record)
     names = isinstance(item, nodes.Enumerated) or (isinstance(item, Scalar) and item.kind is str)
@@ -406,13 +406,13 @@ def _items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) -> tu
         # Many numbers are soon read where all are right.
         with suppress(SettingError):
             return tuple(
-                _value(kind, each, replace(where, mistakes=None), entry) for kind, each, where in given
+                _read_value(kind, one, replace(where, mistakes=None), entry) for kind, one, where in given
             )
-    read = [place.attempt(_value, kind, each, where, entry) for kind, each, where in given]
-    return tuple(each() for each in read)
+    read = [place.attempt(_read_value, kind, one, where, entry) for kind, one, where in given]
+    return tuple(result() for result in read)
 
 
-def _plain(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:
+def _read_scalar(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:
     unit = entry.metadata["unit"]
     if kind is float and isinstance(value, str) and unit:
         number = number_in(value, unit)
@@ -435,14 +435,14 @@ def _plain(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]
 
 
 def _wanted_instead_of(value: float, notes: Notes, entry: Field[Any]) -> str:
-    """What to give instead of a number that a key cannot have; empty if it can have it."""
+    """Permitted range, in words, for a number that a key cannot have; empty if it can have it."""
     # A number whose default is infinite may be so, too: it means no limit.
     if (math.isnan(value) and May.BE_NAN not in notes) or (math.isinf(value) and entry.default != math.inf):
         return "a finite number"
     if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
         return "a whole number of at most 18 digits"
     # Entries of a matrix have no range.
-    within = _range_of(entry) if any(isinstance(each, Within) for each in notes) else Within()
+    within = _range_of(entry) if any(isinstance(note, Within) for note in notes) else Within()
     if within.excludes(value):
         return within.instead_of(value, "whole number" if isinstance(value, int) else "number")
     return f"a number of at most {LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
@@ -459,12 +459,12 @@ def _check_rows(rows: Sequence[Any], place: Place) -> None:
 
 
 def _is_near(node: Node, value: Any) -> bool:
-    """Whether a value has the form of a type of a union; errors are then those of that type."""
+    """Whether a value has the form of this member of a union, whose errors then apply."""
     match node:
         case nodes.Record() | nodes.ByName():
             return isinstance(value, dict)
         case nodes.Fixed():
-            return isinstance(value, list) and node.is_matrix == any(isinstance(each, list) for each in value)
+            return isinstance(value, list) and node.is_matrix == any(isinstance(item, list) for item in value)
         case nodes.Enumerated(choices):
             return value in choices
         case nodes.Scalar(kind):
@@ -485,23 +485,23 @@ def _name(place: Place) -> str:
 
 def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
-    found = {path: kind}
+    by_heading = {path: kind}
     for entry in keys_of(kind):
-        inner, describe_repeat = _inner(fields_of(kind)[entry.name])
+        inner, describe_repeat = _inner_table(fields_of(kind)[entry.name])
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
-            for heading, each in tables(inner, f"[[{name}]]" if describe_repeat else f"[{name}]"):
-                if each not in found.values():
-                    found[heading] = each
-    yield from found.items()
+            for heading, table in tables(inner, f"[[{name}]]" if describe_repeat else f"[{name}]"):
+                if table not in by_heading.values():
+                    by_heading[heading] = table
+    yield from by_heading.items()
 
 
-def _inner(node: Node) -> tuple[type | None, bool]:
-    """The table that a key holds, and whether it may hold several."""
+def _inner_table(node: Node) -> tuple[type | None, bool]:
+    """Class of the table that a key holds, if any, and whether the key may hold several."""
     if isinstance(node, Record):
         return node.kind, False
-    inner = [_inner(each) for each in node.parts]
-    kind = next((each for each, _ in inner if each is not None), None)
+    inner = [_inner_table(part) for part in node.parts]
+    kind = next((table for table, _ in inner if table is not None), None)
     return kind, isinstance(node, nodes.Fixed) or any(describe_repeat for _, describe_repeat in inner)
 
 
@@ -510,21 +510,21 @@ _SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
 
 
 def before_sections(docstring: str) -> str:
-    """What a docstring says before its first section, as users of a file read it."""
+    """Text of a docstring before its first section."""
     return _SECTION.split(docstring)[0].rstrip()
 
 
 def toml_value(value: Any) -> str:
-    """A value of a setting as a study file states it."""
+    """TOML text of a setting's value."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         # The escapes of JSON are those of TOML.
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {toml_value(each)}" for name, each in value.items()) + " }"
+        return "{ " + ", ".join(f"{name} = {toml_value(item)}" for name, item in value.items()) + " }"
     if isinstance(value, Sequence):
-        return "[" + ", ".join(toml_value(each) for each in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     return repr(value)
 
 
@@ -572,16 +572,16 @@ def keys_in_words(kind: type) -> list[KeyInWords]:
 def key_lines(kind: type) -> list[str]:
     """The keys of a table, their meanings, defaults and types."""
     keys = keys_in_words(kind)
-    names = max((len(each.name) for each in keys), default=0)
-    defaults = max((len(each.default) for each in keys), default=0)
+    names = max((len(entry.name) for entry in keys), default=0)
+    defaults = max((len(entry.default) for entry in keys), default=0)
     lines = []
-    for each in keys:
-        unit = f" [{each.unit}]" if each.unit else ""
-        limits = f", {each.limits}" if each.limits else ""
-        searched = f"; {each.searched}" if each.searched else ""
-        head = f"  {each.name:<{names}}  {each.default:<{defaults}}  "
+    for entry in keys:
+        unit = f" [{entry.unit}]" if entry.unit else ""
+        limits = f", {entry.limits}" if entry.limits else ""
+        searched = f"; {entry.searched}" if entry.searched else ""
+        head = f"  {entry.name:<{names}}  {entry.default:<{defaults}}  "
         lines += textwrap.wrap(
-            f"{each.meaning} ({each.form}{unit}{limits}){searched}",
+            f"{entry.meaning} ({entry.form}{unit}{limits}){searched}",
             width=_WIDTH,
             initial_indent=head,
             subsequent_indent=" " * len(head),

@@ -27,7 +27,7 @@ class Unread(Exception):  # noqa: N818 # no error: it ends the reading of what d
 class _Mistakes:
     """Mistakes of a document by their texts, while it is read."""
 
-    found: dict[str, MrworkError] = field(default_factory=dict)
+    by_text: dict[str, MrworkError] = field(default_factory=dict)
     is_open: bool = True
 
 
@@ -90,15 +90,15 @@ class Place:
             yield
         except MistakesError as several:
             raise MistakesError(
-                self.origin, [self._prefixed(each, kind) for each in several.mistakes]
+                self.origin, [self._prefix_error(each, kind) for each in several.mistakes]
             ) from several
         except MrworkError as error:
-            prefixed = self._prefixed(error, kind)
+            prefixed = self._prefix_error(error, kind)
             if prefixed is error:
                 raise
             raise prefixed from error
 
-    def _prefixed(self, error: MrworkError, kind: type[MrworkError] | None) -> MrworkError:
+    def _prefix_error(self, error: MrworkError, kind: type[MrworkError] | None) -> MrworkError:
         changed = kind or type(error)
         if error.document != self.origin:
             return self.about(error, changed)
@@ -136,15 +136,15 @@ class Place:
                 yield place
         finally:
             mistakes.is_open = False
-        if len(mistakes.found) == 1:
-            raise next(iter(mistakes.found.values()))
-        if mistakes.found:
-            raise MistakesError(self.origin, [*mistakes.found.values()])
+        if len(mistakes.by_text) == 1:
+            raise next(iter(mistakes.by_text.values()))
+        if mistakes.by_text:
+            raise MistakesError(self.origin, [*mistakes.by_text.values()])
 
     @property
     def is_full(self) -> bool:
         """Whether so many mistakes have been kept that the document is read no further."""
-        return self.mistakes is not None and len(self.mistakes.found) >= MOST_MISTAKES
+        return self.mistakes is not None and len(self.mistakes.by_text) >= MOST_MISTAKES
 
     @contextmanager
     def keeping(self) -> Iterator[None]:
@@ -156,20 +156,20 @@ class Place:
             yield
         except MrworkError as error:
             several = error.mistakes if isinstance(error, MistakesError) else (error,)
-            self.mistakes.found |= {str(each): each for each in several}
+            self.mistakes.by_text |= {str(each): each for each in several}
         except Unread:
             pass
 
     def attempt(self, read: Callable[[*Given], T], *given: *Given) -> Callable[[], T]:
         """Read a part of the document; whoever then calls for a part that has a mistake is `Unread`, too."""
-        found: list[T] = []
+        results: list[T] = []
         if not self.is_full:
             with self.keeping():
-                found.append(read(*given))
+                results.append(read(*given))
 
         def part() -> T:
-            if not found:
+            if not results:
                 raise Unread
-            return found[0]
+            return results[0]
 
         return part

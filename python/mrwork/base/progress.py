@@ -158,7 +158,7 @@ class NotebookBar(Display):
         """Set the bar and the text."""
         self._text.value = text
         self._bar.layout.visibility = "hidden" if share is None else "visible"
-        self._bar.value = 0.0 if share is None else _within(share)
+        self._bar.value = 0.0 if share is None else _clip_share(share)
         if not self._shown:
             self._display(self._box)
             self._shown = True
@@ -294,14 +294,14 @@ def _in_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def _within(share: float) -> float:
+def _clip_share(share: float) -> float:
     return min(max(share, 0.0), 1.0)
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * _within(share):.0f} %"
+    return f"{100.0 * _clip_share(share):.0f} %"
 
 
 def _bar(share: float) -> str:
-    filled = int(_BAR * _within(share))
+    filled = int(_BAR * _clip_share(share))
     return f"[{'#' * filled}{'-' * (_BAR - filled)}]"

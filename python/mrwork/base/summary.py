@@ -68,7 +68,7 @@ class Summary:
         if self.rows:
             lines += ["", *(f"  {line}" for line in align_rows(self.shown_table))]
         lines = [
-            _cut(line)
+            _cut_line(line)
             for line in (*lines, *([f"  {self.left_out_in_words}"] if self.left_out_in_words else []))
         ]
         for note in self.notes:
@@ -179,5 +179,5 @@ def _is_numeric(cell: str) -> bool:
     return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()
 
 
-def _cut(line: str) -> str:
+def _cut_line(line: str) -> str:
     return line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..."

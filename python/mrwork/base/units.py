@@ -268,12 +268,12 @@ def number_in(text: str, unit: str) -> float | str:
         )
     if given in unit.split(" or "):
         return value
-    found = _unit_of(given) if len(given) <= _LONGEST else None
-    if found is None:
+    given_unit = _unit_of(given) if len(given) <= _LONGEST else None
+    if given_unit is None:
         return f"is {text!r}, whose unit is not known; its unit may be {known}"
-    if found.powers not in [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]:
+    if given_unit.powers not in [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]:
         return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
-    return value * found.factor
+    return value * given_unit.factor
 
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:

@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     with adding(options.run_folder, CALIBRATION):
         if options.files:
-            (fit, predictions, findings), held_out = _unseen(options), "the fit has not seen"
+            (fit, predictions, findings), held_out = _predict_unseen(options), "the fit has not seen"
         else:
             (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
         return end_addition(options, document, _text(calibration, coverage, options.run_folder))
 
 
-def _unseen(options: argparse.Namespace) -> _Predicted:
+def _predict_unseen(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)

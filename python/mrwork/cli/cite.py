@@ -91,7 +91,7 @@ def _parts(folder: Path) -> list[_Part]:
     kind, manifest = read_kind(folder)
     names = dict.fromkeys(_texts(manifest.get("model")))
     if is_file(folder / STUDY):
-        names |= dict.fromkeys(_texts(_stored(folder / STUDY, toml_table)))
+        names |= dict.fromkeys(_texts(_read_stored(folder / STUDY, toml_table)))
     settings = manifest.get("settings")
     if isinstance(settings, Mapping):
         names |= dict.fromkeys(_texts([settings.get("search"), settings.get("engine")]))
@@ -112,7 +112,7 @@ def _records(folder: Path, kind: RunKind, manifest: Mapping[str, Any]) -> list[_
         if isinstance(digest, str) and not is_synthetic(name)
     ]
     if is_file(folder / RESULTS):
-        results = _stored(folder / RESULTS, json_value)
+        results = _read_stored(folder / RESULTS, json_value)
         motions = results.get("motions") if isinstance(results, Mapping) else None
         parts += [
             (f"record: {each['name']}", (reference_of_motion(str(each["name"]), str(each.get("source"))),))
@@ -122,7 +122,7 @@ def _records(folder: Path, kind: RunKind, manifest: Mapping[str, Any]) -> list[_
     return parts
 
 
-def _stored(path: Path, read: Callable[[str], Any]) -> Any:
+def _read_stored(path: Path, read: Callable[[str], Any]) -> Any:
     """The document of a file of the run."""
     try:
         return read(text_of(path, make_stored_kind("respond", name="the file of the study")))

@@ -71,14 +71,14 @@ class CommandParser(argparse.ArgumentParser):
         """Parse a command line, of which no word may be left."""
         words = list(sys.argv[1:] if args is None else args)
         self._refuse_unknown_option(words)
-        found, left = super().parse_known_args(words, namespace)
+        options, left = super().parse_known_args(words, namespace)
         if left and left[0].startswith("-"):
             self.error(f"no option is called {left[0]!r}")
         if left:
             several = any(each.nargs in ("+", "*") and not each.option_strings for each in self._actions)
             together = "; give all files together, with no option between" if several else ""
             self.error(f"there is no place for {left[0]!r}{together}")
-        return found, left
+        return options, left
 
     def _refuse_unknown_option(self, words: Sequence[str]) -> None:
         # Options after a verb are those of the verb's parser.

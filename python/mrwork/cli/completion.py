@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.cli.door import whole_parser
 
     parser = whole_parser()
-    offered = _offered()
+    offered = _offered_names()
     for verb, command in subcommands(parser).items():
         for action in command._actions:
             name = (action.option_strings or [action.dest])[0]
@@ -54,7 +54,7 @@ def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
     return dict(verbs.choices)
 
 
-def _offered() -> dict[tuple[str, str], list[str]]:
+def _offered_names() -> dict[tuple[str, str], list[str]]:
     """Names for arguments that take more than names, by verb and argument."""
     from mrwork.control.laws.control_law import control_laws
     from mrwork.dampers.parameters import current_laws

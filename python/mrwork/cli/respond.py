@@ -101,7 +101,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
 
-        def told(progress: StudyProgress) -> None:
+        def report(progress: StudyProgress) -> None:
             expected = 0.0 if progress.left is None else progress.seconds + progress.left
             if progress.reasons and expected > _LONG:
                 note(f"this will take about {duration_in_words(expected)}: {'; '.join(progress.reasons)}")
@@ -112,7 +112,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             journal=journal,
             kept=histories.is_stored,
             keep=histories.keep,
-            on_progress=None if is_quiet(options) else told,
+            on_progress=None if is_quiet(options) else report,
             check_step=options.check_step,
             threads=options.threads,
         )

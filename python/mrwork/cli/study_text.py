@@ -209,7 +209,7 @@ def _lines(table: Table) -> list[str]:
 def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
-    begun = _begun(results)
+    begun = _begun_rows(results)
     if reference not in begun or len(begun) < 2:
         return []
     table = change_table(comparison, reference, begun)
@@ -221,7 +221,7 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     ]
 
 
-def _begun(results: StudyCriteria, motion: int | None = None) -> list[int]:
+def _begun_rows(results: StudyCriteria, motion: int | None = None) -> list[int]:
     """Rows that were simulated, under this motion or any; after Ctrl-C these are not all."""
     runs = {row for row, own in results.runs if motion in (None, own)}
     return sorted(runs)
@@ -229,7 +229,7 @@ def _begun(results: StudyCriteria, motion: int | None = None) -> list[int]:
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     """Criteria under one motion, and their ratios to those without dampers and of the dampers without a command."""
-    rows, name = _begun(results, motion), results.motions[motion].name
+    rows, name = _begun_rows(results, motion), results.motions[motion].name
     if not rows:
         return []
     lines = [f"{name}: criteria", *_lines(value_table(results, (motion,), rows)), ""]
@@ -244,7 +244,7 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
     several, against = len(results.judged_motions) > 1, comparison.passive
-    begun = _begun(results)
+    begun = _begun_rows(results)
     table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows if row in begun])
     lines = [
         f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",
@@ -280,7 +280,7 @@ def _band_lines(results: StudyResults) -> list[str]:
 
 
 def _step_lines(results: StudyResults) -> list[str]:
-    table = step_table(results, _begun(results))
+    table = step_table(results, _begun_rows(results))
     if not table.rows:
         return []
     heading = "Half the step: the largest change of a criterion, over its value"

@@ -506,7 +506,7 @@ def _search(
             )
         )
 
-    found = minimize(
+    optimum = minimize(
         objective,
         (start / largest).ravel(),
         jac=True,
@@ -515,7 +515,7 @@ def _search(
         callback=report,
         options={"maxiter": iterations, "maxcor": _MEMORY},
     )
-    reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
+    reached = np.clip(optimum.x, 0.0, 1.0).reshape(shape) * largest
     start_score, score = problem.score(start), problem.score(reached)
     better = score < start_score
     return ClairvoyantStart(
@@ -523,7 +523,7 @@ def _search(
         start_score=start_score,
         score=score if better else start_score,
         commands=reached if better else start,
-        evaluations=int(found.nfev),
+        evaluations=int(optimum.nfev),
         step_time=problem.twin.step_time,
         seconds=time.perf_counter() - began,
     )

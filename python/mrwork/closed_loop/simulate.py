@@ -89,7 +89,7 @@ def _ideal_actuators(n_devices: int) -> _rust.Dampers:
 
 
 def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
-    """Parameters with which dampers follow `factors` times the command, for each candidate and draw.
+    """Parameters of dampers that follow `factors` times the command, for each candidate and draw.
 
     Of `theta` (n_draws, n_devices, n_columns) and `factors` (n_candidates, n_devices) follow rows of shape
     (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
@@ -128,14 +128,14 @@ def _core_building(
             storeys=building.storeys,
             devices=elongation_rows(building, devices),
             elements=building.elements,
-            varied=[(each.damping, each.stiffness) for each in varied],
+            varied=[(other.damping, other.stiffness) for other in varied],
         )
     except ValueError as error:
         raise SettingError(f"{building.name}: {error}") from error
 
 
 def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
-    """The model of the damper in the law, if it has one."""
+    """The static damper model inside the law; `None` if it has none."""
     if law.curve is None:
         return None
     spec, theta = law.curve
@@ -154,7 +154,7 @@ def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
 
 
 def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
-    """The model of the loop in the law, if it has one; strokes of additions are no drifts."""
+    """The loop model inside the law, `None` if it has none; strokes of additions are no drifts."""
     if law.model is None:
         return None
     building, devices = law.model.building, law.model.devices
@@ -172,7 +172,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
 def _core_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware
 ) -> _rust.Observer | None:
-    """The observer designed for a building; `None` for feedback of the true state."""
+    """The observer designed for a building; `None` with state feedback."""
     if hardware.feedback == "state":
         return None
     floors = measured_floors(building, hardware)
@@ -191,7 +191,7 @@ def _core_observer(
 
 
 def measured_floors(building: Building, hardware: Hardware) -> list[int]:
-    """Floors whose accelerations the observer takes."""
+    """Floors whose accelerations the observer measures."""
     return list(range(len(building.floors)) if hardware.measured_floors is None else hardware.measured_floors)
 
 
@@ -262,22 +262,22 @@ class LoopVariation(Summarised):
         return len(self.buildings)
 
     def distinct_from(self, building: Building) -> tuple[list[Building], list[int]]:
-        """Buildings that differ from each other, none if all are `building`, and the place of each realisation."""
-        if all(each is building for each in self.buildings):
+        """Distinct buildings, none if all are `building`, and the index of each realisation's own."""
+        if all(own is building for own in self.buildings):
             return [], [0] * len(self)
-        distinct = list({id(each): each for each in self.buildings}.values())
-        for each in distinct:
+        distinct = list({id(own): own for own in self.buildings}.values())
+        for own in distinct:
             same = all(
-                np.array_equal(getattr(each, name), getattr(building, name))
+                np.array_equal(getattr(own, name), getattr(building, name))
                 for name in ("mass", "influence", "floors", "storeys")
             )
-            if not (same and each.elements == building.elements):
+            if not (same and own.elements == building.elements):
                 raise SettingError(
-                    f"{each.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
+                    f"{own.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
                     "simulate it in a call of its own"
                 )
-        places = {id(each): place for place, each in enumerate(distinct)}
-        return distinct, [places[id(each)] for each in self.buildings]
+        places = {id(own): place for place, own in enumerate(distinct)}
+        return distinct, [places[id(own)] for own in self.buildings]
 
 
 # Runs of a call of the core, which reports nothing before its end: a few, then so many as take some time [s].
@@ -378,15 +378,13 @@ def simulate_loop(
     gains = law.gain_rows(len(devices), n_states)
     if not len(gains):
         raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
-    shaping = _core_shaping(law, shaping)
+    shaping, n_candidates = _core_shaping(law, shaping), len(gains)
     if shaping is not None:
         if 1 not in (len(gains), len(shaping)) and len(gains) != len(shaping):
             raise SettingError(
                 f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
             )
         n_candidates = max(len(gains), len(shaping))
-        gains = np.ascontiguousarray(np.broadcast_to(gains, (n_candidates, gains.shape[1])))
-        shaping = np.ascontiguousarray(np.broadcast_to(shaping, (n_candidates, 2)))
     actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
@@ -401,14 +399,16 @@ def simulate_loop(
     if largest_commands is not None:
         slope = math.inf if shaping is None else float(shaping[:, 1].min())
         factors = _command_factors(law, hardware, devices, largest_commands, slope, histories=histories)
-        if len(gains) not in (1, len(factors)):
+        if n_candidates not in (1, len(factors)):
             raise SettingError(
-                f"the gains are of {len(gains)} candidates and `largest_commands` of {len(factors)}; give one for each"
+                f"the gains are of {n_candidates} candidates and `largest_commands` of {len(factors)}; give one for "
+                "each"
             )
-        gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
-        if shaping is not None:
-            shaping = np.ascontiguousarray(np.broadcast_to(shaping, (len(gains), 2)))
+        n_candidates = len(factors)
         theta = _stretch_theta(devices[0].spec, theta, factors)
+    gains = np.ascontiguousarray(np.broadcast_to(gains, (n_candidates, gains.shape[1])))
+    if shaping is not None:
+        shaping = np.ascontiguousarray(np.broadcast_to(shaping, (n_candidates, 2)))
     n_realisations = n_draws if variation is None else len(variation)
     if n_draws not in (1, n_realisations):
         raise SettingError(
@@ -488,7 +488,7 @@ def simulate_loop(
 
 
 def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:
-    """Dead zone and slope of one candidate for all or of each, shape (n, 2); `None` for commands as they are."""
+    """Dead zone and slope of the command, shape (1 or n_candidates, 2); `None` for no shaping."""
     if given is None:
         return None if law.shaping is None else np.array([law.shaping])
     shaping = np.asarray(given, dtype=np.float64)
@@ -500,7 +500,7 @@ def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
-    """Warn of constant commands that no driver of the devices gives."""
+    """Warn of constant commands outside the range of the devices' drivers."""
     for gain in law.spec.gains:
         if not gain.is_command:
             continue

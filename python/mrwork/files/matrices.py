@@ -84,13 +84,13 @@ def _lines_of(path: Path) -> Iterator[str]:
 
 
 def _only_matrix(path: Path) -> Floats:
-    found = read_matlab_matrices(path)
-    if len(found) != 1:
-        listed = ", ".join(found) or "none"
+    matrices = read_matlab_matrices(path)
+    if len(matrices) != 1:
+        listed = ", ".join(matrices) or "none"
         raise RecordError(
             f"{path}: one matrix was expected, and the file has {listed}; save the matrix alone"
         )
-    return next(iter(found.values()))
+    return next(iter(matrices.values()))
 
 
 def _matrix_of_array(path: Path) -> Floats:

@@ -375,7 +375,7 @@ def objective(
             "`nuisances` have their least-squares values, which go with neither `weights` nor a `loss`; leave one out"
         )
     given = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    compared = tuple(map(_masked, given, _for_each(masks, None, given, "masks")))
+    compared = tuple(map(_mask_test, given, _for_each(masks, None, given, "masks")))
     whole = Objective.of(spec, compared, settings, threads=threads)
     rho = loss_of(loss, loss_scale)
     whole = replace(
@@ -411,7 +411,7 @@ def _for_each(
     return entries or [none] * len(tests)
 
 
-def _masked(test: DamperTest, mask: Mask | None) -> DamperTest:
+def _mask_test(test: DamperTest, mask: Mask | None) -> DamperTest:
     """The test with the samples where the mask is false not compared."""
     if mask is None:
         return test

@@ -64,9 +64,9 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     with_average = [
         index
         for index, test in enumerate(objective.tests)
-        if (found := test.smoothing) is not None
-        and "force" in found.channels
-        and test.observation.average_seconds == found.window_seconds
+        if (smoothing := test.smoothing) is not None
+        and "force" in smoothing.channels
+        and test.observation.average_seconds == smoothing.window_seconds
     ]
     if not with_average:
         return ()

@@ -58,11 +58,9 @@ class Interval(Related):
         """Text such as "6317 to 7278", or "above 835.8" where one end is open; `shown` formats a number."""
         if self.lower is None:
             return "open" if self.upper is None else f"below {shown(self.upper)}"
-        return (
-            f"above {shown(self.lower)}"
-            if self.upper is None
-            else f"{shown(self.lower)} to {shown(self.upper)}"
-        )
+        if self.upper is None:
+            return f"above {shown(self.lower)}"
+        return f"{shown(self.lower)} to {shown(self.upper)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,12 +73,12 @@ class Intervals:
 
     @property
     def heading(self) -> str:
-        """Heading of their column."""
+        """Heading of the column of intervals."""
         return f"{100.0 * self.level:g} % {self.kind} interval"
 
     def of(self, name: str) -> Interval | None:
         """The interval of a parameter; `None` where it was not free."""
-        return next((each for each in self.intervals if each.name == name), None)
+        return next((interval for interval in self.intervals if interval.name == name), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +94,7 @@ class Verdict:
     reason: str
 
     def by_interval(self, interval: Interval | None) -> Verdict:
-        """The verdict of an interval, where that has one."""
+        """The verdict by the interval if it has one, else this verdict."""
         if interval is None or interval.verdict is None:
             return self
         return replace(self, verdict=interval.verdict, reason=interval.reason)
@@ -135,7 +133,7 @@ class Direction:
 
     @property
     def starts_with_name(self) -> bool:
-        """Whether the sentence starts with the name of a parameter, which is not capitalised.
+        """Whether the sentence starts with a parameter name, which is not capitalised.
 
         It does not where a single parameter has no effect: "the residuals do not depend on it".
         """
@@ -163,29 +161,30 @@ class Identifiability(Summarised):
             return replace(self, verdicts=own, by_derivatives=())
         return replace(
             self,
-            verdicts=tuple(each.by_interval(intervals.of(each.name)) for each in own),
+            verdicts=tuple(verdict.by_interval(intervals.of(verdict.name)) for verdict in own),
             by_derivatives=own,
         )
 
     def verdict_on(self, name: str) -> Verdict | None:
         """The verdict on a parameter; `None` where it was not free."""
-        return next((each for each in self.verdicts if each.name == name), None)
+        return next((verdict for verdict in self.verdicts if verdict.name == name), None)
 
     @property
     def informative(self) -> tuple[Direction, ...]:
-        """The directions except those dominated by a parameter whose verdict asks for no caution."""
-        settled = {each.name for each in self.verdicts if each.verdict in ("identifiable", "negligible")}
-        return tuple(each for each in self.directions if not each.seen or each.changes[0].name not in settled)
+        """The directions without those dominated by an identifiable or negligible parameter."""
+        harmless = ("identifiable", "negligible")
+        settled = {verdict.name for verdict in self.verdicts if verdict.verdict in harmless}
+        return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
 
     def _summary(self) -> Summary:
         return Summary(
             title=f"Identifiability from {self.n_time} samples, {self.n_effective:.0f} effective samples",
             columns=("parameter", "standard error [SI]", "verdict", "reason"),
             rows=[
-                (each.name, format_rounded(each.standard_error, 2), each.verdict, each.reason)
-                for each in self.verdicts
+                (verdict.name, format_rounded(verdict.standard_error, 2), verdict.verdict, verdict.reason)
+                for verdict in self.verdicts
             ],
-            notes=[each.sentence for each in self.informative],
+            notes=[direction.sentence for direction in self.informative],
         )
 
 
@@ -255,7 +254,7 @@ class FittedParameter:
 
 
 class _ByParameter(dict[str, T]):
-    """Values by the name of a parameter, which answer another name with what was meant."""
+    """Values by parameter name; an unknown name is refused with the similar ones."""
 
     def __init__(self, model: str, values: Mapping[str, T]) -> None:
         super().__init__(values)
@@ -411,28 +410,28 @@ class Fit(WithAxes, Summarised, Related):
     @property
     def fingerprint(self) -> str:
         """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
-        values = [
-            (each.name, float(each.value), float(each.lower), float(each.upper)) for each in self.estimates
-        ]
+        values = [(one.name, float(one.value), float(one.lower), float(one.upper)) for one in self.estimates]
         inputs = sorted(self.provenance.inputs.items())
         return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs)
 
     def disagreement(self) -> str:
         """First contradiction: estimates of another model, an estimate out of its bounds, or an unknown parameter."""
         spec = self.spec
-        names = tuple(each.name for each in self.estimates)
+        names = tuple(estimate.name for estimate in self.estimates)
         if names != spec.names:
             named = list_names(names, 8) or "nothing"
             return f"its estimates are of {named} where {self.model} has {list_names(spec.names, 8)}"
-        for each, parameter in zip(self.estimates, spec.parameters, strict=True):
-            if (each.unit or "1") != parameter.unit:
-                return f"{each.name} is in {each.unit or 'no unit'} where {self.model} has it in {parameter.unit}"
-            slack = _ROUNDING * max(abs(each.value), abs(each.lower), abs(each.upper))
-            if not each.lower - slack <= each.value <= each.upper + slack:
-                return f"{each.name} is {each.value:g}, outside its bounds {each.lower:g} to {each.upper:g}"
-        judged = [] if self.identifiability is None else [each.name for each in self.identifiability.verdicts]
-        bounded = [] if self.intervals is None else [each.name for each in self.intervals.intervals]
-        unknown = [name for name in (*judged, *bounded) if name not in names]
+        for estimate, parameter in zip(self.estimates, spec.parameters, strict=True):
+            name, unit, lower, upper = estimate.name, estimate.unit, estimate.lower, estimate.upper
+            if (unit or "1") != parameter.unit:
+                return f"{name} is in {unit or 'no unit'} where {self.model} has it in {parameter.unit}"
+            slack = _ROUNDING * max(abs(estimate.value), abs(lower), abs(upper))
+            if not lower - slack <= estimate.value <= upper + slack:
+                return f"{name} is {estimate.value:g}, outside its bounds {lower:g} to {upper:g}"
+        judged: list[Verdict | Interval] = []
+        judged += () if self.identifiability is None else self.identifiability.verdicts
+        judged += () if self.intervals is None else self.intervals.intervals
+        unknown = [judgement.name for judgement in judged if judgement.name not in names]
         if unknown:
             return f"it judges {unknown[0]}, which {self.model} does not have"
         if not self.quality:
@@ -443,7 +442,7 @@ class Fit(WithAxes, Summarised, Related):
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:
-        """A test with the observation model that the settings of the fit ask for, or with its own."""
+        """The test with the observation model of the fit's settings, or with its own if it has one."""
         return observed(test, self.settings.observe)
 
     @checked
@@ -504,7 +503,7 @@ class Fit(WithAxes, Summarised, Related):
         >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
         ('N s/m', True)
         """
-        return _ByParameter(self.model, {each.name: self._parameter(each) for each in self.estimates})
+        return _ByParameter(self.model, {known.name: self._parameter(known) for known in self.estimates})
 
     def _parameter(self, estimate: Estimate) -> FittedParameter:
         verdict, reason = self.verdict_on(estimate.name)
@@ -561,7 +560,7 @@ class Fit(WithAxes, Summarised, Related):
             self,
             identifiability=own.with_intervals(self.intervals),
             n_effective=own.n_effective if self.n_effective is None else self.n_effective,
-            estimates=tuple(each.judge(own.verdict_on(each.name)) for each in self.estimates),
+            estimates=tuple(estimate.judge(own.verdict_on(estimate.name)) for estimate in self.estimates),
         )
 
     @checked
@@ -575,7 +574,7 @@ class Fit(WithAxes, Summarised, Related):
         UnknownNameError
             Where the model has no such parameter.
         """
-        estimate = _ByParameter(self.model, {each.name: each for each in self.estimates})[name]
+        estimate = _ByParameter(self.model, {known.name: known for known in self.estimates})[name]
         if estimate.remark == "fixed":
             return "fixed", ""
         if name in self.ties:
@@ -616,13 +615,13 @@ class Fit(WithAxes, Summarised, Related):
                 "upper": ("", "upper bound"),
             },
         )
-        verdicts = [self.verdict_on(each.name)[0] for each in self.estimates]
+        verdicts = [self.verdict_on(estimate.name)[0] for estimate in self.estimates]
         intervals = [
-            None if self.intervals is None else self.intervals.of(each.name) for each in self.estimates
+            None if self.intervals is None else self.intervals.of(known.name) for known in self.estimates
         ]
         ends = {
             f"interval_{end}": NamedArray.of(
-                [None if each is None else getattr(each, end) for each in intervals],
+                [None if interval is None else getattr(interval, end) for interval in intervals],
                 "parameter",
                 long_name=f"{end} end of the interval",
             )
@@ -651,8 +650,8 @@ class Fit(WithAxes, Summarised, Related):
             title=f"Fit of {self.model}",
             rows=("parameter",),
             labels={
-                "parameter": labels_of([each.name for each in self.estimates]),
-                "test": labels_of([each.test for each in self.quality]),
+                "parameter": labels_of([estimate.name for estimate in self.estimates]),
+                "test": labels_of([quality.test for quality in self.quality]),
                 "generation": number_labels(len(self.trace.best)),
             },
             along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
@@ -684,16 +683,16 @@ class Fit(WithAxes, Summarised, Related):
             columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
             rows=[
                 (
-                    each.name,
-                    self._value(each),
-                    self._uncertainty(each),
-                    each.unit,
-                    *self.verdict_on(each.name),
+                    estimate.name,
+                    self._value(estimate),
+                    self._uncertainty(estimate),
+                    estimate.unit,
+                    *self.verdict_on(estimate.name),
                 )
-                for each in self.estimates
+                for estimate in self.estimates
             ],
             notes=[
                 f"tested: {self.tested.in_words}",
-                *(f"warning: {each}" for each in self.warnings),
+                *(f"warning: {warning}" for warning in self.warnings),
             ],
         )

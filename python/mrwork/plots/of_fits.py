@@ -94,16 +94,16 @@ def laws(
         )
     ends = (0.0, 1.0) if tested.command is None else tested.command
     commands = np.linspace(*ends, _COMMANDS)
-    found = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
-    names = _choose(parameters, list(found), "parameter that follows the command")
+    known = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
+    names = _choose(parameters, list(known), "parameter that follows the command")
     if data:
         over = labels_of(commands, unit=spec.current.unit, long_name="command")
-        drawn = {name: found[name] for name in names}
+        drawn = {name: known[name] for name in names}
         columns = {name: (values, each.unit, each.description) for name, (each, values) in drawn.items()}
         return over_axis(f"Laws of {fit.model}", "command", over, columns).to_pandas()
     panels = panels_for(ax, names, "laws")
     for axes, name in zip(panels, names, strict=True):
-        parameter, values = found[name]
+        parameter, values = known[name]
         axes.plot(commands, values, color=style.MODEL, linewidth=1.4)
         draw_points(axes, commands[[0, -1]], values[[0, -1]], size=3.5, colour=style.MODEL)
         axes.set_xlabel(f"Command ({spec.current.unit})")
@@ -275,7 +275,7 @@ def bands(
     >>> calibration = mr.calibrate([mr.predict(fit, other)], held_out="by hand")  # doctest: +SKIP
     >>> axes = mr.predict(fit, next_test).plot.bands(calibration=calibration)  # doctest: +SKIP
     """
-    prediction, band = _banded(result, calibration, test, level)
+    prediction, band = _predict_with_band(result, calibration, test, level)
     cycle = middle_cycle(prediction)
     record = prediction.test
     if data:
@@ -301,7 +301,7 @@ def bands(
     return axes
 
 
-def _banded(
+def _predict_with_band(
     result: Prediction | StoredRun, calibration: Calibration | None, test: str | int | None, level: float
 ) -> tuple[Prediction, Band]:
     """A prediction and its band; one of a run is left out of the calibration of its own band."""

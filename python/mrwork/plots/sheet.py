@@ -99,7 +99,7 @@ def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
 def panels_for(ax: GivenAxes, names: Sequence[str], figure: str) -> Panels:
     """The axes that were given, one for each of the names, or those of a new figure of pyplot, shape (n,)."""
     if ax is not None:
-        return _given(ax, (len(names),), figure)
+        return _check_axes(ax, (len(names),), figure)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
     panels = _new_axes(rows, columns, _PANEL).reshape(-1)
@@ -111,7 +111,7 @@ def panels_for(ax: GivenAxes, names: Sequence[str], figure: str) -> Panels:
 def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
     """The axes that were given, or those of a new figure of pyplot, shape (count, count); the upper half is empty."""
     size = _PANEL if count == 1 else (_CORNER, _CORNER)
-    panels = _new_axes(count, count, size) if ax is None else _given(ax, (count, count), figure)
+    panels = _new_axes(count, count, size) if ax is None else _check_axes(ax, (count, count), figure)
     for row, column in zip(*np.triu_indices(count, 1), strict=True):
         panels[row, column].set_axis_off()
     return panels
@@ -165,7 +165,7 @@ def add_key(axes: Axes) -> None:
         )
 
 
-def _given(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
+def _check_axes(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
     given = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
     count = int(np.prod(shape))
     if given.size != count or not all(isinstance(each, Axes) for each in given.flat):

@@ -87,13 +87,13 @@ def _still_spans(
         if end - begin >= least_swings
     ]
     return [
-        _widened(smooth, begin, end, least)
+        _widen_span(smooth, begin, end, least)
         for begin, end in spans
         if end - begin >= shortest and np.ptp(smooth[begin:end]) <= 2.0 * least
     ]
 
 
-def _widened(smooth: Floats, begin: int, end: int, least: float) -> tuple[int, int]:
+def _widen_span(smooth: Floats, begin: int, end: int, least: float) -> tuple[int, int]:
     """The span in which a channel that stands still from `begin` to `end` does so."""
     left = np.flatnonzero(np.abs(smooth - np.median(smooth[begin:end])) > least)
     before, after = left[left < begin], left[left >= end]
@@ -186,12 +186,12 @@ def drift_of_displacement(test: DamperTest, motion: SmoothMotion) -> Measured | 
     kept = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
     recorded, moved = motion.displacement[kept], motion.velocity[kept]
     centred = recorded - level - drift * time[kept]
-    as_recorded = _unexplained(test.force[kept], recorded, moved, centred)
-    without = _unexplained(test.force[kept], centred, moved - drift, centred)
+    as_recorded = _least_residual(test.force[kept], recorded, moved, centred)
+    without = _least_residual(test.force[kept], centred, moved - drift, centred)
     return Measured(value=drift, unit="m/s") if without < _BETTER * as_recorded else None
 
 
-def _unexplained(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
+def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
     """Least residual of f0 + k x + c v + f tanh((v + h w x) / s) over hysteresis h and width s, with w from both."""
     peak = float(np.percentile(np.abs(velocity), 99.0))
     quadrature = peak * centred / float(np.percentile(np.abs(centred), 99.0))
@@ -231,10 +231,10 @@ def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     if test.n_time < 2 * _LOOKED_FOR:
         return
     end = test.n_time - _LOOKED_FOR
-    found = test.force[:end].tobytes().rfind(test.force[end:].tobytes())
-    lag, rest = divmod(found, test.force.itemsize)
+    offset = test.force[:end].tobytes().rfind(test.force[end:].tobytes())
+    lag, rest = divmod(offset, test.force.itemsize)
     lag = end - lag
-    if found < 0 or rest or np.unique(test.force[end:]).size < _LOOKED_FOR // 2:
+    if offset < 0 or rest or np.unique(test.force[end:]).size < _LOOKED_FOR // 2:
         return
     same = _equal_at_end(test.force, lag) & _equal_at_end(test.displacement, lag)
     copied = int(np.argmin(np.append(same[::-1], False)))

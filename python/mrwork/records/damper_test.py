@@ -145,12 +145,12 @@ def average_signal(signal: Floats, samples: float) -> Floats:
         # The samples exist, and `take` is several times as fast where it need not look.
         before = np.minimum(np.floor(place).astype(int), last - 1)
         share = place - before
-        found: Floats = np.take(change, before, axis=-1, mode="clip")
-        found *= 0.5 * share
-        found += np.take(signal, before, axis=-1, mode="clip")
-        found *= share
-        found += np.take(integral, before, axis=-1, mode="clip")
-        return found
+        integral_at_place: Floats = np.take(change, before, axis=-1, mode="clip")
+        integral_at_place *= 0.5 * share
+        integral_at_place += np.take(signal, before, axis=-1, mode="clip")
+        integral_at_place *= share
+        integral_at_place += np.take(integral, before, axis=-1, mode="clip")
+        return integral_at_place
 
     start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
     end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)

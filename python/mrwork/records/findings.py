@@ -203,11 +203,11 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
         for finding in test.findings:
             places.setdefault(_key(finding), []).append((test, finding))
     # A check may find the same in two channels of a test.
-    named = {key: {id(test): test.name for test, _ in found} for key, found in places.items()}
-    recurring = {key: found for key, found in places.items() if len(named[key]) > 1}
+    named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
+    recurring = {key: pairs for key, pairs in places.items() if len(named[key]) > 1}
     shared = [
-        _join_findings([finding for _, finding in found], tuple(named[key].values()), len(tests))
-        for key, found in recurring.items()
+        _join_findings([finding for _, finding in pairs], tuple(named[key].values()), len(tests))
+        for key, pairs in recurring.items()
     ]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),

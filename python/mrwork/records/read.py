@@ -348,7 +348,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     source = str(file)
     table = open_table(file, partial(tells_a_test, source=str(file)))
     try:
-        chosen, scalar = _assigned(table, columns or {}, source)
+        chosen, scalar = _assign_columns(table, columns or {}, source)
     except MrworkError as error:
         error.of_columns = True
         raise
@@ -380,7 +380,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     return replace(test, findings=(*test.findings, *unused))
 
 
-def _assigned(
+def _assign_columns(
     table: ColumnTable, columns: Mapping[str, str], source: str
 ) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None]:
     """The column of every quantity, and a command that is a number, or a column of another unit than A and V."""
@@ -536,8 +536,8 @@ def _stated_command(
         for match in _COMMAND_IN_NAME.finditer(file.stem)
     }
     if len(numbers) == 1:
-        (found,) = numbers
-        return found, "the command is guessed from the name of the file"
+        (number,) = numbers
+        return number, "the command is guessed from the name of the file"
     return "", "the command is not known; give it as 0.5 A, or as COLUMN:UNIT"
 
 

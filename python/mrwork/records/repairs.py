@@ -90,7 +90,7 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
     message = f"the first {seconds:.3g} s, at rest, were cut off"
-    return shorter, _repaired("rest", message, Measured(value=seconds, unit="s"))
+    return shorter, _repair_finding("rest", message, Measured(value=seconds, unit="s"))
 
 
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -120,7 +120,7 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
         for first, last in shorter.uncompared
     )
     shifted_test = replace(shorter, force=freeze_samples(shifted), uncompared=uncompared)
-    return shifted_test, _repaired("delay", message, seen)
+    return shifted_test, _repair_finding("delay", message, seen)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -130,7 +130,7 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
     repaired = replace(test, force=freeze_samples(test.force - offset))
-    return repaired, _repaired("offset", message, Measured(value=offset, unit="N"))
+    return repaired, _repair_finding("offset", message, Measured(value=offset, unit="N"))
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -140,7 +140,7 @@ def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.in_words()} kg was taken out of the force"
-    return replace(test, force=freeze_samples(test.force - inertia)), _repaired("mass", message, seen)
+    return replace(test, force=freeze_samples(test.force - inertia)), _repair_finding("mass", message, seen)
 
 
 def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
@@ -152,10 +152,10 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
     repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
-    return repaired, _repaired("velocity", message, Measured(value=changed, unit=""))
+    return repaired, _repair_finding("velocity", message, Measured(value=changed, unit=""))
 
 
-def _repaired(kind: RepairKind, message: str, measured: Measured) -> Finding:
+def _repair_finding(kind: RepairKind, message: str, measured: Measured) -> Finding:
     return Finding(code=f"repaired_{kind}", severity="repaired", message=message, measured=measured)
 
 

@@ -396,8 +396,8 @@ def varied_excerpt(test: DamperTest) -> DamperTest:
         for first in range(0, whole.n_time - length + 1, max(length // _PLACES, 1)):
             part = slice(first, first + length)
             if _shows_motion(whole, part) and all(_shows_levels(each, part) for each in levels):
-                found = whole.part(part.start, part.stop)
-                return replace(found, n_settle=settling_samples(found.displacement))
+                shortest = whole.part(part.start, part.stop)
+                return replace(shortest, n_settle=settling_samples(shortest.displacement))
         length *= 2
     return whole
 

@@ -60,10 +60,10 @@ def equation_html(equation: str) -> str:
 
     A few simple tags (`sub`, `sup`, `i`, `b`, `br`) pass through; everything else is escaped.
     """
-    return "".join(_set(match) for match in _TOKEN.finditer(equation.strip()))
+    return "".join(_mark_up(match) for match in _TOKEN.finditer(equation.strip()))
 
 
-def _set(match: re.Match[str]) -> str:
+def _mark_up(match: re.Match[str]) -> str:
     if match["tag"]:
         return match["tag"]
     power = match["power"] if match["power"] is not None else match["exponent"]

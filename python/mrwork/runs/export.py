@@ -164,7 +164,7 @@ _KEYWORDS = frozenset({
 
 def matlab_names(names: Iterable[str]) -> dict[str, str]:
     """Valid and distinct MATLAB name of each name: letters, digits and underscores, first a letter, at most 63."""
-    found: dict[str, str] = {}
+    valid_names: dict[str, str] = {}
     taken: set[str] = set()
     for name in names:
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
@@ -177,8 +177,8 @@ def matlab_names(names: Iterable[str]) -> dict[str, str]:
             end = f"_{number}"
             valid = f"{stem[: _LONGEST - len(end)]}{end}"
         taken.add(valid)
-        found[name] = valid
-    return found
+        valid_names[name] = valid
+    return valid_names
 
 
 def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
@@ -209,7 +209,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
         "theta": np.array(fit.theta),
         "theta_names": _cells(spec.names),
         "theta_units": _cells([each.unit for each in spec.parameters]),
-        "parameters": _renamed(parameters),
+        "parameters": _rename_keys(parameters),
     }
     if spec.current is not None:
         laws = {
@@ -221,7 +221,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
             }
             for plain, law in zip(spec.plain, spec.current.laws, strict=True)
         }
-        content["laws"] = _renamed(laws)
+        content["laws"] = _rename_keys(laws)
         content["command_unit"] = spec.current.unit
     if place is not None:
         content["tests"] = _tests(place)
@@ -231,7 +231,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
 def _matlab_of_groups(title: str, groups: Mapping[str, NamedArrays]) -> bytes:
     """Groups of arrays, each a struct."""
     structs = {name: _group(each) for name, each in groups.items()}
-    return _file({"title": title, **_renamed(structs)})
+    return _file({"title": title, **_rename_keys(structs)})
 
 
 def _tests(place: Path) -> Any:
@@ -248,7 +248,7 @@ def _group(arrays: NamedArrays) -> dict[str, Any]:
     """A struct with the labels along each axis, and with every array."""
     labels = {name: _array(name, each, ()) for name, each in arrays.labels.items()}
     own = {name: _array(name, each, each.axes) for name, each in {**arrays.along, **arrays.arrays}.items()}
-    return {"title": arrays.title, "labels": _renamed(labels), **_renamed(own)}
+    return {"title": arrays.title, "labels": _rename_keys(labels), **_rename_keys(own)}
 
 
 def _array(name: str, array: NamedArray, axes: tuple[str, ...]) -> dict[str, Any]:
@@ -263,7 +263,7 @@ def _array(name: str, array: NamedArray, axes: tuple[str, ...]) -> dict[str, Any
     return {**struct, "axes": _cells(axes)} if axes else struct
 
 
-def _renamed(content: Mapping[str, Any]) -> dict[str, Any]:
+def _rename_keys(content: Mapping[str, Any]) -> dict[str, Any]:
     return {valid: content[name] for name, valid in matlab_names(content).items()}
 
 

@@ -123,8 +123,8 @@ def load(run: str | Path, kind: type[Any] | None = None) -> StoredRun | StoredSt
     >>> mr.load("out/study").to_pandas()["peak_drift"]  # doctest: +SKIP
     """
     place = Path(run)
-    found = read_run(place)
-    held = with_additions(place, found) if isinstance(found, Fit) else found
+    stored = read_run(place)
+    held = with_additions(place, stored) if isinstance(stored, Fit) else stored
     if kind is not None and not isinstance(held, kind):
         raise RecordError(
             f"{place} is read back as `{type(held).__name__}`, and `{kind.__name__}` was expected; give the folder of "

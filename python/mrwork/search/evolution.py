@@ -132,10 +132,10 @@ class StandardGA:
         children[mutated] = reflect(children[mutated] + self.mutation_deviation * step)
         changed = np.any(children != parents[among, of], axis=2)
         known = misfit[among, of]
-        found = np.isfinite(course.best_misfit[rows])
-        children[found, 0] = course.best_unit[rows][found]
-        known[found, 0] = course.best_misfit[rows][found]
-        changed[found, 0] = False
+        known_best = np.isfinite(course.best_misfit[rows])
+        children[known_best, 0] = course.best_unit[rows][known_best]
+        known[known_best, 0] = course.best_misfit[rows][known_best]
+        changed[known_best, 0] = False
         return propose(
             course,
             children,
@@ -255,10 +255,10 @@ class EfficientGA:
         changed = np.any(population != before, axis=2)
         copies = max(1, round(self.elite_share * size))
         slots = np.argpartition(drawn[:, 2], copies - 1, axis=1)[:, :copies]
-        found = np.flatnonzero(np.isfinite(course.best_misfit[rows]))[:, None]
-        population[found, slots[found[:, 0]]] = course.best_unit[rows][found]
-        misfit[found, slots[found[:, 0]]] = course.best_misfit[rows][found]
-        changed[found, slots[found[:, 0]]] = False
+        known_best = np.flatnonzero(np.isfinite(course.best_misfit[rows]))[:, None]
+        population[known_best, slots[known_best[:, 0]]] = course.best_unit[rows][known_best]
+        misfit[known_best, slots[known_best[:, 0]]] = course.best_misfit[rows][known_best]
+        changed[known_best, slots[known_best[:, 0]]] = False
         return population, misfit, changed
 
 

@@ -95,13 +95,13 @@ def _results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[
 
 def _result(state: StateT, reason: str, seconds: float) -> SearchResult[StateT]:
     course = state.course
-    found = np.isfinite(course.elite_misfit[0])
+    simulated = np.isfinite(course.elite_misfit[0])
     return SearchResult(
         replicate=int(course.replicate[0]),
         best_unit=course.best_unit[0],
         best_misfit=float(course.best_misfit[0]),
-        elite=course.elite_unit[0, found],
-        elite_misfit=course.elite_misfit[0, found],
+        elite=course.elite_unit[0, simulated],
+        elite_misfit=course.elite_misfit[0, simulated],
         trace=RunTrace(
             evaluations=course.trace.evaluations[0],
             best=course.trace.best[0],

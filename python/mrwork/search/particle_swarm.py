@@ -112,8 +112,8 @@ class ParticleSwarm:
         first, last = self.inertia
         done = np.minimum(course.generation[rows] / self.stop.max_generations, 1.0)[:, None, None]
         to_own = np.where(np.isfinite(misfit)[..., None], own - position, 0.0)
-        found = np.isfinite(course.best_misfit[rows])[:, None, None]
-        to_common = np.where(found, course.best_unit[rows][:, None] - position, 0.0)
+        known_best = np.isfinite(course.best_misfit[rows])[:, None, None]
+        to_common = np.where(known_best, course.best_unit[rows][:, None] - position, 0.0)
         velocity = (
             (first + (last - first) * done) * velocity
             + self.own_attraction * uniform[:, 0] * to_own

@@ -217,17 +217,17 @@ def run_front(
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
-        found = _simulate_points(objectives, points, journal)
-        if found.shape != (len(points), n_objectives + n_constraints):
+        returned = _simulate_points(objectives, points, journal)
+        if returned.shape != (len(points), n_objectives + n_constraints):
             raise SettingError(
-                f"the columns have the shape {found.shape}; give ({len(points)}, {n_objectives + n_constraints}), "
+                f"the columns have the shape {returned.shape}; give ({len(points)}, {n_objectives + n_constraints}), "
                 "objectives and then constraints"
             )
-        columns = np.where(np.isfinite(found), found, _FAILURE)
+        columns = np.where(np.isfinite(returned), returned, _FAILURE)
         constrained = {"G": columns[:, n_objectives:]} if n_constraints else {}
         evaluator.eval(static(problem, F=columns[:, :n_objectives], **constrained), asked)
         algorithm.tell(infills=asked)
-        units, values = np.vstack([units, points]), np.vstack([values, found])
+        units, values = np.vstack([units, points]), np.vstack([values, returned])
         if on_generation(len(units)):
             break
     values, constraints = values[:, :n_objectives], values[:, n_objectives:]

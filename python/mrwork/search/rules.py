@@ -209,10 +209,10 @@ class StopRules:
         if self.spread_tolerance is not None:
             away = np.abs(population - best_unit[:, None]).max(axis=2)
             end(np.median(away, axis=1) <= self.spread_tolerance, "spread")
-        found = np.isfinite(best)
+        known = np.isfinite(best)
         if self.confidence is not None:
-            floor = self.floor_share * np.where(found, best, 0.0)
-            end(found & hypothesis_test(trace, confidence=self.confidence, floor=floor), "hypothesis_test")
+            floor = self.floor_share * np.where(known, best, 0.0)
+            end(known & hypothesis_test(trace, confidence=self.confidence, floor=floor), "hypothesis_test")
         if self.stall_generations is not None:
             end(
                 has_stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance),

@@ -139,12 +139,12 @@ def _list_installed() -> Mapping[str, str]:
 
     `importlib.metadata` parses whole package descriptions instead, a tenth of a second for five packages.
     """
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for folder in sys.path:
         for path in Path(folder).glob("*-*.dist-info"):
             name, _, version = path.stem.partition("-")
-            found.setdefault(name, version)
-    return found
+            versions.setdefault(name, version)
+    return versions
 
 
 def _find_version(name: str) -> str:
@@ -177,7 +177,7 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
 
 
 def _shorten_value(value: Any) -> str:
-    return _cut("none" if value is None else str(value))
+    return _cut_text("none" if value is None else str(value))
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,10 +218,10 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
 
     For messages: `origin` is the path of the document, `name` that of such a record, and `verb` of `mrwork` writes it.
     """
-    found: T = record_of(
+    record: T = record_of(
         kind, parse_document(text, origin=origin, verb=verb), origin=origin, name=name, verb=verb
     )
-    return found
+    return record
 
 
 def parse_document(text: str, *, origin: str, verb: str) -> Any:
@@ -255,19 +255,19 @@ class MismatchError(ValueError):
 
 def build_value(kind: Any, value: Any, place: str) -> Any:
     """`value` as an instance of the annotation `kind`; `place` is its path in the document."""
-    return _built(node_of(kind), value, place)
+    return _build_value(node_of(kind), value, place)
 
 
-def _built(node: Node, value: Any, place: str) -> Any:
+def _build_value(node: Node, value: Any, place: str) -> Any:
     match node:
         case nodes.Record(kind):
-            return _built_record(kind, value, place)
+            return _build_record(kind, value, place)
         case nodes.Enumerated(choices):
             return _require(value in choices, value, place, " or ".join(map(repr, choices)))
         case nodes.Either():
-            return _built_member(node, value, place)
+            return _build_member(node, value, place)
         case nodes.Fixed():
-            return _built_tuple(node, value, place)
+            return _build_tuple(node, value, place)
         case nodes.Array():
             _require(isinstance(value, list | tuple), value, place, "a list of numbers")
             pairs = enumerate(value)
@@ -275,7 +275,9 @@ def _built(node: Node, value: Any, place: str) -> Any:
         case nodes.ByName(_, (name, inner)):
             _require(isinstance(value, Mapping), value, place, "an object")
             return {
-                _built(name, key, f"{place}, a key"): _built(inner, entry, f"{place}.{_cut(key)}")
+                _build_value(name, key, f"{place}, a key"): _build_value(
+                    inner, entry, f"{place}.{_cut_text(key)}"
+                )
                 for key, entry in value.items()
             }
         case nodes.Scalar(kind) if kind is float:
@@ -297,7 +299,7 @@ def _plain_value(kind: type, notes: Notes, value: Any, place: str) -> Any:
     return value
 
 
-def _built_record(kind: type, value: Any, place: str) -> Any:
+def _build_record(kind: type, value: Any, place: str) -> Any:
     _require(isinstance(value, Mapping), value, place, "an object")
     declared, known = fields_of(kind), fields(cast(Any, kind))
     names = [field.name for field in known if field.name in value]
@@ -309,34 +311,35 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
     ]
     if missing:
         raise MismatchError(f"`{place}` lacks {', '.join(missing)}")
-    values = {name: _built(declared[name], value[name], f"{place}.{name}") for name in names}
+    values = {name: _build_value(declared[name], value[name], f"{place}.{name}") for name in names}
     try:
         record = kind(**values)
         damage = record.disagreement() if isinstance(record, Related) else ""
     except (MrworkError, ValueError) as reason:
-        raise MismatchError(f"`{place}` is impossible: {_first_clause(reason)}") from None
+        # What is wrong, without the remedy, which is another one for a file that a verb has written.
+        raise MismatchError(f"`{place}` is impossible: {str(reason).partition(';')[0]}") from None
     if damage:
         raise MismatchError(f"`{place}` contradicts itself: {damage}")
     return record
 
 
-def _built_member(node: Node, value: Any, place: str) -> Any:
+def _build_member(node: Node, value: Any, place: str) -> Any:
     if value is None and node.kind is NoneType:
         return None
     for member in node.parts[:-1]:
         try:
-            return _built(member, value, place)
+            return _build_value(member, value, place)
         except MismatchError:
             continue
-    return _built(node.parts[-1], value, place)
+    return _build_value(node.parts[-1], value, place)
 
 
-def _built_tuple(node: nodes.Fixed, value: Any, place: str) -> tuple[Any, ...]:
+def _build_tuple(node: nodes.Fixed, value: Any, place: str) -> tuple[Any, ...]:
     _require(isinstance(value, list | tuple), value, place, "a list")
     kinds = node.of(len(value))
     _require(len(kinds) == len(value), value, place, f"a list of {len(kinds)}")
     pairs = zip(kinds, value, strict=True)
-    return tuple(_built(kind, entry, f"{place}[{index}]") for index, (kind, entry) in enumerate(pairs))
+    return tuple(_build_value(kind, entry, f"{place}[{index}]") for index, (kind, entry) in enumerate(pairs))
 
 
 def _number(value: Any, place: str, notes: Notes) -> float:
@@ -359,14 +362,9 @@ def _number(value: Any, place: str, notes: Notes) -> float:
 
 def _require(condition: bool, value: Any, place: str, expected: str) -> Any:
     if not condition:
-        raise MismatchError(f"`{place}` should be {expected}, it is {_cut(repr(value))}")
+        raise MismatchError(f"`{place}` should be {expected}, it is {_cut_text(repr(value))}")
     return value
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     return f"{text[:_LONGEST]}…" if len(text) > _LONGEST else text
-
-
-def _first_clause(reason: Exception) -> str:
-    """What is wrong, without the remedy, which is another one for a file that a verb has written."""
-    return str(reason).partition(";")[0]

@@ -232,10 +232,10 @@ class FolderOfRun:
 
     def _differs(self, name: str, digest: object) -> bool:
         path = self.place / name
-        found, manifest = path.lstat(), (self.place / MANIFEST).stat()
-        if not stat.S_ISREG(found.st_mode):
+        file, manifest = path.lstat(), (self.place / MANIFEST).stat()
+        if not stat.S_ISREG(file.st_mode):
             return True
-        if found.st_size > _SMALL and found.st_mtime_ns < manifest.st_mtime_ns:
+        if file.st_size > _SMALL and file.st_mtime_ns < manifest.st_mtime_ns:
             return False
         return digest_of_file(path) != digest
 

@@ -159,19 +159,19 @@ def read_kind(place: Path, wanted: RunKind | None = None) -> tuple[RunKind, Mapp
             f"{path} is not a manifest, which is an object of JSON; run `mrwork {kind_by_files.verb}` again"
         )
     # What a manifest does not state contradicts nothing.
-    found = [
+    kinds = [
         each
         for each in RUN_KINDS
         if stated.get("kind", each.kind) == each.kind and stated.get("verb", each.verb) == each.verb
     ]
-    if not found:
+    if not kinds:
         raise RecordError(f"the {MANIFEST} of {place} is not that of a run of mrwork; {give}")
-    if wanted is not None and wanted not in found:
+    if wanted is not None and wanted not in kinds:
         raise RecordError(
-            f"{place} is a run of `mrwork {found[0].verb}`, where one of {verbs[0]} was expected; give the folder of "
+            f"{place} is a run of `mrwork {kinds[0].verb}`, where one of {verbs[0]} was expected; give the folder of "
             "one, or read this one back with `mr.load`"
         )
-    return wanted or (found[0] if len(found) == 1 else kind_by_files), stated
+    return wanted or (kinds[0] if len(kinds) == 1 else kind_by_files), stated
 
 
 def _kind_by_files(place: Path) -> RunKind:

@@ -10,6 +10,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -231,7 +232,7 @@ def arrangements(
     others = [
         *(each.place.attempt(_baseline, each, table, bare, folder) for each in table.baseline),
         *(
-            each.place.attempt(_controlled, each, problem, bare, folder, given, trials)
+            each.place.attempt(_arrange_controller, each, problem, bare, folder, given, trials)
             for each, given in zip(table.controller, settings, strict=True)
         ),
     ]
@@ -257,7 +258,7 @@ def arrangements(
     return tuple(arrangements_of_study)
 
 
-def _controlled(
+def _arrange_controller(
     controller: ControllerTable,
     problem: DesignProblem,
     bare: Building,
@@ -336,10 +337,10 @@ def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLa
             f"{given[0]} is for a law of the registry; a law in Python shapes its own command, and the best constant "
             "command has none to shape"
         )
-    return _shaped(controller, law)
+    return _with_shaping(controller, law)
 
 
-def _shaped(controller: ControllerTable, law: ControlLaw) -> ControlLaw:
+def _with_shaping(controller: ControllerTable, law: ControlLaw) -> ControlLaw:
     return replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
 
 
@@ -460,7 +461,7 @@ def _choose_law(
     kind, spec = SETTINGS[table.law], control_law(table.law)
     with given.where.prefix_errors(SettingError):
         problem, beside = trials.expect_motion(problem) if spec.needs_curve else (problem, "")
-        taken = trials.take(table.law, given.values, problem, lambda law: _shaped(table, law), beside=beside)
+        taken = trials.take(table.law, given.values, problem, partial(_with_shaping, table), beside=beside)
         settings: LawSettings = read_table(
             kind, given.stated | (taken.as_read if taken else {}), given.where, whole=True
         )

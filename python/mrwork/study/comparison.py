@@ -65,7 +65,7 @@ def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
     """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
     judged = results.judged_motions
     names = dict.fromkeys(name for motion in judged for name in results.motions[motion].groups)
-    found = [
+    groups = [
         MotionGroup(
             name=name, motions=tuple(motion for motion in judged if name in results.motions[motion].groups)
         )
@@ -73,7 +73,7 @@ def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
     ]
     others = tuple(number for number in range(len(results.motions)) if number not in judged)
     training = [MotionGroup(name="training motions", motions=others)] if others else []
-    return (*(group for group in found if len(group.motions) < len(judged)), *training)
+    return (*(group for group in groups if len(group.motions) < len(judged)), *training)
 
 
 def times_better(results: StudyCriteria, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
@@ -227,9 +227,9 @@ class StudyComparison(Summarised):
         """What a row changes, better and worse, a sentence for each reference whose changes are known."""
         self._check_row(row)
         return [
-            f"Against {self.results.rows[reference].label}: {found}."
+            f"Against {self.results.rows[reference].label}: {words}."
             for reference in self.references
-            if reference != row and (found := self._words_of(self.changes(row, reference)))
+            if reference != row and (words := self._words_of(self.changes(row, reference)))
         ]
 
     def _words_of(self, changes: dict[str, QuantityChange]) -> str:
@@ -251,23 +251,23 @@ class StudyComparison(Summarised):
 
     def scores_in_words(self) -> str:
         """The lowest score of each rank; empty if there are no scores."""
-        found = []
+        parts = []
         for rank, rows in self.ranks:
             score = self.results.score(rows[0])
             if rank.name != "uncontrolled" and math.isfinite(score):
-                found.append(f"{_small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
+                parts.append(f"{_small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
         return (
             f"lowest score of each kind over {judged_in_words(self.results)}, the dampers without a command being 1: "
-            f"{'; '.join(found)}."
-            if found
+            f"{'; '.join(parts)}."
+            if parts
             else ""
         )
 
     @checked
     def worse_counts(self, reference: int) -> dict[str, int]:
         """How many control laws are worse than a reference, for each quantity."""
-        found = [self.changes(row, reference) for rank, rows in self.ranks if rank is LAWS for row in rows]
-        return {entry.name: sum(each[entry.name].worse for each in found) for entry in compared_quantities()}
+        changes = [self.changes(row, reference) for rank, rows in self.ranks if rank is LAWS for row in rows]
+        return {entry.name: sum(law[entry.name].worse for law in changes) for entry in compared_quantities()}
 
 
 Comparison = StudyComparison

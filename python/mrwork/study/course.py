@@ -170,7 +170,7 @@ class Course:
 def _seconds_of(part: Part) -> tuple[float, int]:
     """Seconds that a part will take, by trials, and its integration steps of a sample; 0 where it cannot be tried."""
 
-    def timed(share: float) -> tuple[float, float, int]:
+    def time_trial(share: float) -> tuple[float, float, int]:
         began = time.perf_counter()
         tried, steps = part.trial(share)
         return time.perf_counter() - began, tried, steps
@@ -180,10 +180,10 @@ def _seconds_of(part: Part) -> tuple[float, int]:
         # What a trial warns of, the simulation itself says.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            before, least, _ = min(timed(0.0), timed(0.0))
+            before, least, _ = min(time_trial(0.0), time_trial(0.0))
             share = _FIRST_SHARE
             while True:
-                taken, tried, steps = timed(share)
+                taken, tried, steps = time_trial(share)
                 rate = max(taken - before, 0.0) / max(tried - least, least)
                 once = before + rate * (1.0 - least)
                 seconds = part.times * part.repeats * once

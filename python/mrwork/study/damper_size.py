@@ -16,7 +16,6 @@ from mrwork.control.weights.limits import sine_force
 
 if TYPE_CHECKING:
     from mrwork.study.results import StudyResults
-    from mrwork.study.run_result import RunResult
 
 # Share of the base shear below which dampers hardly change a response: with 2 % of it the peak drift of a frame of six
 # storeys under El Centro decreases by 5 % at the most.
@@ -82,7 +81,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
 
 def size_warnings(results: StudyResults) -> tuple[str, ...]:
     """Sentences on dampers that are too weak for their building, and on those that lock their storey."""
-    return (*_weak(results), *_locked(results))
+    return (*_weak(results), *_locked_storeys(results))
 
 
 def _weak(results: StudyResults) -> Iterator[str]:
@@ -96,7 +95,7 @@ def _weak(results: StudyResults) -> Iterator[str]:
     )
 
 
-def _locked(results: StudyResults) -> Iterator[str]:
+def _locked_storeys(results: StudyResults) -> Iterator[str]:
     """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
     off = results.row_of("passive_off")
     for device, place in enumerate(results.device_places):
@@ -145,37 +144,35 @@ def _fewer(results: StudyResults, device: int, place: DevicePlace, motion: int) 
     count = of_study.count * _ADVISED * float(bare.peak_base_shear) / force
     if count < 1.0:
         return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
-    return f"; count = {_rounded(count)} has {_percent(_ADVISED)} % of the base shear at the largest command"
+    return (
+        f"; count = {_round_count(count)} has {_percent(_ADVISED)} % of the base shear at the largest command"
+    )
 
 
 def _reaches(results: StudyResults) -> list[_Reach]:
-    found = []
+    reaches = []
     for motion in results.judged_motions:
         bare = results.runs.get((0, motion))
         forces = [
-            _together(run, len(results.devices))
+            # Passive elements of the building are behind the devices.
+            float(np.sum(run.peak_force[: len(results.devices)]))
             for (row, other), run in results.runs.items()
             if other == motion and run.finished and results.rows[row].kind in _COMMANDED
         ]
         if bare is not None and bare.finished and bare.peak_base_shear > 0.0 and results.devices and forces:
-            found.append(_Reach(motion=motion, force=max(forces), shear=float(bare.peak_base_shear)))
-    return found
-
-
-def _together(run: RunResult, n_devices: int) -> float:
-    # Passive elements of the building are behind the devices.
-    return float(np.sum(run.peak_force[:n_devices]))
+            reaches.append(_Reach(motion=motion, force=max(forces), shear=float(bare.peak_base_shear)))
+    return reaches
 
 
 def _counts(results: StudyResults, factor: float) -> str:
     counts = {device.count for device in results.devices}
     if len(counts) == 1:
         where = "the" if len(results.devices) == 1 else "each"
-        return f"count = {_rounded(counts.pop() * factor)} in {where} [[damper]]"
-    return f"{_rounded(factor)} times the count of each [[damper]]"
+        return f"count = {_round_count(counts.pop() * factor)} in {where} [[damper]]"
+    return f"{_round_count(factor)} times the count of each [[damper]]"
 
 
-def _rounded(count: float) -> int:
+def _round_count(count: float) -> int:
     """A whole number of dampers, to two digits."""
     return math.ceil(round_to(count, 2))
 

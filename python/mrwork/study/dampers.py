@@ -246,9 +246,9 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and its devices; their dampers are asked for after their storeys."""
-    found = [table.place.attempt(_storey_row, bare, table) for table in tables]
+    parts = [table.place.attempt(_storey_row, bare, table) for table in tables]
     chosen = choose()
-    building, rows = bare, [each() for each in found]
+    building, rows = bare, [each() for each in parts]
     for number, table in enumerate(tables):
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)

@@ -179,7 +179,7 @@ _LEAST_STROKE = "least_stroke"
 
 
 @cache
-def _kept() -> dict[str, str]:
+def _kept_axes() -> dict[str, str]:
     """Axis of each quantity that a run has."""
     return {each.name: each.axis for each in kept_quantities()}
 
@@ -233,12 +233,12 @@ class StoredStudyRun(Related):
         every = list(_every_criterion(None))
         named: list[tuple[str, Collection[str], Collection[str]]] = [
             *(("criterion", every, table) for table in tables),
-            ("quantity", (*_kept(), _LEAST_STROKE), self.quantities),
+            ("quantity", (*_kept_axes(), _LEAST_STROKE), self.quantities),
         ]
-        for what, known, found in named:
-            if lacking := [name for name in known if name not in found]:
+        for what, known, stored in named:
+            if lacking := [name for name in known if name not in stored]:
                 return f"its run under {self.motion} lacks {lacking[0]} in a table"
-            if unknown := [name for name in found if name not in known]:
+            if unknown := [name for name in stored if name not in known]:
                 return f"its run under {self.motion} has the unknown {what} {unknown[0]!r} in a table"
         empty = [name for name in every if not math.isfinite(self.criteria[name])]
         return f"its run under {self.motion} finished without {empty[0]}" if empty and self.finished else ""
@@ -304,16 +304,16 @@ class _Document(Related):
                 return f"{run.controller} is of the kind {kinds[run.controller]!r}, and {run.kind!r} under {run.motion}"
             if runs.setdefault((run.controller, run.motion), run) is not run:
                 return f"it has two runs of {where}"
-            if strange := self._misshapen(run):
+            if strange := self._misshapen_quantity(run):
                 return f"its run of {where} has {strange} of another length than the axis"
         return self._gap(names, runs) if self.complete else ""
 
-    def _misshapen(self, run: StoredStudyRun) -> str:
+    def _misshapen_quantity(self, run: StoredStudyRun) -> str:
         """First quantity of a run that is not as long as its axis; that of devices may have any length."""
         lengths = {"run": None, "floor": len(self.floors), "storey": len(self.storeys)}
         for name, value in run.quantities.items():
             length = len(value) if isinstance(value, tuple) else None
-            if length != lengths.get(_kept().get(name, "device"), length or 0):
+            if length != lengths.get(_kept_axes().get(name, "device"), length or 0):
                 return name
         return ""
 
@@ -492,8 +492,8 @@ def design_document(study: Study) -> dict[str, Any]:
         for label, law in study.laws
         if law.notes or law.shaping_notes
     ]
-    found: dict[str, Any] = finite({"settings": taken, "weights": weights, "loops": loops})
-    return {name: value for name, value in found.items() if value}
+    document: dict[str, Any] = finite({"settings": taken, "weights": weights, "loops": loops})
+    return {name: value for name, value in document.items() if value}
 
 
 def _criteria_csv(results: StudyResults) -> str:
@@ -502,8 +502,8 @@ def _criteria_csv(results: StudyResults) -> str:
     heads = [f"{entry.name} [{results.labelled.units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     for (row, motion), run in sorted(results.runs.items()):
-        found = results.criteria(row, motion) or {}
-        numbers = [f"{found[entry.name]:.9g}" if entry.name in found else "" for entry in known]
+        ratios = results.criteria(row, motion) or {}
+        numbers = [f"{ratios[entry.name]:.9g}" if entry.name in ratios else "" for entry in known]
         facts, score = results.motions[motion], results.score_under(row, (motion,))
         run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
         lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])

@@ -138,15 +138,15 @@ def criteria_of_study(
     weight: float,
 ) -> LabelledRuns:
     """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
-    found = criteria_of_runs(axes, command_unit=command_unit)
+    labelled = criteria_of_runs(axes, command_unit=command_unit)
     for place, run in runs.items():
-        named = values(run, weight=weight) if run.finished else dict.fromkeys(found.numbers, np.inf)
+        named = values(run, weight=weight) if run.finished else dict.fromkeys(labelled.numbers, np.inf)
         for name, value in {**named, "energy_error": run.energy_error}.items():
-            found.numbers[name][place] = value
+            labelled.numbers[name][place] = value
     for row, part in realised.items():
         for name, array in part.numbers.items():
-            found.numbers[name][row, :, -part.shape[2] :] = array[0]
-    return found
+            labelled.numbers[name][row, :, -part.shape[2] :] = array[0]
+    return labelled
 
 
 def quantities_of_runs(runs: Mapping[Place, RunResult], axes: Axes, command_unit: str) -> LabelledRuns:
@@ -208,13 +208,13 @@ def recall_or_compute_runs(
         named = {entry.name: array for entry, array in zip(criteria(), numbers, strict=True)}
         return replace(empty, numbers={**named, "energy_error": error}, seconds=float(record["seconds"]))
 
-    found = journal.recall(step, inputs, read)
-    if found is None:
-        found = compute()
-        stacked = np.stack([found.numbers[entry.name] for entry in criteria()])
-        record = {"numbers": stacked, "energy_error": found.energy_error, "seconds": found.seconds}
+    runs = journal.recall(step, inputs, read)
+    if runs is None:
+        runs = compute()
+        stacked = np.stack([runs.numbers[entry.name] for entry in criteria()])
+        record = {"numbers": stacked, "energy_error": runs.energy_error, "seconds": runs.seconds}
         journal.record(step, inputs, plain(record))
-    return found
+    return runs
 
 
 def _with_command(units: Mapping[str, str], command_unit: str) -> dict[str, str]:

@@ -192,11 +192,11 @@ def simulate_criteria(
     )
     seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))
-    found = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
+    runs = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
     for name, array in values(own, weight=weight).items():
-        found.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
-    found.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
-    return replace(found, seconds=seconds)
+        runs.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
+    runs.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
+    return replace(runs, seconds=seconds)
 
 
 def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:

@@ -119,9 +119,9 @@ class Trials:
         ):
             return problem, ""
         if not self._shaken:
-            found = self._response().magnitudes
+            expected = self._response().magnitudes
             amplitude, velocity = (
-                (round_to(_SMALLEST * each), round_to(each)) for each in (found.stroke, found.rate)
+                (round_to(_SMALLEST * each), round_to(each)) for each in (expected.stroke, expected.rate)
             )
             whole = problem.whole
             self._shaken.append(
@@ -215,8 +215,8 @@ class Trials:
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self._run(problem, shape(designed.law))
-            found = [ratio(runs.numbers[name], response.off.numbers[name])[:, :, 0] for name in SCORE]
-            of_runs = np.mean(found, axis=(0, 2))
+            ratios = [ratio(runs.numbers[name], response.off.numbers[name])[:, :, 0] for name in SCORE]
+            of_runs = np.mean(ratios, axis=(0, 2))
             if control_law(law).commands_force:
                 within = (runs.peak_force <= response.on.peak_force)[:, :, 0].all(axis=1)
                 of_runs = np.where(within, of_runs, math.inf)

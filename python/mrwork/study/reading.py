@@ -98,15 +98,15 @@ def motions_of_study(
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
     scaled = [each.table.place.attempt(_scaled_motions, each, sample_time) for each in read]
-    found = tuple(motion for of_one in scaled for motion in of_one())
-    if not found:
+    motions = tuple(motion for of_one in scaled for motion in of_one())
+    if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
-    if all(motion.use == "training" for motion in found):
+    if all(motion.use == "training" for motion in motions):
         place.within("motion").refuse(
             'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
         )
-    _refuse_same([motion.name for motion in found], place.within("motion"), "motions", "name")
-    return found
+    _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
+    return motions
 
 
 def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[MotionOfStudy]:
@@ -125,12 +125,12 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
     if table.file is not None:
-        found = _read_record(table, table.file, folder)
+        grounds = _read_record(table, table.file, folder)
     else:
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
-        found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
+        grounds = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     with place.prefix_errors(SettingError):
-        return [_Bare(ground=_process(ground, table), table=table, file=file) for ground, file in found]
+        return [_Bare(ground=_process(ground, table), table=table, file=file) for ground, file in grounds]
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -139,13 +139,13 @@ def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
             table.place.within(name).refuse(f"{name} {reason}; leave it out")
 
 
-_Found = list[tuple[GroundMotion, Path | None]]
+_Grounds = list[tuple[GroundMotion, Path | None]]
 
 
-def _read_record(table: MotionTable, file: str, folder: Path) -> _Found:
+def _read_record(table: MotionTable, file: str, folder: Path) -> _Grounds:
     with table.place.within("file").prefix_errors(SettingError):
         files = motion_files(folder / file)
-        found: _Found = []
+        grounds: _Grounds = []
         for path in files:
             motion = read_motion(
                 path, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
@@ -153,11 +153,11 @@ def _read_record(table: MotionTable, file: str, folder: Path) -> _Found:
             if table.name:
                 name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"
                 motion = replace(motion, name=name)
-            found.append((motion, path.resolve()))
-    return found
+            grounds.append((motion, path.resolve()))
+    return grounds
 
 
-def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
+def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Grounds:
     _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
     with suite_table.place.prefix_errors(SettingError):
         drawn = suite(
@@ -171,7 +171,7 @@ def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
     return [(motion, None) for motion in drawn]
 
 
-def _synthetic(table: MotionTable, seed: int) -> _Found:
+def _synthetic(table: MotionTable, seed: int) -> _Grounds:
     with table.place.prefix_errors(SettingError):
         motion = synthetic_motion(
             _spectrum(table),
@@ -319,7 +319,7 @@ def _study_of(
                 if each.user is not None:
                     on_python(running_in_words(each.user, folder))
 
-    def built() -> Building:
+    def build() -> Building:
         with place.within("building").prefix_errors(SettingError):
             return table.building.build(folder)
 
@@ -327,7 +327,7 @@ def _study_of(
         with place.within("hardware").prefix_errors(SettingError):
             return replace(table.hardware, seed=seed)
 
-    bare_part, hardware_part = place.attempt(built), place.attempt(loop)
+    bare_part, hardware_part = place.attempt(build), place.attempt(loop)
     chosen_part = place.attempt(lambda: choose_dampers(table.damper, folder, identified))
     equipped_part = place.attempt(lambda: equip_building(bare_part(), table.damper, chosen_part))
     motions_part = place.attempt(

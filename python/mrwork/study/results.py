@@ -248,10 +248,10 @@ class StudyCriteria(Summarised, ABC):
         if not runs or not all(run is not None and run.finished for run in runs):
             return float("nan")
         return float(
-            score(*([self._scored(each, motion) for motion in motions] for each in (row, reference)))
+            score(*([self._criteria(each, motion) for motion in motions] for each in (row, reference)))
         )
 
-    def _scored(self, row: int, motion: int) -> dict[str, Floats]:
+    def _criteria(self, row: int, motion: int) -> dict[str, Floats]:
         return {name: np.asarray(self.labelled.numbers[name][row, motion, 0]) for name in SCORE}
 
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
@@ -338,7 +338,7 @@ class StudyResults(StudyCriteria):
     def realised_rows(self) -> list[int]:
         """The rows that were simulated with realisations."""
         rows = range(len(self.rows))
-        return [row for row in rows if _realised(self, row, self.judged_motions, "energy_error") is not None]
+        return [row for row in rows if _values(self, row, self.judged_motions, "energy_error") is not None]
 
     @property
     def complete(self) -> bool:
@@ -386,8 +386,8 @@ def _relative_change(value: float, other: float) -> float:
 
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:
     """Band of a criterion of a row under a motion; `None` for a row without realisations."""
-    found = _realised(results, row, (motion,), name)
-    return None if found is None else RealisationBand.of(found[0])
+    realised = _values(results, row, (motion,), name)
+    return None if realised is None else RealisationBand.of(realised[0])
 
 
 def ratio_band(results: StudyResults, row: int, reference: int | None, name: str) -> RealisationBand | None:
@@ -403,7 +403,7 @@ def score_band(results: StudyResults, row: int) -> RealisationBand | None:
     return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
 
 
-def _realised(results: StudyResults, row: int, motions: Sequence[int], name: str) -> Floats | None:
+def _values(results: StudyResults, row: int, motions: Sequence[int], name: str) -> Floats | None:
     """A criterion over motions and realisations; `None` for a row that was not simulated with these."""
     if not results.n_realisations:
         return None
@@ -412,8 +412,8 @@ def _realised(results: StudyResults, row: int, motions: Sequence[int], name: str
 
 
 def _mean_ratios(results: StudyResults, row: int, reference: int | None, name: str) -> Floats | None:
-    above = _realised(results, row, results.judged_motions, name)
-    below = None if reference is None else _realised(results, reference, results.judged_motions, name)
+    above = _values(results, row, results.judged_motions, name)
+    below = None if reference is None else _values(results, reference, results.judged_motions, name)
     return None if above is None or below is None else np.asarray(ratio(above, below).mean(axis=0))
 
 
@@ -439,11 +439,11 @@ class StepChange:
 
     def in_words(self, results: StudyCriteria) -> str:
         """The criterion and the motion, and the motions that are not compared."""
-        found = ""
+        value = ""
         if self.criterion:
-            found = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
+            value = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
         others = ", ".join(results.motions[motion].name for motion in self.unfinished)
-        return "; ".join(part for part in (found, f"not compared: {others}" if others else "") if part)
+        return "; ".join(part for part in (value, f"not compared: {others}" if others else "") if part)
 
 
 def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:

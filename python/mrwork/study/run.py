@@ -58,7 +58,7 @@ LEVELS = 21
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BestConstant:
-    """The constant command with the lowest score, among those from i = 0 to the largest, and what the choice took.
+    """Constant command with the lowest score, of those from i = 0 to the largest, with all scores and the runs.
 
     Without any score the command is 0.
     """
@@ -133,10 +133,10 @@ def run_study(
     steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
 
     def results() -> StudyResults:
-        rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
+        rows = (*(arrangement.row for arrangement in arrangements), *study.rows[len(arrangements) :])
         axes = {
-            "row": tuple(each.label for each in rows),
-            "motion": tuple(each.name for each in study.motions),
+            "row": tuple(row.label for row in rows),
+            "motion": tuple(motion.name for motion in study.motions),
             "realisation": steps,
         }
         n_realisations = 0 if study.realisations is None else len(study.realisations)
@@ -214,9 +214,9 @@ def run_study(
             row = len(arrangements)
             for motion in range(len(study.motions)):
                 # The searches start from the commands of the best law, too.
-                found = played.search_optimum(motion, arrangements, results(), journal, report)
-                clairvoyants[motion] = found
-                runs[row, motion], drawn = played.run(motion, found, histories=True)
+                optimum = played.search_optimum(motion, arrangements, results(), journal, report)
+                clairvoyants[motion] = optimum
+                runs[row, motion], drawn = played.run(motion, optimum, histories=True)
                 if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
                     assert drawn is not None
                     keep(row, motion, drawn)
@@ -228,8 +228,8 @@ def run_study(
                     study, arrangement, journal, threads, step_factor=2, on_block=course.advance
                 ):
                     halved[row, motion] = result
-            for motion, found in clairvoyants.items():
-                halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
+            for motion, optimum in clairvoyants.items():
+                halved[len(arrangements), motion], _ = played.run(motion, optimum, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations", (row, "realisations"))
@@ -252,7 +252,7 @@ def runs_of(
     step_factor: int = 1,
     on_block: OnBlock | None = None,
 ) -> Iterator[tuple[int, RunResult]]:
-    """The run under each motion: recalled, `known` from before, or simulated with later ones.
+    """The run of an arrangement under each motion: from the journal, from `known`, or simulated.
 
     `fresh` collects the simulated motions, with their histories if the study keeps them and they fit into memory
     together: a run with its history takes half the time of one without and another with it. Where small strokes are
@@ -301,7 +301,7 @@ def runs_of(
 
 
 def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
-    """What `run_study` simulates, in order, and trials of it."""
+    """Parts of a study in the order of simulation, with trials that estimate their time."""
     n_motions = len(study.motions)
     parts: dict[PartKey, Part] = {}
     half: dict[PartKey, Part] = {}
@@ -313,11 +313,11 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
         return 1.0 / frequency if frequency > 0.0 else 1.0
 
     def excerpts(grounds: Sequence[GroundMotion], share: float) -> tuple[list[GroundMotion], float]:
-        """A part of each motion, and the share that it is of all."""
+        """Excerpt of each motion, and the share of their total duration."""
         every, sample_time = max(grounds, key=lambda ground: ground.peak), study.hardware.sample_time
         factor = factor_of(every, excerpt_of(every, share, sample_time), period())
         cut = [excerpt_of(ground, share, sample_time, factor) for ground in grounds]
-        return cut, sum(each.duration for each in cut) / sum(each.duration for each in grounds)
+        return cut, sum(ground.duration for ground in cut) / sum(ground.duration for ground in grounds)
 
     for row, arrangement in enumerate(study.arrangements):
         fixed, grounds = arrangement, study.grounds
@@ -325,7 +325,8 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
             best = constant_command(arrangement.devices, _levels(arrangement)[-1])
             fixed = replace(arrangement, law=best)
             if not _knows_least_strokes(arrangement):
-                grounds = tuple(each for each in grounds if not any(each is own for own in study.chosen_on))
+                chosen = {id(ground) for ground in study.chosen_on}
+                grounds = tuple(ground for ground in grounds if id(ground) not in chosen)
 
             def levels(share: float, arrangement: Arrangement = arrangement) -> tuple[float, int]:
                 cut, tried = excerpts(study.chosen_on, share)
@@ -361,7 +362,7 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
         if realisations is not None:
             tried_realisations = realisations.first(_TRIED_REALISATIONS)
 
-            def realised(
+            def simulate_part(
                 share: float, fixed: Arrangement = fixed, own: Realisations = tried_realisations
             ) -> tuple[float, int]:
                 assert fixed.law is not None
@@ -373,7 +374,7 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
 
             last[row, "realisations"] = Part(
                 n_runs=n_motions * len(realisations),
-                trial=realised,
+                trial=simulate_part,
                 repeats=len(realisations) / len(tried_realisations),
             )
     return parts | half | last
@@ -387,13 +388,13 @@ def _observe(study: Study, arrangement: Arrangement) -> None:
 
 
 def _reasons(study: Study, n_runs: int, steps: int) -> tuple[str, ...]:
-    """Why a study takes long, of so many runs with so many integration steps of a sample."""
+    """Reasons why a study of `n_runs` runs with `steps` integration steps per sample takes long."""
     hardware, n = study.hardware, study.building.n_coordinates
     longest = max(study.grounds, key=lambda ground: ground.duration)
     samples = round(longest.duration / hardware.sample_time)
     kept = sum(study.grounds[motion].duration for motion in study.histories)
     # In single precision.
-    stored = 0.5 * sum(_bytes_per_second(study, each) for each in study.arrangements) * kept
+    stored = 0.5 * sum(_bytes_per_second(study, arrangement) for arrangement in study.arrangements) * kept
     reasons = [f"{n_runs:,} runs"]
     if steps > 2 * hardware.steps:
         models = list_names(list(dict.fromkeys(device.spec.name for device in study.devices)))
@@ -421,7 +422,7 @@ def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) 
 
 
 def _knows_least_strokes(arrangement: Arrangement) -> bool:
-    """Whether small strokes can be outside the tested range of a damper."""
+    """Whether a damper's tested range has a least stroke, which small strokes leave."""
     return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
 
 
@@ -433,7 +434,7 @@ def _histories_together(study: Study, arrangement: Arrangement, first: int) -> i
 
 
 def _bytes_per_second(study: Study, arrangement: Arrangement) -> float:
-    """Memory of the history of a run for each second."""
+    """Memory of a run's history per second of motion [bytes/s]."""
     building = arrangement.building
     columns = {
         "run": 1,
@@ -484,7 +485,7 @@ def _choose_best_constant(
     threads: int,
     on_block: OnBlock,
 ) -> tuple[Arrangement, Mapping[int, RunResult], str]:
-    """The arrangement with the constant command of the lowest score, its known runs unless it is recalled, and words.
+    """The arrangement at its best constant command, its runs unless recalled, and a sentence on the choice.
 
     Where the study adds it by itself and no command has a score, the command is 0.
     """
@@ -547,7 +548,7 @@ def _best_level(
     threads: int,
     on_block: OnBlock | None = None,
 ) -> tuple[BestConstant, list[RunResult], list[dict[str, Floats]]]:
-    """The constant command of the lowest score, and its runs and their criteria, one for each motion.
+    """Best constant command by the score, with its runs and their criteria, one for each motion.
 
     A command has no score if one of its runs failed.
     """
@@ -556,7 +557,7 @@ def _best_level(
     levels = [runs[start : start + len(motions)] for start in range(0, len(runs), len(motions))]
     criteria = [[_criteria(result, weight) for result in level] for level in levels]
     # The first command is i = 0.
-    scores = [float(score(each, criteria[0])) for each in criteria]
+    scores = [float(score(level, criteria[0])) for level in criteria]
     if np.isnan(scores).all():
         raise SimulationError(
             f"{arrangement.row.label}: no constant command has a score, because under "
@@ -564,13 +565,13 @@ def _best_level(
             "did not finish or has no response; check the dampers and the step, or leave best_passive out"
         )
     best = int(np.nanargmin(scores))
-    found = BestConstant(
+    constant = BestConstant(
         command=float(commands[best]),
         score=scores[best],
         scores=tuple(scores),
         runs=len(runs),
     )
-    return found, levels[best], criteria[best]
+    return constant, levels[best], criteria[best]
 
 
 def reference_peaks_of(
@@ -580,7 +581,7 @@ def reference_peaks_of(
     best, _, criteria = _best_level(arrangement, motions, hardware, 0)
 
     def mean(name: str) -> float:
-        return round_to(float(np.mean([each[name] for each in criteria])))
+        return round_to(float(np.mean([of_run[name] for of_run in criteria])))
 
     return ReferencePeaks(
         command=round_to(best.command),

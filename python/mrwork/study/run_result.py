@@ -128,7 +128,7 @@ def _kept_signals() -> list[Quantity]:
 
 def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | None) -> dict[str, Floats]:
     """Quantities of all runs, for the floors and storeys of the bare building and all that is built into it."""
-    found = {}
+    numbers = {}
     for quantity in kept_quantities():
         values = _own_columns(responses, quantity, arrangement)
         if quantity.name == "peak_stroke" and not arrangement.devices:
@@ -140,8 +140,8 @@ def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | 
         if quantity.name in _COMMANDS and commands_force(law):
             # The command of an ideal actuator is a force, not a current.
             values = values[:, :0]
-        found[quantity.name] = values
-    return found
+        numbers[quantity.name] = values
+    return numbers
 
 
 def _own_places(arrangement: Arrangement) -> dict[str, list[int]]:
@@ -192,16 +192,16 @@ def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunRes
     result = rebuilt(RunResult, {**own, "numbers": numbers})
     _ = Outcome[result.outcome.upper()]
     for quantity in quantities:
-        found, expected = np.shape(numbers[quantity.name]), _shape_of(quantity, arrangement)
+        shape, expected = np.shape(numbers[quantity.name]), _shape_of(quantity, arrangement)
         if quantity.name in _COMMANDS and arrangement.has_actuators:
             expected = (0,)
         if quantity.name in _OF_ELEMENTS:
             expected = (len(arrangement.devices) + len(arrangement.building.elements),)
-        if quantity.name == "peak_stroke" and not arrangement.devices and len(found) == 1:
+        if quantity.name == "peak_stroke" and not arrangement.devices and len(shape) == 1:
             # Of the added storeys, if there are any.
             continue
-        if found != expected:
-            raise ValueError(f"{quantity.name} has the shape {found} where {expected} was expected")
+        if shape != expected:
+            raise ValueError(f"{quantity.name} has the shape {shape} where {expected} was expected")
     if result.least_stroke.shape not in ((0,), (len(arrangement.devices),)):
         raise ValueError(f"least_stroke has the shape {result.least_stroke.shape}")
     return result
@@ -234,12 +234,12 @@ def demands_of(run: RunResult, devices: Sequence[Device], seconds: float) -> tup
     # Actuators have forces but no currents; a run that did not finish has no peaks.
     if not run.finished or len(run.peak_current) != len(devices):
         return ()
-    found = []
+    demands = []
     for number, device in enumerate(devices):
         least = float(run.least_stroke[number]) if run.least_stroke.size else None
         demand = demand_of(device, run.numbers, number, seconds=seconds, least_stroke=least)
-        found.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
-    return tuple(found)
+        demands.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
+    return tuple(demands)
 
 
 def names_outside(demands: Sequence[DeviceDemand]) -> tuple[str, ...] | None:
@@ -251,7 +251,7 @@ def names_outside(demands: Sequence[DeviceDemand]) -> tuple[str, ...] | None:
 
 def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
     """The worst exceedance of each quantity over the devices."""
-    every = [(each.device, found) for each in demands for found in each.outside.exceedances]
+    every = [(each.device, exceedance) for each in demands for exceedance in each.outside.exceedances]
     return tuple(worst for worst, _, _ in worst_of(every))
 
 
@@ -335,8 +335,8 @@ class Histories:
 
     def paths(self) -> list[Path]:
         """Files of all stored histories."""
-        found = (self._path(row, motion) for row, motion in self._names)
-        return [path for path in found if path is not None]
+        paths = (self._path(row, motion) for row, motion in self._names)
+        return [path for path in paths if path is not None]
 
     def discard(self) -> None:
         """Remove the folder beside the study, which has the histories now."""
@@ -347,11 +347,11 @@ class Histories:
 
     def _path(self, row: int, motion: int) -> Path | None:
         name = self._names[row, motion]
-        found = [folder / name for folder in self._folders]
-        for path in found:
+        paths = [folder / name for folder in self._folders]
+        for path in paths:
             # It is linked or copied into the folder of the study.
             check_own(path)
-        return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
+        return next((path for path in paths if path not in self._damaged and is_there(path, _KIND)), None)
 
     def _read(self, path: Path, row: int, motion: int) -> RunHistory:
         study, arrays = self._study, read_arrays(path, _KIND)
@@ -361,9 +361,9 @@ class Histories:
             numbers = {name: finite_numbers(arrays, name) for name in shapes}
             _check_time(time, study.grounds[motion].duration, study.hardware.sample_time)
             for name, shape in shapes.items():
-                found, expected = numbers[name].shape, (time.size, *shape)
-                if found != expected:
-                    raise ValueError(f"{name} has the shape {found} where {expected} was expected")
+                own_shape, expected = numbers[name].shape, (time.size, *shape)
+                if own_shape != expected:
+                    raise ValueError(f"{name} has the shape {own_shape} where {expected} was expected")
         except ValueError as reason:
             raise RecordError(f"{path} is not the history of this run ({reason}); {_KIND.remedy}") from None
         return RunHistory(time=time, numbers=numbers)

@@ -169,10 +169,10 @@ class TakenSettings:
     @property
     def in_words(self) -> tuple[str, ...]:
         """How they came, and what to type for another choice."""
-        found = f"Not given, and taken: {'; '.join(self.origin)}."
+        taken = f"Not given, and taken: {'; '.join(self.origin)}."
         if not self.remedy:
-            return (found,)
-        return found, f"For others give them in its [controller.settings], or below its law: `{self.remedy}`"
+            return (taken,)
+        return taken, f"For others give them in its [controller.settings], or below its law: `{self.remedy}`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -329,11 +329,11 @@ class Study(Summarised):
     @property
     def designs(self) -> tuple[tuple[tuple[str, ...], DesignedWeights], ...]:
         """Designed weights, each with the labels of the rows that have them."""
-        found: dict[int, tuple[list[str], DesignedWeights]] = {}
+        by_design: dict[int, tuple[list[str], DesignedWeights]] = {}
         for label, law in self.laws:
             if law.weights is not None:
-                found.setdefault(id(law.weights), ([], law.weights))[0].append(label)
-        return tuple((tuple(labels), weights) for labels, weights in found.values())
+                by_design.setdefault(id(law.weights), ([], law.weights))[0].append(label)
+        return tuple((tuple(labels), weights) for labels, weights in by_design.values())
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:

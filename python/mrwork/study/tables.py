@@ -132,7 +132,7 @@ def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table
     """The score, and the mean of each ratio over the motions, the rows of each rank together."""
     results = comparison.results
     ranks = [
-        (rank, found) for rank, rows in comparison.ranks if (found := [row for row in rows if row in shown])
+        (rank, kept) for rank, rows in comparison.ranks if (kept := [row for row in rows if row in shown])
     ]
     order = [row for _, rows in ranks for row in rows]
     columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
@@ -176,9 +176,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     several, under = len(motions) > 1, results.motions[motions[0]].name
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
-    found = [[_values(results, row, motion) for motion in motions] for row in rows]
+    by_row = [[_values(results, row, motion) for motion in motions] for row in rows]
     for name, _, factor in _VALUES:
-        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in found]
+        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in by_row]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     heads = tuple(
@@ -266,19 +266,19 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
     cells: list[tuple[str, ...]] = []
     alarming = set()
     for line, entry in enumerate(compared_quantities()):
-        found: list[str] = [entry.title]
+        cell: list[str] = [entry.title]
         for reference in references:
             change = comparison.changes(row, reference)[entry.name]
             numbers = (change.mean, change.largest) if several else (change.mean,)
             alarming |= {
-                (line, len(found) + place)
+                (line, len(cell) + place)
                 for place, number in enumerate(numbers)
                 if rounds_to_increase(number)
             }
-            found += [signed_percent(number) for number in numbers]
+            cell += [signed_percent(number) for number in numbers]
             if several:
-                found.append(change.motion or NOTHING)
-        cells.append(tuple(found))
+                cell.append(change.motion or NOTHING)
+        cells.append(tuple(cell))
     return Table(
         label=f"Changes of {results.rows[row].label}",
         columns=("", *(head for _ in references for head in heads)),
@@ -307,20 +307,20 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         start = len(cells)
         headings[start] = rank.title
         changes = [comparison.changes(row, reference) for row in others]
-        for line, (row, found) in enumerate(zip(others, changes, strict=True), start):
-            largest = [_largest(found, quantities)] if several else []
+        for line, (row, of_row) in enumerate(zip(others, changes, strict=True), start):
+            largest = [_largest(of_row, quantities)] if several else []
             cells.append(
                 (
                     results.rows[row].label,
-                    *(signed_percent(found[entry.name].mean) for entry in quantities),
+                    *(signed_percent(of_row[entry.name].mean) for entry in quantities),
                     *largest,
                 )
             )
             alarming |= {
-                (line, place) for place, entry in enumerate(quantities, 1) if found[entry.name].worse
+                (line, place) for place, entry in enumerate(quantities, 1) if of_row[entry.name].worse
             }
         for place, entry in enumerate(quantities, 1):
-            means = [found[entry.name].mean for found in changes]
+            means = [of_row[entry.name].mean for of_row in changes]
             known = [mean for mean in means if not math.isnan(mean)]
             strong |= {
                 (start + number, place)
@@ -387,7 +387,7 @@ def band_table(
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
     off = results.row_of("passive_off")
-    found = [
+    bands = [
         (
             results.rows[row].label,
             [score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)],
@@ -395,7 +395,7 @@ def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
         for row in rows
     ]
     note = "All rows have the same realisations; the laws are those of the nominal study."
-    return band_table(found, results.n_realisations, note=note)
+    return band_table(bands, results.n_realisations, note=note)
 
 
 def step_table(results: StudyCriteria, rows: Collection[int]) -> Table:

@@ -362,19 +362,19 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             report(trace[-1].candidates, trace[-1].least)
 
         try:
-            found = _search(plan, bench, candidates, scores, rng, on_generation)
+            search = _search(plan, bench, candidates, scores, rng, on_generation)
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
             raise Interrupted(result(judgement_of_objective(trace[-1].least), None), "tuning") from interrupt
-        if found.best_misfit < least:
-            chosen, origin = plan.space.candidate(found.best_unit), _ENDS.get(found.stop_reason, "search")
+        if search.best_misfit < least:
+            chosen, origin = plan.space.candidate(search.best_unit), _ENDS.get(search.stop_reason, "search")
         if table.gradient_steps:
             last = _finish(plan, bench, benches, chosen)
             trace.append(
                 TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, last.misfit))
             )
-            if last.misfit < min(least, found.best_misfit):
+            if last.misfit < min(least, search.best_misfit):
                 chosen, origin = last.candidate, f"search, then {last.gradients} gradients on the twin"
     train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
     return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))

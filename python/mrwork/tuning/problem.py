@@ -86,7 +86,7 @@ class Bench(Summarised):
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> LabelledRuns:
         """Criteria of candidates, infinite for those that make no law."""
-        found = criteria_of_runs(candidate_axes(len(candidates), self.motions, self.realisations), math.inf)
+        runs = criteria_of_runs(candidate_axes(len(candidates), self.motions, self.realisations), math.inf)
         seconds = 0.0
         for members, together in self._batches(law, candidates):
             problem = (
@@ -112,11 +112,11 @@ class Bench(Summarised):
             )
             # A law without gains has one candidate, whatever the number of its settings.
             for name, array in batch.numbers.items():
-                found.numbers[name][places] = array
+                runs.numbers[name][places] = array
             seconds += batch.seconds
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
-        return replace(found, seconds=seconds)
+        return replace(runs, seconds=seconds)
 
     def recall_or_run(
         self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
@@ -389,7 +389,7 @@ class Benches(Summarised):
             return each.recall_or_run("judgement", inputs, law, [candidate])
 
         criteria = on(bench)
-        varied = None if wide is None else Varied(bench=wide, found=on(wide))
+        varied = None if wide is None else Varied(bench=wide, runs=on(wide))
         return judge(bench, objective, criteria, varied, robust=robust)
 
 
@@ -451,22 +451,22 @@ class Varied:
     """A bench with realisations, and the criteria of a candidate on it."""
 
     bench: Bench
-    found: LabelledRuns
+    runs: LabelledRuns
 
 
 def judge(
-    bench: Bench, objective: TuningObjective, found: LabelledRuns, varied: Varied | None, *, robust: bool
+    bench: Bench, objective: TuningObjective, runs: LabelledRuns, varied: Varied | None, *, robust: bool
 ) -> TuningJudgement:
     """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
     With `robust` the objective takes the realisations.
     """
-    ratios = _ratios(found, bench.passive)
+    ratios = _ratios(runs, bench.passive)
     names = [motion.name for motion in bench.motions]
     per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
-    value_of, on = found, bench
+    value_of, on = runs, bench
     if varied is not None and robust:
-        value_of, on = varied.found, varied.bench
+        value_of, on = varied.runs, varied.bench
     scores = objective.run_scores(value_of, on.baseline(objective))
     violation = float(objective.violation(value_of)[0])
     numbers = {name: float(values.mean()) for name, values in per_motion.items()}
@@ -476,7 +476,7 @@ def judge(
         violation=violation if math.isfinite(violation) else math.inf,
         criteria=numbers,
         largest={
-            entry.name: float(found.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
+            entry.name: float(runs.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
         },
         spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
         motions=tuple(
@@ -487,16 +487,16 @@ def judge(
             )
             for number, name in enumerate(names)
         ),
-        energy_error=float(found.energy_error.max()),
-        bands={} if varied is None else _bands(_ratios(varied.found, varied.bench.passive)),
+        energy_error=float(runs.energy_error.max()),
+        bands={} if varied is None else _bands(_ratios(varied.runs, varied.bench.passive)),
     )
 
 
-def _ratios(found: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
+def _ratios(runs: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": _SCORE.run_scores(found, passive)}
+    ratios = {"score": _SCORE.run_scores(runs, passive)}
     return ratios | {
-        entry.name: ratio_to_baseline(found.numbers[entry.name], passive.numbers[entry.name])
+        entry.name: ratio_to_baseline(runs.numbers[entry.name], passive.numbers[entry.name])
         for entry in criteria()
         if entry.ratio
     }

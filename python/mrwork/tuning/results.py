@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -62,7 +61,7 @@ TRAINING_ONLY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionScore:
-    """Score and criteria of a law under one motion, over those at i = 0."""
+    """Score and criteria of a law under one motion, as ratios to passive-off (i = 0)."""
 
     motion: str
     score: OrNan
@@ -71,7 +70,7 @@ class MotionScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningJudgement(Summarised):
-    """A law on some motions, in the nominal study.
+    """Judgement of a law on some motions, in the nominal study.
 
     `score` is that of a study, whatever is minimised: the mean over motions of peak and rms drift and acceleration over
     those at i = 0. `criteria` is the mean ratio of each
@@ -107,7 +106,7 @@ def judgement_of_objective(objective: float) -> TuningJudgement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Better:
-    """Under how many motions a law is better than the best constant command, in each criterion and in both."""
+    """Number of motions where a law is better than optimal passive, in each criterion and in both."""
 
     peak_drift: Whole
     peak_acceleration: Whole
@@ -172,11 +171,11 @@ class LawResult(Summarised, Related):
 
     @property
     def motion_scores(self) -> list[tuple[str, MotionScore]]:
-        """The use of every motion that it was judged on, and its score there."""
+        """Use and score of every motion that the law was judged on."""
         return [
-            (use, each)
-            for use, found in (("training", self.train), ("test", self.test))
-            for each in (() if found is None else found.motions)
+            (use, motion)
+            for use, judgement in (("training", self.train), ("test", self.test))
+            for motion in (() if judgement is None else judgement.motions)
         ]
 
     @property
@@ -185,7 +184,7 @@ class LawResult(Summarised, Related):
         return _candidate_of(self.settings)
 
     def disagreement(self) -> str:
-        """Whether the settings of the command are numbers, and the largest is there where it is one of them."""
+        """First contradiction: no largest command where it is a setting, or a command setting that is no number."""
         if LARGEST not in self.settings and self.limited:
             return f"{self.label} has no {LARGEST} among its settings"
         for name, value in _part_settings(self.settings)[1].items():
@@ -198,7 +197,7 @@ _OF_COMMAND = (LARGEST, *SHAPING_SPANS)
 
 
 def _part_settings(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The settings of a law, and those of the command of any law."""
+    """Settings of the law itself, and those of the command, which any law has."""
     of_law = {name: value for name, value in settings.items() if name not in _OF_COMMAND}
     return of_law, {name: settings[name] for name in _OF_COMMAND if name in settings}
 
@@ -265,11 +264,10 @@ class Front(WithAxes, Summarised):
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
         for use in ("train", "test"):
-            found = [getattr(point, use) or {} for point in self.points]
+            values = [getattr(point, use) or {} for point in self.points]
+            rows = [[given.get(name, math.nan) for name in self.objectives] for given in values]
             arrays[use] = NamedArray.of(
-                np.array([[each.get(name, math.nan) for name in self.objectives] for each in found]).reshape(
-                    len(self.points), len(self.objectives)
-                ),
+                np.array(rows).reshape(len(self.points), len(self.objectives)),
                 *("point", "objective"),
                 unit="1",
                 long_name=f"objective on the {use}ing motions over its reference",
@@ -284,21 +282,19 @@ class Front(WithAxes, Summarised):
 
 
 def _setting_arrays(settings: Sequence[Mapping[str, Any]], axis: str) -> dict[str, NamedArray]:
-    """The settings that are numbers wherever they are given, NaN elsewhere."""
-    names = dict.fromkeys(name for each in settings for name in each)
-    columns = {name: [each.get(name) for each in settings] for name in names}
+    """Arrays of the settings that are always numbers; NaN where one is not given."""
+    names = dict.fromkeys(name for given in settings for name in given)
+    columns = {name: [given.get(name) for given in settings] for name in names}
     return {
         name: NamedArray.of(values, axis, long_name="setting")
         for name, values in columns.items()
-        if all(
-            each is None or (isinstance(each, int | float) and not isinstance(each, bool)) for each in values
-        )
+        if all(one is None or (isinstance(one, int | float) and not isinstance(one, bool)) for one in values)
     }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningResults(WithAxes, Summarised):
-    """What `tune` found.
+    """Results of a tuning: laws with the chosen settings, references, and Pareto fronts.
 
     Its arrays are `score` and the ratio of every criterion to that at i = 0 over law and motion, laws before
     references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
@@ -329,54 +325,58 @@ class TuningResults(WithAxes, Summarised):
     @property
     def ranked(self) -> tuple[LawResult, ...]:
         """Laws and references, the lowest score on the test motions first, else on the training motions."""
-        return tuple(sorted((*self.laws, *self.references), key=lambda each: each.judged.score))
+        return tuple(sorted((*self.laws, *self.references), key=lambda law: law.judged.score))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on undamped modes, demand out of tested ranges, what scores cannot say, and exceeded limits."""
-        found = [*self.building_warnings, *self.damper_warnings, *(() if self.testing else (TRAINING_ONLY,))]
-        for each in self.laws:
-            if each.train.violation > 0.0:
-                found.append(
-                    f"{each.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                    f"{percent(each.train.violation, 0)} % of the limits in all, on the training motions."
+        sentences = [
+            *self.building_warnings,
+            *self.damper_warnings,
+            *(() if self.testing else (TRAINING_ONLY,)),
+        ]
+        for law in self.laws:
+            if law.train.violation > 0.0:
+                sentences.append(
+                    f"{law.label}: no candidate keeps all limits; the chosen one exceeds them by "
+                    f"{percent(law.train.violation, 0)} % of the limits in all, on the training motions."
                 )
-            elif each.test is not None and each.test.violation > 0.0:
-                found.append(
-                    f"{each.label} keeps its limits on the training motions and exceeds them by "
-                    f"{percent(each.test.violation, 0)} % of the limits in all on the test motions."
+            elif law.test is not None and law.test.violation > 0.0:
+                sentences.append(
+                    f"{law.label} keeps its limits on the training motions and exceeds them by "
+                    f"{percent(law.test.violation, 0)} % of the limits in all on the test motions."
                 )
-            found += self._overtaken(each)
-            found += [
-                f"{each.label}: {name} is at {place} bound of its range; widen it with free."
-                for name, place in _at_ends(each)
+            sentences += self._reference_ahead_of(law)
+            sentences += [
+                f"{law.label}: {name} is at {place} bound of its range; widen it with free."
+                for name, place in _settings_at_bounds(law)
             ]
-        return tuple(found)
+        return tuple(sentences)
 
     @property
     def designs(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
         """Sentences of each design of weights once, with the labels of the laws and references that have it."""
-        found: dict[tuple[str, ...], list[str]] = {}
-        for each in self.ranked:
-            if each.design.weights:
-                found.setdefault(each.design.weights, []).append(each.label)
-        return tuple((tuple(labels), sentences) for sentences, labels in found.items())
+        labels_of_design: dict[tuple[str, ...], list[str]] = {}
+        for law in self.ranked:
+            if law.design.weights:
+                labels_of_design.setdefault(law.design.weights, []).append(law.label)
+        return tuple((tuple(labels), sentences) for sentences, labels in labels_of_design.items())
 
     @property
     def findings(self) -> tuple[str, ...]:
         """Sentences on laws that are a constant command in effect, and on scores that motions do not tell apart."""
-        constants = [each for each in self.references if SETTINGS[each.law].constant]
+        constants = [law for law in self.references if SETTINGS[law.law].constant]
         in_effect = tuple(
-            f"{each.label} has the response of {constant.label} under every motion: it is that in effect."
-            for each in self.ranked
-            if not SETTINGS[each.law].constant
+            f"{law.label} has the response of {constant.label} under every motion: it is that in effect."
+            for law in self.ranked
+            if not SETTINGS[law.law].constant
             for constant in constants
-            if _same_response(each.judged, constant.judged)
+            if _same_response(law.judged, constant.judged)
         )
-        finished = [each for each in self.ranked if each.judged.motions]
+        finished = [law for law in self.ranked if law.judged.motions]
         if not finished or len(finished[0].judged.motions) < 2:
             return in_effect
-        scores = {each.label: [motion.score for motion in each.judged.motions] for each in finished}
+        scores = {law.label: [motion.score for motion in law.judged.motions] for law in finished}
         first = finished[0].label
         return (*in_effect, *ties_in_words(first, scores.pop(first), scores))
 
@@ -388,36 +388,37 @@ class TuningResults(WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)
-        scores = [{(use, each.motion): each for use, each in law.motion_scores} for law in judged]
+        scores = [
+            {(use, score.motion): {"score": score.score} | score.criteria for use, score in law.motion_scores}
+            for law in judged
+        ]
         # A study without test motions has each of its motions once.
         columns = list(dict.fromkeys(key for of_law in scores for key in of_law))
-        criteria = dict.fromkeys(
-            name for of_law in scores for each in of_law.values() for name in each.criteria
+        names = dict.fromkeys(
+            ["score", *(name for of_law in scores for values in of_law.values() for name in values)]
         )
 
-        def over_axes(value: Callable[[MotionScore], float], long_name: str) -> NamedArray:
-            numbers = [
-                [value(of_law[key]) if key in of_law else math.nan for key in columns] for of_law in scores
-            ]
+        def over_axes(name: str) -> NamedArray:
+            numbers = [[of_law.get(key, {}).get(name, math.nan) for key in columns] for of_law in scores]
             array = np.array(numbers).reshape(len(judged), len(columns))
-            return NamedArray.of(array, *axes, unit="1", long_name=f"{long_name}, over that at i = 0")
+            title = name if name == "score" else criterion(name).title
+            return NamedArray.of(array, *axes, unit="1", long_name=f"{title}, over that at i = 0")
 
         axes = ("law", "motion")
         return NamedArrays(
             title=f"Tuning of {self.title}",
             rows=axes,
             labels={
-                "law": labels_of([each.label for each in judged]),
+                "law": labels_of([law.label for law in judged]),
                 "motion": labels_of([motion for _, motion in columns]),
             },
             along={"use": NamedArray.of([use for use, _ in columns], "motion", long_name="use of the motion")}
-            | _setting_arrays([each.settings for each in judged], "law"),
-            arrays={"score": over_axes(lambda each: each.score, "score")}
-            | {name: over_axes(partial(_criterion_of, name), criterion(name).title) for name in criteria},
+            | _setting_arrays([law.settings for law in judged], "law"),
+            arrays={name: over_axes(name) for name in names},
         )
 
-    def _overtaken(self, law: LawResult) -> list[str]:
-        best = min((each for each in self.references), key=lambda each: each.judged.score, default=None)
+    def _reference_ahead_of(self, law: LawResult) -> list[str]:
+        best = min(self.references, key=lambda reference: reference.judged.score, default=None)
         if best is None or not math.isfinite(law.judged.score) or best.judged.score >= law.judged.score:
             return []
         on = "test" if law.test is not None else "training"
@@ -437,19 +438,15 @@ class TuningResults(WithAxes, Summarised):
             columns=("law", "training", "test", "settings"),
             rows=[
                 (
-                    each.label,
-                    with_decimals(each.train.score, 4),
-                    "-" if each.test is None else with_decimals(each.test.score, 4),
-                    settings_in_words(each.settings, self.command_unit),
+                    law.label,
+                    with_decimals(law.train.score, 4),
+                    "-" if law.test is None else with_decimals(law.test.score, 4),
+                    settings_in_words(law.settings, self.command_unit),
                 )
-                for each in self.ranked
+                for law in self.ranked
             ],
-            notes=[f"warning: {each}" for each in self.warnings],
+            notes=[f"warning: {warning}" for warning in self.warnings],
         )
-
-
-def _criterion_of(name: str, score: MotionScore) -> float:
-    return score.criteria.get(name, math.nan)
 
 
 def motions_in_words(results: TuningResults) -> str:
@@ -477,17 +474,17 @@ def _same_response(one: TuningJudgement, other: TuningJudgement) -> bool:
     )
 
 
-def _at_ends(law: LawResult) -> list[tuple[str, str]]:
-    """Free settings, other than the largest command, at an end of their range."""
-    found = []
-    for each in law.free:
-        value = law.settings.get(each.name)
-        if each.name == LARGEST or not isinstance(value, int | float):
+def _settings_at_bounds(law: LawResult) -> list[tuple[str, str]]:
+    """Free settings, other than the largest command, at a bound of their range, and which bound."""
+    at_ends = []
+    for setting in law.free:
+        value = law.settings.get(setting.name)
+        if setting.name == LARGEST or not isinstance(value, int | float):
             continue
-        place = each.unit(value)
+        place = setting.unit(value)
         if place is not None and not _MARGIN < place < 1.0 - _MARGIN:
-            found.append((each.name, "the lower" if place <= _MARGIN else "the upper"))
-    return found
+            at_ends.append((setting.name, "the lower" if place <= _MARGIN else "the upper"))
+    return at_ends
 
 
 def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
@@ -511,10 +508,10 @@ def _value(value: Any) -> str:
     if isinstance(value, int | float):
         return format_rounded(float(value))
     if isinstance(value, Mapping):
-        return f"({', '.join(f'{name} {_value(each)}' for name, each in value.items())})"
+        return f"({', '.join(f'{name} {_value(item)}' for name, item in value.items())})"
     if len(value) > _MOST_IN_WORDS:
         return f"{len(value)} numbers"
-    return f"[{', '.join(_value(each) for each in value)}]"
+    return f"[{', '.join(_value(item) for item in value)}]"
 
 
 def write_tuning(
@@ -560,20 +557,20 @@ def read_tuning(folder: str | Path) -> TuningResults:
     """
     place = Path(folder)
     _, manifest = read_kind(place, TUNING_RUN)
-    found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
-    if found is None:
+    results = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
+    if results is None:
         raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork tune` again")
-    facts = {"title": (found.title,), "status": (found.status,)}
+    facts = {"title": (results.title,), "status": (results.status,)}
     check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
-    return found
+    return results
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
     """The results as a JSON object; numbers that are not finite are `null`."""
-    found: dict[str, Any] = finite(
+    document: dict[str, Any] = finite(
         {**asdict(results), "warnings": results.warnings, "findings": results.findings}
     )
-    return found
+    return document
 
 
 def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
@@ -582,7 +579,7 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     The text of the study stays; names of files in it are relative to its own folder.
     """
     text = study_file.text
-    blocks = [_controller(each) for each in results.laws]
+    blocks = [_controller(law) for law in results.laws]
     folder = study_file.path.parent / toml_table(text).get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
@@ -592,7 +589,7 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
 
 
 def _without_folder(text: str) -> str:
-    """The study without a `folder` of its own, which stands before its first table."""
+    """Text of the study without its key `folder`, which stands before the first table."""
     first = re.search(r"^\s*\[", text, flags=re.MULTILINE)
     end = len(text) if first is None else first.start()
     return re.sub(r"^[ \t]*folder[ \t]*=.*\n?", "", text[:end], flags=re.MULTILINE) + text[end:]
@@ -613,10 +610,10 @@ def _controller(law: LawResult) -> str:
 
 
 def _scores_csv(results: TuningResults) -> str:
-    names = [name for each in results.references[:1] for name in each.train.criteria]
+    names = [name for law in results.references[:1] for name in law.train.criteria]
     lines = [["law", "use", "motion", "score", *names]]
     for law in (*results.laws, *results.references):
-        for use, each in law.motion_scores:
-            numbers = [f"{number:.9g}" for number in (each.score, *(each.criteria[name] for name in names))]
-            lines.append([law.label, use, each.motion, *numbers])
+        for use, score in law.motion_scores:
+            numbers = [f"{number:.9g}" for number in (score.score, *(score.criteria[name] for name in names))]
+            lines.append([law.label, use, score.motion, *numbers])
     return csv_text(lines)

@@ -85,8 +85,8 @@ def tune(
     --------
     >>> import mrwork as mr
     >>> study = mr.read_study("study.toml")  # doctest: +SKIP
-    >>> found = mr.tune(study, laws=["clipped_optimal"], rng=1)  # doctest: +SKIP
-    >>> found.laws[0].test.score  # doctest: +SKIP
+    >>> tuned = mr.tune(study, laws=["clipped_optimal"], rng=1)  # doctest: +SKIP
+    >>> tuned.laws[0].test.score  # doctest: +SKIP
     0.655
     """
     check_controllable(study)
@@ -95,7 +95,7 @@ def tune(
     clock = Clock()
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
-    found: list[LawResult] = []
+    tuned: list[LawResult] = []
     fronts: list[Front] = []
     references: list[LawResult] = []
     demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
@@ -107,7 +107,7 @@ def tune(
         return TuningResults(
             title=study.title,
             status=status,
-            laws=tuple(_count_better(each, constant) for each in found),
+            laws=tuple(_count_better(each, constant) for each in tuned),
             references=tuple(_count_better(each, constant) for each in references),
             training=tuple(motion.name for motion in study.chosen_on),
             testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
@@ -149,12 +149,12 @@ def tune(
                     )
                 )
 
-            found.append(tune_law(plan, benches, basis, rng=rng, report=report))
-            demands |= benches.demands(plan.law, found[-1].chosen_candidate, plan.label)
+            tuned.append(tune_law(plan, benches, basis, rng=rng, report=report))
+            demands |= benches.demands(plan.law, tuned[-1].chosen_candidate, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:
-        found.append(interrupt.result)
+        tuned.append(interrupt.result)
         raise Interrupted(results("interrupted"), "tuning") from None
     except KeyboardInterrupt:
         raise Interrupted(results("interrupted"), "tuning") from None

@@ -57,10 +57,10 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, found: LabelledRuns, baseline: LabelledRuns) -> Floats:
+    def run_scores(self, runs: LabelledRuns, baseline: LabelledRuns) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
         ratios = {
-            name: ratio_to_baseline(found.numbers[name], baseline.numbers[name]) for name in self.weights
+            name: ratio_to_baseline(runs.numbers[name], baseline.numbers[name]) for name in self.weights
         }
         if self.combine == "largest":
             return np.asarray(
@@ -74,11 +74,11 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, found: LabelledRuns) -> Floats:
+    def violation(self, runs: LabelledRuns) -> Floats:
         """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
-        violation = np.zeros(found.shape[0])
+        violation = np.zeros(runs.shape[0])
         for each in self.limits:
-            largest = found.numbers[each.criterion].max(axis=(1, 2))
+            largest = runs.numbers[each.criterion].max(axis=(1, 2))
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
@@ -217,8 +217,8 @@ class LawCandidate:
     @property
     def shaping(self) -> dict[str, float]:
         """Dead zone and slope of the command by name, where they change it."""
-        found = {DEAD_ZONE: self.dead_zone, COMMAND_SLOPE: self.command_slope}
-        return {name: value for name, value in found.items() if value != _UNSHAPED[name]}
+        shaping = {DEAD_ZONE: self.dead_zone, COMMAND_SLOPE: self.command_slope}
+        return {name: value for name, value in shaping.items() if value != _UNSHAPED[name]}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

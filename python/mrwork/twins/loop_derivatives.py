@@ -126,7 +126,7 @@ class TunedLoop:
         total = sum(weights.values())
 
         def score(gains: Gains, largest: Array, ground: Array, counted: Array, below: Array) -> Array:
-            found = run_loop(
+            run = run_loop(
                 plant,
                 devices,
                 SMOOTH[law](gains),
@@ -138,7 +138,7 @@ class TunedLoop:
                 believed=own,
                 counted=counted,
             )
-            values = jnp.stack([found.worst(name) for name in weights])
+            values = jnp.stack([run.worst(name) for name in weights])
             return jnp.sum(jnp.asarray(list(weights.values())) / total * values / below)
 
         self._rates = jax.jit(jax.vmap(jax.value_and_grad(score), in_axes=(None, None, 0, 0, 0)))
@@ -276,12 +276,12 @@ class PrescribedLoop:
             gradients.append(np.asarray(gradient))
         by_step = np.concatenate(gradients[::-1])[: self.places.size]
         # The coils start at the first command.
-        found: Floats = np.stack(
+        by_command: Floats = np.stack(
             [np.bincount(self.places, weights=column, minlength=len(commands)) for column in by_step.T],
             axis=1,
         )
-        found[0] += np.asarray(pull.received)
-        return float(score), found
+        by_command[0] += np.asarray(pull.received)
+        return float(score), by_command
 
     def _fix(self, power: float) -> _Fixed:
         return _Fixed(self.plant, self.devices, self.step_time, self.scales, power)

@@ -214,8 +214,8 @@ class Travel(NamedTuple):
             direction=jnp.where(rose, 1.0, jnp.where(fell, -1.0, self.direction)),
         )
         begun = Travel.none(len(command))._replace(last=command, low=command, high=command)
-        found: Travel = jax.tree.map(lambda yes, no: jnp.where(first, yes, no), begun, after)
-        return found
+        travel: Travel = jax.tree.map(lambda yes, no: jnp.where(first, yes, no), begun, after)
+        return travel
 
 
 class Reductions(NamedTuple):
@@ -335,7 +335,7 @@ def stage(
     responses = [
         device.respond(parameters[i], at.states[i], x[i], x_rate[i]) for i, device in enumerate(devices)
     ]
-    force = jnp.stack([found for found, _ in responses])
+    force = jnp.stack([damper_force for damper_force, _ in responses])
     acceleration = (
         -(plant.stiffness_per_mass @ at.q + plant.damping_per_mass @ at.v + pulls @ force)
         - plant.influence * a_g

@@ -131,10 +131,10 @@ def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, 
             [(turns - width // 2, width) for width in WINDOWS],
         )
     ]
-    count = sum(not math.isnan(each.p) for found in compared for each in found)
+    count = sum(not math.isnan(each.p) for of_test in compared for each in of_test)
     after, at = (
-        min((each for each in found if not math.isnan(each.p)), key=lambda each: each.p, default=Excess())
-        for found in compared
+        min((each for each in of_test if not math.isnan(each.p)), key=lambda each: each.p, default=Excess())
+        for of_test in compared
     )
     return replace(after, p=min(count * after.p, 1.0)), replace(at, p=min(count * at.p, 1.0))
 

@@ -14,7 +14,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.linear.riccati import attempt_each
 from mrwork.control.weights.limits import LimitedOutputs, sine_force
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations, system_of
+from mrwork.control.weights.system import DesignSystem, LyapunovEquations, design_system
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import (
     SpectralDensity,
@@ -58,8 +58,8 @@ def source_in_words(problem: DesignProblem) -> str:
 def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:
     """The building, of a tall one its lowest modes, with its devices under a ground, without limited outputs."""
     none = LimitedOutputs(names=(), units=(), settings=(), limits=np.empty(0))
-    modes = min(problem.plant.n_coordinates, _MODES)
-    return system_of(problem.plant, none, spectrum, budgets=np.ones(problem.plant.n_devices), n_modes=modes)
+    plant, budgets = problem.plant, np.ones(problem.plant.n_devices)
+    return design_system(plant, none, spectrum, budgets=budgets, n_modes=min(plant.n_coordinates, _MODES))
 
 
 def rms_forces(system: DesignSystem, gain: Floats) -> Floats:

@@ -259,15 +259,15 @@ def design_candidates(
     refusals: dict[int, str] = {}
     for each in settings:
         _check_settings(spec, each)
-    for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
-        if isinstance(found, SettingError):
-            refusals[index] = str(found)
-        elif designs and not _same_tables(found, designs[0]):
+    for index, design in enumerate(SETTINGS[name].designs(problem, settings)):
+        if isinstance(design, SettingError):
+            refusals[index] = str(design)
+        elif designs and not _same_tables(design, designs[0]):
             refusals[index] = (
                 f"{name} with these settings has other tables or signals than the first candidate"
             )
         else:
-            designs.append(found)
+            designs.append(design)
             designed.append(index)
     if not designs:
         return DesignedCandidates(law=None, designed=(), refusals=refusals)

@@ -403,7 +403,7 @@ class SignalSettings(RegulatorSettings):
                 )
         constant = self.time_constant
         named = [SOURCES[name] for name in self.signals]
-        found = (
+        signals = (
             *(FurtherSignal(source=source, time_constant=constant if rms else None) for source, rms in named),
             *(FurtherSignal(source="floor_acceleration", floor=floor - 1) for floor in self.floors),
             *(
@@ -417,12 +417,12 @@ class SignalSettings(RegulatorSettings):
                 "the law has running root mean squares among its signals and no time over which they fade; give "
                 "time_constant [s]",
             )
-        if self.acceleration is None and any(each.source in _ACCELERATIONS for each in found):
+        if self.acceleration is None and any(each.source in _ACCELERATIONS for each in signals):
             raise InvalidSettingError(
                 "acceleration",
                 "the law has accelerations among its signals and no scale of them; give acceleration [m/s2]",
             )
-        return found
+        return signals
 
     def further_scales(self, signals: Sequence[FurtherSignal]) -> Floats:
         """Scale of each further signal, shape (n_signals,)."""

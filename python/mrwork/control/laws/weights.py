@@ -172,21 +172,21 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         if self.budget is not None:
             forces = as_forces(self.budget, problem.plant)
             return forces, f"Budget: {_newtons(forces)} rms, as given."
-        found = damper_forces(problem, spectrum)
-        if not (found.budgets > 0.0).all():
+        available = damper_forces(problem, spectrum)
+        if not (available.budgets > 0.0).all():
             raise InvalidSettingError(
                 "budget",
                 "the dampers have no force at their largest command, which would be the budget; give one",
             )
-        source = f"a third of {forces_in_words(problem.whole.devices, found)}; a peak counts as three times the rms"
+        source = f"a third of {forces_in_words(problem.whole.devices, available)}; a peak counts as three times the rms"
         useful = useful_force(problem.plant, spectrum)
-        if useful < found.budgets.max():
-            budgets = np.minimum(found.budgets, useful)
+        if useful < available.budgets.max():
+            budgets = np.minimum(available.budgets, useful)
             return budgets, (
                 f"Budget: {_newtons(budgets)} rms, a fifth of the inertia of the building under this ground, for more "
-                f"is of no use; the dampers give {_newtons(found.budgets)}, {source}."
+                f"is of no use; the dampers give {_newtons(available.budgets)}, {source}."
             )
-        return found.budgets, f"Budget: {_newtons(found.budgets)} rms, {source}."
+        return available.budgets, f"Budget: {_newtons(available.budgets)} rms, {source}."
 
     def _find_ground(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
         """The spectrum as given, fitted to the record, or that of the motions of a problem; and where it is from."""
@@ -214,17 +214,17 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))
             return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil), source
         try:
-            found = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
+            design_ground = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
         except SettingError as error:
             raise SettingError(
                 f"{error}; or give designed its ground_frequency, ground_damping and intensity"
             ) from error
-        spectrum, source = found.spectrum, source_in_words(problem)
+        spectrum, source = design_ground.spectrum, source_in_words(problem)
         if self.intensity is not None:
             spectrum = with_intensity(spectrum, self.intensity)
         if numbers:
             source += f", with {', '.join(numbers)} as given"
-        if found.narrow:
+        if design_ground.narrow:
             source += (
                 "; the motions are nearly harmonic, and the noise has their strength, not their shape: judge limits by "
                 "the responses of the study"

@@ -16,7 +16,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Plant, symmetric
 from mrwork.control.linear.riccati import solve_riccati
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits, as_forces
-from mrwork.control.weights.system import LyapunovEquations, system_of
+from mrwork.control.weights.system import LyapunovEquations, design_system
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 
@@ -120,7 +120,7 @@ def inverse_weights(
     R = np.broadcast_to(R, plant.n_devices)
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     outputs = LimitedOutputs.of(RmsLimits(rms_drift=1.0), plant)
-    system = system_of(plant, outputs, spectrum, budgets=as_forces(1.0, plant))
+    system = design_system(plant, outputs, spectrum, budgets=as_forces(1.0, plant))
     try:
         loop = LyapunovEquations(system.A - system.B @ K @ system.state)
     except SettingError as error:
@@ -132,9 +132,9 @@ def inverse_weights(
     best: InverseWeights | None = None
     # Which coordinates the solver finds easy depends on the gain: states over their rms, or those of the energy.
     for T in (np.diag(rms), plant.scaling):
-        found = _in_coordinates(plant, K, R, X, T)
-        if found is not None and (best is None or found.distance < best.distance):
-            best = found
+        weights = _in_coordinates(plant, K, R, X, T)
+        if weights is not None and (best is None or weights.distance < best.distance):
+            best = weights
         if best is not None and best.optimal:
             break
     if best is None:

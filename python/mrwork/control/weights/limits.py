@@ -106,7 +106,7 @@ class LimitedOutputs:
     @classmethod
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
         """The outputs of a plant that have a limit."""
-        found: list[tuple[str, str, str]] = []
+        limited: list[tuple[str, str, str]] = []
         numbers: list[float] = []
         for setting, (unit, each) in _QUANTITIES.items():
             given = getattr(limits, setting)
@@ -122,15 +122,15 @@ class LimitedOutputs:
                 )
             for name, value in zip(outputs.names, np.broadcast_to(values, len(outputs.names)), strict=True):
                 if math.isfinite(value):
-                    found.append((name, unit, setting))
+                    limited.append((name, unit, setting))
                     numbers.append(float(value))
-        if all(setting == "rms_force" for _, _, setting in found):
+        if all(setting == "rms_force" for _, _, setting in limited):
             raise InvalidSettingError(
                 "rms_drift",
                 "no response is limited, so that no force would be the best; give rms_drift, rms_acceleration or "
                 "rms_displacement",
             )
-        names, units, settings = zip(*found, strict=True)
+        names, units, settings = zip(*limited, strict=True)
         return cls(names=names, units=units, settings=settings, limits=np.array(numbers))
 
     def of_plant(self, plant: Plant) -> Outputs:
@@ -298,21 +298,21 @@ def damper_cases(
     n_draws = min(len(device.draws) for device in devices)
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     chosen = np.unique(np.linspace(0, n_draws - 1, min(most, n_draws)).round().astype(int))
-    found = []
+    cases = []
     for draw in chosen:
         stiffness, damping = building.stiffness.copy(), building.damping.copy()
         for device, row in zip(devices, rows, strict=True):
             k, c = _linearise(device, device.draws[draw], amplitude, frequency)
             stiffness += k * np.outer(row, row)
             damping += c * np.outer(row, row)
-        found.append(
+        cases.append(
             DesignCase(
                 name=f"draw {draw + 1} of the dampers",
                 building=replace(building, stiffness=stiffness, damping=damping),
                 spectrum=spectrum,
             )
         )
-    return tuple(found)
+    return tuple(cases)
 
 
 def _linearise(device: Device, theta: Floats, amplitude: float, frequency: float) -> tuple[float, float]:

@@ -83,10 +83,10 @@ class DualProgram:
         level = float(np.max(self._without_control / limits))
         self._of_limits.value = (level * limits / self._limits) ** -2
         self._of_budgets.value = (budgets / self._budgets) ** 2
-        found = _solution(self._problem, self._multipliers)
-        if found is None:
+        solution = _solution(self._problem, self._multipliers)
+        if solution is None:
             return None
-        multipliers = np.maximum(found, 0.0)
+        multipliers = np.maximum(solution, 0.0)
         # Those of the budgets, and of the semi-active conditions, in the scale of limits and budgets of 1.
         rest = multipliers[len(limits) :].reshape(-1, len(budgets))
         multipliers[len(limits) :] = (rest * (level * budgets / self._budgets) ** 2).ravel()

@@ -242,13 +242,13 @@ SENSOR_NOISE = 0.05
 that the model alone tells apart."""
 
 
-def riccati_law_gain(system: DesignSystem, found: Regulated) -> Floats:
+def riccati_law_gain(system: DesignSystem, regulator: Regulated) -> Floats:
     """Gain on the state s of the building of a design in continuous time, shape (n_devices, 2n).
 
     It is the block of s, which is the Riccati gain of the building alone, for the soil is not controlled.
     """
     n = len(system.state)
-    return np.asarray(np.linalg.solve(system.state[:, :n].T, found.gain[:, :n].T).T)
+    return np.asarray(np.linalg.solve(system.state[:, :n].T, regulator.gain[:, :n].T).T)
 
 
 def static_law_gain(system: DesignSystem, rows: SquaredRows, multipliers: Floats, start: Floats) -> Floats:
@@ -275,14 +275,14 @@ def static_law_gain(system: DesignSystem, rows: SquaredRows, multipliers: Floats
         cost, slope = _cost(system, rows, weights, flat.reshape(shape) / unit, spread)
         return cost / at_start, (slope / unit).ravel() / at_start
 
-    found = minimize(
+    minimum = minimize(
         cost_of,
         (start * unit).ravel(),
         jac=True,
         method="BFGS",
         options={"maxiter": _GAIN_STEPS, "gtol": 1e-8},
     )
-    return np.asarray(found.x.reshape(shape) / unit)
+    return np.asarray(minimum.x.reshape(shape) / unit)
 
 
 def _cost(

@@ -47,8 +47,8 @@ class LyapunovEquations:
     def _solve(self, Q: Floats, *, adjoint: bool) -> Floats:
         right = -self._basis.T @ Q @ self._basis
         forms = ("T", "N") if adjoint else ("N", "T")
-        found, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
-        X = self._basis @ found @ self._basis.T / scale
+        solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
+        X = self._basis @ solution @ self._basis.T / scale
         return np.asarray(0.5 * (X + X.T), dtype=np.float64)
 
 
@@ -150,7 +150,7 @@ class DesignSystem:
         )
 
 
-def system_of(
+def design_system(
     plant: Plant,
     outputs: LimitedOutputs,
     spectrum: SpectralDensity,
@@ -229,7 +229,7 @@ def useful_force(plant: Plant, spectrum: SpectralDensity) -> float:
     storey the least ratio of the rms drifts of the five-storey frame is within 4 % of that with any force.
     """
     limits = LimitedOutputs.of(RmsLimits(rms_acceleration=1.0), plant)
-    system = system_of(plant, limits, spectrum, budgets=np.ones(plant.n_devices))
+    system = design_system(plant, limits, spectrum, budgets=np.ones(plant.n_devices))
     return USEFUL_SHARE * plant.building.total_mass * float(system.rms_without_control().max())
 
 

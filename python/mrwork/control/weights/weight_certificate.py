@@ -303,25 +303,25 @@ class DesignedWeights(Summarised):
                 "these weights are more than weights of outputs: the law has their gain, see `gain_with`, or give the "
                 "settings of the law the key designed"
             )
-        found: dict[str, Weights] = {}
+        settings: dict[str, Weights] = {}
         building = self.plant.building
         for setting, name in _SETTING.items():
             if setting in self.outputs.settings:
                 places = building.storey_names if setting == "rms_drift" else building.floor_names
-                found[name] = tuple(self._of_places(setting, places))
+                settings[name] = tuple(self._of_places(setting, places))
         forces = self._of_places("rms_force", self.plant.device_names)
-        found["control_weight"] = tuple((control_scale * self.control_weight + forces).tolist())
-        return found
+        settings["control_weight"] = tuple((control_scale * self.control_weight + forces).tolist())
+        return settings
 
     def _of_places(self, setting: str, places: tuple[str, ...]) -> Floats:
         """Weights of all places of a quantity, zero without a limit."""
-        found = np.zeros(len(places))
+        weights = np.zeros(len(places))
         for name, own, weight in zip(
             self.outputs.names, self.outputs.settings, self.output_weights, strict=True
         ):
             if own == setting:
-                found[next(k for k, place in enumerate(places) if name.endswith(f" {place}"))] = weight
-        return found
+                weights[next(k for k, place in enumerate(places) if name.endswith(f" {place}"))] = weight
+        return weights
 
     @property
     def in_words(self) -> tuple[str, ...]:

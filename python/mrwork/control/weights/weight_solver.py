@@ -37,7 +37,7 @@ from mrwork.control.weights.riccati_dual import (
     rows_of,
     static_law_gain,
 )
-from mrwork.control.weights.system import DesignSystem, system_of, useful_force
+from mrwork.control.weights.system import DesignSystem, design_system, useful_force
 from mrwork.control.weights.weight_certificate import DesignedWeights, binding_in_words, certificate_of
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
@@ -183,7 +183,7 @@ class WeightDesigner:
         )
 
     def _system(self, plant: Plant, spectrum: SpectralDensity, n_modes: int | None) -> DesignSystem:
-        return system_of(
+        return design_system(
             plant, self._outputs, spectrum, budgets=self._budgets, timing=self._timing, n_modes=n_modes
         )
 
@@ -241,13 +241,13 @@ class WeightDesigner:
         if self._program is None:
             systems = self._systems if whole else self._systems_of(modes)
             self._program = DualProgram(systems, self._rows_of, self._budgets)
-        found = self._program.solve(limits, budgets)
-        if found is None:
+        solution = self._program.solve(limits, budgets)
+        if solution is None:
             return None, None, "Riccati equations alone, for the program was not solved"
         engine = "semidefinite program" if whole else f"semidefinite program on {modes} modes"
         # The damping of a semi-active condition that is not given is found afterwards.
         comparable = whole and (self._semi_active is None or self._semi_active.damping is not None)
-        return found.multipliers, found.value if comparable else None, engine
+        return solution.multipliers, solution.value if comparable else None, engine
 
     def _refine(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
         """The weights to rounding; with a semi-active condition of free damping, alternated with its c."""
@@ -269,10 +269,10 @@ class WeightDesigner:
         scale = np.ones(0 if start is None else len(start))
         scale[len(limits) :] = level**-2
         rows = [self._rows_of(system, level * limits, budgets, damping) for system in self._systems]
-        found = maximise(self._systems, rows, len(limits), start=None if start is None else scale * start)
-        multipliers = found.multipliers.copy()
+        point = maximise(self._systems, rows, len(limits), start=None if start is None else scale * start)
+        multipliers = point.multipliers.copy()
         multipliers[len(limits) :] *= level**2
-        return replace(found, multipliers=multipliers, value=level**2 * found.value, gap=level**2 * found.gap)
+        return replace(point, multipliers=multipliers, value=level**2 * point.value, gap=level**2 * point.gap)
 
     def _budget_factor(self, limits: Floats, budgets: Floats, damping: Floats, point: DualPoint) -> float:
         """Factor of all budgets with which the limits can be met, to 1 %; infinite if 100 does not suffice.
@@ -301,9 +301,9 @@ class WeightDesigner:
             share = np.clip(log_low / (log_low - log_high), 0.1, 0.9)
             middle = low + float(share) * (high - low)
             point = self._solve(limits, float(np.exp(middle)) * budgets, damping, point.multipliers)
-            found = float(np.log(point.value))
+            log_value = float(np.log(point.value))
             low, log_low, high, log_high = (
-                (middle, found, high, log_high) if found > 0.0 else (low, log_low, middle, found)
+                (middle, log_value, high, log_high) if log_value > 0.0 else (low, log_low, middle, log_value)
             )
         return float(np.exp(high))
 
@@ -325,8 +325,8 @@ class WeightDesigner:
 def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
     """Rows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(each, Device) for each in devices):
-        found = [each for each in devices if isinstance(each, Device)]
-        return elongation_rows(building, found), tuple(each.name for each in found)
+        named = [each for each in devices if isinstance(each, Device)]
+        return elongation_rows(building, named), tuple(each.name for each in named)
     return np.atleast_2d(np.asarray(devices, dtype=np.float64)), ()
 
 

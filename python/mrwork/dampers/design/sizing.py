@@ -261,22 +261,22 @@ def size_damper(
     """
     reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
     try:
-        found = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, reporter=reporter)
+        result = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, reporter=reporter)
     except Interrupted as interrupt:
         design = candidate(interrupt.result.best_unit, wishes, fluid, steel)
         sized = None
         if design is not None and not wishes.missed(design):
             sized = SizedDamper(design=design, wishes=wishes, evaluations=interrupt.result.evaluations)
         raise Interrupted(sized, "sizing") from interrupt
-    design = candidate(found.best_unit, wishes, fluid, steel)
+    design = candidate(result.best_unit, wishes, fluid, steel)
     missed = {"all": 1.0} if design is None else wishes.missed(design)
     if design is None or missed:
         worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in missed.items())
         raise SettingError(
-            f"no damper with {fluid.name} meets the wishes after {found.evaluations} candidates, the best misses "
+            f"no damper with {fluid.name} meets the wishes after {result.evaluations} candidates, the best misses "
             f"{worst}; allow a larger envelope, a stronger supply or more candidates (`budget`)"
         )
-    return SizedDamper(design=design, wishes=wishes, evaluations=found.evaluations)
+    return SizedDamper(design=design, wishes=wishes, evaluations=result.evaluations)
 
 
 def smallest(

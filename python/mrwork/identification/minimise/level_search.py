@@ -104,7 +104,7 @@ class LevelFit(Summarised):
 def points_of_laws(
     problem: Problem, search: Multistart | Optimiser[Any], *, on_search: OnSearch
 ) -> StartingPoints:
-    """Starting points by the tests at constant commands where these suffice for the laws, else by all tests."""
+    """Starting points from the tests at constant commands if these determine the laws, else from all tests."""
     if has_levels(problem.form.spec, problem.objective.tests):
         return points_from_levels(problem, search, on_search=on_search)
     if isinstance(search, Multistart):
@@ -120,7 +120,7 @@ def points_from_levels(
     on_search: OnSearch,
     per_command: int | None = _PER_COMMAND,
 ) -> StartingPoints:
-    """Fit the plain model at each constant command, then laws to all tests, from the minima at single commands.
+    """Starting points from fits of the plain model at each constant command, then of the laws to all tests.
 
     Polynomials are searched by as many values at tested commands, other laws as they are. At most `per_command` tests
     of a command find the minima; all of them where the others cannot be simulated at these.
@@ -167,7 +167,7 @@ def points_from_levels(
         )
 
     def on_all_tests(result: MultistartResult) -> tuple[Floats, Floats]:
-        """Minima and their misfits, best first: of the search, or refined where it was on some of the tests."""
+        """Minima and their misfits on all tests, best first; refined if the search compared some of the tests."""
         if not left_out or not len(result.theta):
             return result.theta, result.misfit
         starts = distinct_minima(joint.box, result.theta, result.misfit)
@@ -208,7 +208,7 @@ def points_from_levels(
             more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
-                more = np.array([within_range(joint.spec, each, commands) for each in (theta[0], *more)])
+                more = np.array([within_range(joint.spec, start, commands) for start in (theta[0], *more)])
             result = _merge_searches(result, search_joint(more, rng + 1))
             theta, misfit = on_all_tests(result)
             worse = alone.worse_in(on_tests, theta)
@@ -254,13 +254,13 @@ class _OwnFits:
     nrmse: Floats
 
     def worse_in(self, objective: Objective, theta: Floats) -> NDArray[np.intp]:
-        """Tests whose error at the first of these minima is far larger than in their own fits."""
+        """Indices of the tests whose NRMSE at the first minimum is far above that of their own fits."""
         if not len(theta):
             return np.empty(0, dtype=np.intp)
         return far_worse(objective.nrmse_of_tests(theta[:1])[:, 0], self.nrmse)
 
     def at(self, tests: NDArray[np.intp], fits: Sequence[LevelFit]) -> list[LevelFit]:
-        """The fits at single commands, with the parameters of these tests first."""
+        """Minima at each command, those of these tests alone first."""
         levels = []
         for fit in fits:
             own = self.theta[[index for index in tests if self.command[index] == fit.command]]
@@ -269,7 +269,7 @@ class _OwnFits:
 
 
 def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[LevelFit]) -> _OwnFits:
-    """Fit the plain model to each test alone, from the minima at its command."""
+    """Fits of the plain model to each test alone, started at the minima of its command."""
     plain, box = plain_of(problem.form)
     theta = np.full((len(tests), len(plain.names)), np.nan)
     command, nrmse = np.full(len(tests), np.nan), np.full(len(tests), np.nan)
@@ -318,13 +318,13 @@ def _merge_searches(first: MultistartResult, second: MultistartResult) -> Multis
         misfit=misfit[order],
         stop_reason=second.stop_reason,
         evaluations=(*first.evaluations, *second.evaluations),
-        best=(*first.best, *(min(first.best[-1], each) for each in second.best)),
+        best=(*first.best, *(min(first.best[-1], best) for best in second.best)),
         median=(*first.median, *second.median),
     )
 
 
 def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
-    """The model with polynomial laws replaced by laws by as many values at tested commands; other laws stay.
+    """The model with its polynomial laws written by as many values at tested commands; other laws stay.
 
     Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
     that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
@@ -343,7 +343,7 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
 
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
-    """The form with the same polynomials through values at tested commands; bounds of shared parameters stay."""
+    """The form with each polynomial law written by its values at tested commands; other bounds stay."""
     spec = change_laws(form.spec, lambda law: law_through(law, commands.tolist()))
     if spec == form.spec:
         return form
@@ -352,9 +352,9 @@ def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Flo
 
 
 def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
-    """Whether tests at constant commands suffice for the laws, or no command varies."""
+    """Whether the tests at constant commands determine the laws, or there are no others."""
     constant = [test for test in tests if command_is_constant(test, spec)]
-    return len(constant) == len(tests) or len(_by_level(spec, constant)) >= levels_needed(spec)
+    return len(constant) == len(tests) or len(_group_by_level(spec, constant)) >= levels_needed(spec)
 
 
 def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
@@ -362,7 +362,7 @@ def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
     return not isinstance(loading_of(test, spec).command, np.ndarray)
 
 
-def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
+def _group_by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
     unit = "A" if spec.current is None else spec.current.unit
     level_of = [command_level(command, unit) for command in commands]
@@ -374,16 +374,16 @@ def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
 
 def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each command, lowest first."""
-    levels = _by_level(spec, tests)
+    levels = _group_by_level(spec, tests)
     if spec.current is not None:
         refuse_few_levels(spec, len(levels))
     return levels
 
 
 def count_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> int:
-    """Number of commands at which a search of these tests knows the laws."""
+    """Number of distinct commands from which a search of these tests determines the laws."""
     if has_levels(spec, tests):
-        return len(_by_level(spec, [test for test in tests if command_is_constant(test, spec)]))
+        return len(_group_by_level(spec, [test for test in tests if command_is_constant(test, spec)]))
     return len(tested_commands(spec, tests))
 
 
@@ -407,7 +407,7 @@ def _fit_level(
     on_search: OnSearch,
     on_iteration: OnIteration,
 ) -> LevelFit:
-    """Fit the plain model at one command by the search, and from the minima at the nearest command.
+    """Minima of the plain model at one command, by the search and from the minima at the nearest command.
 
     `relative` has the magnitude of the measured force at each command.
     """
@@ -464,14 +464,14 @@ def _fit_level(
             minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
             theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
     except Interrupted as interrupt:
-        raise _with_best(interrupt, command, searched) from interrupt
+        raise _carry_best(interrupt, command, searched) from interrupt
     if not len(theta):
         raise no_simulation(plain, objective.tally.simulations)
     return LevelFit(command=command, minima=theta[:_MINIMA])
 
 
-def _with_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
-    """An interrupt of a search at one command, carrying the best point so far as a fit at this command."""
+def _carry_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
+    """Interrupt of a search at one command that carries the best point so far, as the fit at this command."""
     so_far, best = interrupt.result, None
     if isinstance(so_far, MultistartResult):
         best = so_far.theta[:1] if len(so_far.theta) else None
@@ -485,7 +485,7 @@ def _move_inside(box: Box, theta: Floats) -> Floats:
 
 
 def _widen_box(searched: Box, box: Box) -> Box:
-    """The range that is searched, widened within the box."""
+    """The searched range widened by `_RANGE_FACTOR`, within the box."""
     bounds = {}
     for index, name in enumerate(searched.names):
         lower, upper = searched.lower[index], searched.upper[index]
@@ -501,7 +501,7 @@ def _widen_box(searched: Box, box: Box) -> Box:
 def _starts_of_levels(
     spec: DamperSpec, fits: Sequence[LevelFit], relative: Mapping[float, float], rng: int
 ) -> Floats:
-    """Coefficients of laws from the minima at single commands, shape (n_starts, n_params).
+    """Starting laws from the minima at single commands: coefficients, shape (n_starts, n_params).
 
     First of the best minimum at each command; then one command after the other gives its minimum to all, scaled with
     the measured force, or only its constant parameters; last those of `joint_starts`.
@@ -521,14 +521,8 @@ def _starts_of_levels(
     return np.array([first, *shapes, *others])
 
 
-def joint_starts(
-    spec: DamperSpec,
-    levels: list[LevelFit],
-    n_starts: int,
-    *,
-    rng: Seed,
-) -> Floats:
-    """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
+def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: Seed) -> Floats:
+    """Starting laws fitted to minima at several commands: coefficients, shape (n_starts, n_params).
 
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
@@ -560,7 +554,7 @@ _LEAST_FORCE = 0.1
 def scaled_laws(
     spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Floats
 ) -> Callable[[Floats], Floats]:
-    """A function from plain parameters at the mean command, (n_batch, n_plain), to coefficients, (n_batch, n_params).
+    """Map from plain parameters at the mean command, (n_batch, n_plain), to coefficients, (n_batch, n_params).
 
     Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
     others with a law start constant. Each coefficient is a plain parameter times a factor, or the factor alone.
@@ -591,7 +585,7 @@ def scaled_laws(
 
 
 def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Floats) -> Floats:
-    """Magnitude of the force at these commands relative to its mean over them, from a straight line over the command.
+    """Force magnitude at these commands over its mean, by linear regression on the command.
 
     The line is fitted to the faster half of the samples: near reversals the force is small at any command.
     """
@@ -610,7 +604,7 @@ def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Fl
 def points_from_scaled_forces(
     problem: Problem, search: Optimiser[Any], *, on_search: OnSearch
 ) -> StartingPoints:
-    """Search the plain parameters whose laws, scaled as the measured force is by the command, fit all tests best.
+    """Starting points by a search of plain parameters, with laws in proportion to the measured force.
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
     every level of the command, see `varied_excerpt`.

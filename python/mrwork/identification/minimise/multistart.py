@@ -61,14 +61,14 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
 
 
 def _command_of(test: DamperTest) -> object:
-    """Key of the group of tests at one command; a test whose command varies is a group of its own."""
+    """Group key of a test: its constant command, or its label where the command varies."""
     if test.has_varying_command:
         return test.label
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
 def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
-    """Squared NRMSE of each test, for one spring and dashpot that minimises their sum."""
+    """Squared NRMSE of each test, for the one spring, dashpot and offset that minimise their sum."""
     forces, motions = [], []
     for test in tests:
         force = test.force[test.counted]
@@ -85,7 +85,7 @@ def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
 def linear_warning(
     nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
 ) -> tuple[str, ...]:
-    """A warning where a fit with this misfit is no better than a linear spring and dashpot."""
+    """Warning that a fit with this misfit is no better than a linear spring and dashpot; empty if it is better."""
     linear = linear_misfit(tests, follows_command=follows_command)
     if nrmse < LINEAR_SHARE * linear:
         return ()
@@ -117,7 +117,7 @@ def far_worse_sentence(
     *,
     found_again: bool,
 ) -> str:
-    """A sentence on tests that are far worse jointly than alone."""
+    """Sentence on the tests whose NRMSE in the joint fit is far above that of their own fits."""
     both = [
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
         for index in worse
@@ -150,7 +150,7 @@ _REPLACED = 0.3
 
 @array_dataclass(repr=False)
 class MultistartResult(Summarised):
-    """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
+    """Local minima, best first, shape (n_minima, n_params), with misfits (n_minima,), and why the search ended.
 
     The trace of the search has one entry per iteration: `evaluations` so far, `best` misfit so far, and `median` misfit
     of the present round.
@@ -176,7 +176,7 @@ def search_starts(
     suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
-    """Run local minimisations inside `box` from starts that are sampled in the narrower box `searched`.
+    """Local minima inside `box`, by minimisations from samples of the narrower box `searched`.
 
     The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
     start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
@@ -245,14 +245,14 @@ def search_starts(
 
 
 def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
-    """Points, shape (..., n_params), with the signs of the `mirrored` parameters changed."""
+    """Mirror image of points, shape (..., n_params): the `mirrored` parameters with opposite signs."""
     image = theta.copy()
     image[..., list(mirrored)] *= -1.0
     return image
 
 
 def _take_samples(left: list[np.intp], count: int) -> list[np.intp]:
-    """Take `count` samples from those that are left, best first: by turns the best one, and the first one drawn."""
+    """Indices of `count` samples, removed from `left`: by turns the best one, and the first one drawn."""
     taken: list[np.intp] = []
     while left and len(taken) < count:
         chosen = left[0] if len(taken) % 2 == 0 else min(left)
@@ -266,7 +266,7 @@ _SCALE = 1e3
 
 
 def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floats, Floats]:
-    """Samples with their forces multiplied by the factor that fits best, and their misfits, which may be infinite.
+    """Samples with their forces scaled to the best fit, and their misfits, which may be infinite.
 
     To multiply all parameters whose unit contains the newton by a factor multiplies the force by it, as a change of the
     unit of force does. The squared misfit is a quadratic function of the factor, which two misfits and that of no
@@ -299,7 +299,7 @@ def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floa
 
 
 def distinct_minima(box: Box, theta: Floats, misfit: Floats) -> Floats:
-    """The best of the minima, best first, and up to two distant ones whose misfit is as good within 1 %, as rows."""
+    """The best minimum, and up to two distant ones whose misfit is at most 1 % larger, as rows, best first."""
     unit = np.asarray(box.unit_from_theta(theta))
     chosen = [0]
     for index in np.flatnonzero(misfit <= (1.0 + _CLOSE) * misfit[0]):
@@ -317,7 +317,7 @@ def _descend(
     earlier: tuple[float, ...] = (),
     on_iteration: Callable[[LocalMinima], None] | None,
 ) -> LocalMinima:
-    """Local minimisations of one round, of which slow ones are given up; misfits of `earlier` minima count as well."""
+    """Local minima of one round; hopeless minimisations are given up, also by the misfits of `earlier` minima."""
     return find_minima(
         objective,
         box,
@@ -359,7 +359,7 @@ def minima_from(
 
 
 class _Rounds:
-    """State of the search: the best sample, the minima of the rounds that have ended, those of the present round."""
+    """State of the search: the best sample, and the minima of the completed rounds and of the present one."""
 
     def __init__(self, objective: Objective, theta: Floats, misfit: Floats) -> None:
         self.objective = objective
@@ -402,7 +402,7 @@ class _Rounds:
         return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
 
     def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
-        """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
+        """Crossover of the best minimum with random samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
 
@@ -509,7 +509,7 @@ def nested_fit(
 
 
 def halves(on_iteration: OnIteration) -> tuple[OnIteration, OnIteration]:
-    """Callbacks of two searches, of which each takes half of the work."""
+    """Callbacks of two searches in sequence, each half of the progress."""
     return (
         lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 * share),
         lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 + 0.5 * share),
@@ -543,7 +543,7 @@ class StartingPoints:
     is_suspected: bool = False
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
-        """The same with the user's starts, in parameters of the requested model, appended and moved inside the box.
+        """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
 
         A parameter that a start does not name has the value of the best point.
         """
@@ -668,7 +668,7 @@ def search_elite(
     n_params: int,
     on_search: OnGeneration,
 ) -> SearchResult[Any]:
-    """Run an optimiser on unit vectors of size `n_params`, of which `theta_of` makes rows of parameters of the form.
+    """Result of an optimiser on unit vectors of size `n_params`, mapped to parameters of the form by `theta_of`.
 
     An interrupt carries the best point so far.
     """
@@ -693,7 +693,7 @@ def optimise(
     rng: int,
     on_search: OnGeneration,
 ) -> SearchResult[Any]:
-    """Minimise the objective over unit vectors, of which `theta_of` makes rows of parameters."""
+    """Minimum of the objective over unit vectors, mapped to parameters by `theta_of`, as the search result."""
     from mrwork.search import run_search
 
     def on_generation(event: GenerationEvent[Any]) -> None:
@@ -716,7 +716,7 @@ def optimise(
 def make_interrupt(
     theta: Floats, objective: Objective, form: Form, trace: SearchTrace
 ) -> Interrupted[StartingPoints]:
-    """An interrupt that carries the best point so far, shape (n_params,)."""
+    """Interrupt that carries the best point so far, shape (n_params,)."""
     best = StartingPoints(objective=objective, form=form, theta=theta[None], trace=trace)
     return Interrupted(best, "search")
 

@@ -285,10 +285,10 @@ def alike_remark(tests: Sequence[DamperTest]) -> str:
     """Which tests have the motion and command of another and are left out with it; empty where none has."""
     motions = [RecordedMotion.of(test) for test in tests]
     pairs = [
-        found
+        like
         for members in alike_groups(motions)
         for index in members[1:]
-        if (found := likest(motions[index], [motions[other] for other in members if other != index]))
+        if (like := likest(motions[index], [motions[other] for other in members if other != index]))
     ]
     return f"left out together, as they are alike: {likenesses_in_words(pairs)}" if pairs else ""
 

@@ -284,7 +284,7 @@ class LawSearch:
     leave_out: Fold
     journal: Journal | None = None
     report: Callable[[str], None] = lambda task: None
-    found: list[FittedLaws] = field(default_factory=list)
+    fitted: list[FittedLaws] = field(default_factory=list)
 
     @property
     def first_laws(self) -> Laws:
@@ -303,7 +303,7 @@ class LawSearch:
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
-        for each in sorted(self.found, key=lambda each: each.tried.n_params):
+        for each in sorted(self.fitted, key=lambda each: each.tried.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
                 kept.append(each)
         return kept
@@ -320,14 +320,14 @@ class LawSearch:
 
     def make_start(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
         """The candidate of these laws, and the start that its fit to all tests is."""
-        candidate = next(each for each in self.found if each.tried.laws == tried.laws)
+        candidate = next(each for each in self.fitted if each.tried.laws == tried.laws)
         return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
 
     def _simplify(self, current: FittedLaws) -> None:
         """Lower degrees one by one while the laws stay as good as the best, the least loss of fit first."""
         worse = 0
-        while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
-            best = min(self.found, key=lambda each: each.score)
+        while worse < _SIMPLER and len(self.fitted) < _MOST_TRIED:
+            best = min(self.fitted, key=lambda each: each.score)
             moves = self._moves(current, -1)
             if not moves:
                 return
@@ -340,8 +340,8 @@ class LawSearch:
     def _enrich(self) -> None:
         """Raise degrees of the best laws one by one, the one that promises most first, while predictions improve."""
         worse = 0
-        while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
-            best = min(self.found, key=lambda each: each.score)
+        while worse < _SIMPLER and len(self.fitted) < _MOST_TRIED:
+            best = min(self.fitted, key=lambda each: each.score)
             moves = self._moves(best, 1)
             if not moves or moves[0][0] < best.tried.fit_percent + _WORTH_TRYING:
                 return
@@ -349,7 +349,7 @@ class LawSearch:
 
     def _moves(self, current: FittedLaws, change: int) -> list[tuple[float, Laws]]:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit [%] first."""
-        done = [each.laws for each in self.found]
+        done = [each.laws for each in self.fitted]
         moves = [
             (name, _degree(current.laws, name) + change)
             for name in self.free
@@ -430,8 +430,8 @@ class LawSearch:
                 if not np.isfinite(predicted[index])
             ],
         )
-        self.found.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
-        return self.found[-1]
+        self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        return self.fitted[-1]
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
         """Fit every row; rows that no simulation could start from begin at the best of the others."""

@@ -112,7 +112,7 @@ class RunningLawChoice:
     @property
     def fitted_laws(self) -> list[tuple[ComparedModel, FittedLaws]]:
         """The sets of laws that were fitted, with their models."""
-        return [(own, each) for own in self.compared for each in own.search.found]
+        return [(own, each) for own in self.compared for each in own.search.fitted]
 
     def search(self, own: ComparedModel) -> None:
         """Try the laws of a model."""
@@ -136,7 +136,7 @@ class RunningLawChoice:
                     done = LawChoice(table=table, fit=interrupt.result, seconds=self._seconds)
                     raise Interrupted(done, "choice of laws") from interrupt
                 return LawChoice(table=table, fit=fit, seconds=self._seconds)
-            own.search.found.clear()
+            own.search.fitted.clear()
         reasons = "; ".join(f"{name}: {reason}" for name, reason in self.failed.items())
         raise SettingError(f"none of the models could be fitted ({reasons})")
 

@@ -184,7 +184,7 @@ class Profiles(WithAxes, Summarised):
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)
 
-        def padded(of: Callable[[Profile], Sequence[float]]) -> Floats:
+        def pad_rows(of: Callable[[Profile], Sequence[float]]) -> Floats:
             rows = [[*of(each), *[nan] * (n_points - len(each.values))] for each in self.profiles]
             return np.array(rows, dtype=np.float64).reshape(len(self.profiles), n_points)
 
@@ -208,13 +208,13 @@ class Profiles(WithAxes, Summarised):
             ),
             arrays={
                 "value": NamedArray.of(
-                    padded(lambda each: each.values), "parameter", "point", long_name="value that is held"
+                    pad_rows(lambda each: each.values), "parameter", "point", long_name="value that is held"
                 ),
                 "misfit": NamedArray.of(
-                    padded(lambda each: each.misfit), "parameter", "point", unit="1", long_name=_MISFIT
+                    pad_rows(lambda each: each.misfit), "parameter", "point", unit="1", long_name=_MISFIT
                 ),
                 "ratio": NamedArray.of(
-                    padded(lambda each: each.ratio), "parameter", "point", unit="1", long_name=_RATIO
+                    pad_rows(lambda each: each.ratio), "parameter", "point", unit="1", long_name=_RATIO
                 ),
             },
         )

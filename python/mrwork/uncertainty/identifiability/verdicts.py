@@ -281,9 +281,9 @@ def identifiability_from(
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
     open_names = {
         each.name
-        for found in unseen
-        for each in found.changes
-        if not held & {each.name for each in found.changes}
+        for direction in unseen
+        for each in direction.changes
+        if not held & {each.name for each in direction.changes}
     }
     counted = np.array([index for index, each in enumerate(scales) if each.name not in held], dtype=int)
     free, own = jacobian[:, counted], [scales[index] for index in counted]

@@ -49,7 +49,7 @@ _MOST_DRAWS = 1000
 
 @array_dataclass()
 class Diagnosis:
-    """Convergence after the burn-in, shape (n_params,), NaN for what did not vary; `tau` in steps."""
+    """Convergence diagnostics after the burn-in, shape (n_params,), NaN for fixed parameters; `tau` in steps."""
 
     names: tuple[str, ...]
     n_steps: int
@@ -60,18 +60,18 @@ class Diagnosis:
 
     @property
     def length(self) -> float:
-        """Number of steps per longest autocorrelation time; 0 where a walker never moved."""
+        """Chain length in autocorrelation times, of the slowest parameter; 0 where a walker never moved."""
         longest = float(np.max(self.tau))
         return self.n_steps / longest if longest > 0.0 else 0.0
 
     @property
     def least_steps(self) -> float:
-        """Steps, with the burn-in, of a chain that is long enough for these autocorrelation times."""
+        """Least number of steps, with the burn-in, at these autocorrelation times."""
         return _LEAST_LENGTH * float(np.max(self.tau)) / (1.0 - _BURN_IN)
 
     @property
     def shortcomings(self) -> tuple[str, ...]:
-        """Criteria that are not met, in words; empty where the chain has converged."""
+        """Unmet convergence criteria, in words; empty where the chain has converged."""
         criteria = []
         if not self.length >= _LEAST_LENGTH:
             criteria.append(
@@ -93,7 +93,7 @@ class Diagnosis:
 
 
 def diagnose(values: Floats, names: tuple[str, ...]) -> Diagnosis:
-    """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
+    """Convergence of a chain without burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
     n_steps = len(values)
     by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
     columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
@@ -102,9 +102,9 @@ def diagnose(values: Floats, names: tuple[str, ...]) -> Diagnosis:
         names=names,
         n_steps=n_steps,
         tau=autocorrelation_times(values),
-        rhat=np.array([each.rhat for each in diagnostics]),
-        ess_bulk=np.array([each.ess_bulk for each in diagnostics]),
-        ess_tail=np.array([each.ess_tail for each in diagnostics]),
+        rhat=np.array([own.rhat for own in diagnostics]),
+        ess_bulk=np.array([own.ess_bulk for own in diagnostics]),
+        ess_tail=np.array([own.ess_tail for own in diagnostics]),
     )
 
 
@@ -201,14 +201,11 @@ class DrawSummary:
     @property
     def interval(self) -> Interval:
         """The interval; an end at which the draws pile up is open."""
+        at_both = self.remark == "piles up at both bounds"
         return Interval(
             name=self.name,
-            lower=None
-            if self.remark in ("piles up at its lower bound", "piles up at both bounds")
-            else self.lower,
-            upper=None
-            if self.remark in ("piles up at its upper bound", "piles up at both bounds")
-            else self.upper,
+            lower=None if at_both or self.remark == "piles up at its lower bound" else self.lower,
+            upper=None if at_both or self.remark == "piles up at its upper bound" else self.upper,
             verdict=self.verdict,
             reason=self.reason,
         )
@@ -266,7 +263,7 @@ class Draws(WithAxes, Summarised):
     @property
     def varied(self) -> tuple[DrawSummary, ...]:
         """Summaries of the parameters that were not held fixed."""
-        return tuple(each for each in self.summaries if not each.fixed)
+        return tuple(summary for summary in self.summaries if not summary.fixed)
 
     @checked
     def chain(self, name: str) -> Floats:
@@ -281,7 +278,7 @@ class Draws(WithAxes, Summarised):
         return Intervals(
             kind="posterior",
             level=LEVEL,
-            intervals=tuple(each.interval for each in self.varied if each.name in self.names),
+            intervals=tuple(summary.interval for summary in self.varied if summary.name in self.names),
         )
 
     @property
@@ -336,13 +333,13 @@ class Draws(WithAxes, Summarised):
         n_walkers, n_kept, _ = self.chains.shape
         axes = ("walker", "draw")
         posterior = {
-            each.name: NamedArray.of(
-                self.chain(each.name),
+            summary.name: NamedArray.of(
+                self.chain(summary.name),
                 *axes,
-                unit=each.unit,
-                long_name="parameter of the noise" if each.name in self.noise_names else "parameter",
+                unit=summary.unit,
+                long_name="parameter of the noise" if summary.name in self.noise_names else "parameter",
             )
-            for each in self.summaries
+            for summary in self.summaries
         }
         density = NamedArray.of(self.densities, *axes, long_name="log posterior, up to a constant")
         return NamedArrays(
@@ -376,17 +373,17 @@ class Draws(WithAxes, Summarised):
             ),
             rows=[
                 (
-                    each.name,
-                    format_rounded(each.median, 5),
-                    format_rounded(each.lower, 5),
-                    format_rounded(each.upper, 5),
-                    each.unit,
-                    with_decimals(each.rhat, 3),
-                    with_decimals(each.ess_bulk, 0),
-                    each.verdict or each.remark,
-                    each.reason,
+                    summary.name,
+                    format_rounded(summary.median, 5),
+                    format_rounded(summary.lower, 5),
+                    format_rounded(summary.upper, 5),
+                    summary.unit,
+                    with_decimals(summary.rhat, 3),
+                    with_decimals(summary.ess_bulk, 0),
+                    summary.verdict or summary.remark,
+                    summary.reason,
                 )
-                for each in self.summaries
+                for summary in self.summaries
             ],
         )
 
@@ -410,13 +407,13 @@ def summary_of(
         tau=tau,
         lower=first,
         upper=last,
-        remark="fixed" if fixed else _pile(chain, bounds, upper - lower),
+        remark="fixed" if fixed else _pile_remark(chain, bounds, upper - lower),
         **diagnostics._asdict(),
     )
 
 
-def _pile(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
-    """Remark where the outermost 1 % of the draws comes within 2 % of their width of a bound.
+def _pile_remark(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
+    """Remark on draws that pile up at a bound: their outermost 1 % is within 2 % of their width of it.
 
     A half-normal density, truncated at its mode, comes within 0.7 %, a normal one truncated at two deviations within 5
     %.
@@ -476,7 +473,7 @@ def draws_content(draws: Draws, fit: Fit) -> bytes:
 
 
 def read_draws(place: Path, fit: Fit) -> Draws | None:
-    """The draws of the run folder at `place`, `None` where there are none, without autocorrelation times."""
+    """The draws stored in the run folder `place`, without autocorrelation times; `None` where there are none."""
     path = place / DRAWS
     if not is_there(path, _KIND):
         return None
@@ -507,9 +504,9 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
         raise RecordError(
             f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {path.parent}` again"
         )
-    noise_names = tuple(NOISE + each.name for each in noise.parameters)
-    bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
-        NOISE + each.name: (each.lower, each.upper) for each in noise.parameters
+    noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
+    bounds = {estimate.name: (estimate.lower, estimate.upper) for estimate in fit.estimates} | {
+        NOISE + parameter.name: (parameter.lower, parameter.upper) for parameter in noise.parameters
     }
     if densities.ndim != 2 or not densities.size:
         raise ValueError("it has no draws")
@@ -531,7 +528,7 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=densities,
         summaries=tuple(
-            _with_stored(
+            _restore_verdict(
                 summary_of(
                     columns[name],
                     name=name,
@@ -570,9 +567,9 @@ def _numbers(member: Member) -> Floats:
     return member.array.astype(np.float64)
 
 
-def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
-    """The summary with the verdict and the quantiles of all draws; those that are kept are thinned."""
-    known = {each.name for each in fields(_OfVariable)}
+def _restore_verdict(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
+    """The summary with the stored verdict and quantiles, which are those of all draws before thinning."""
+    known = {entry.name for entry in fields(_OfVariable)}
     stated: _OfVariable = record_of(
         _OfVariable,
         {name: value for name, value in attributes.items() if name in known},

@@ -117,7 +117,7 @@ def inference_data(
     groups = {
         "log_likelihood": _log_likelihood(target, theta, start, kept, labels, pointwise),
         "prior": _prior(target, kept, stream),
-        "observed_data": _observed(own_tests, labels),
+        "observed_data": _observed_forces(own_tests, labels),
         "posterior_predictive": _predictive(target, theta, kept, own_tests, labels, stream),
     }
     for name, group in groups.items():
@@ -198,7 +198,7 @@ def _predictive(
     )
 
 
-def _observed(tests: Sequence[DamperTest], labels: Sequence[str]) -> NamedArrays:
+def _observed_forces(tests: Sequence[DamperTest], labels: Sequence[str]) -> NamedArrays:
     return NamedArrays(
         title="Measured force of the samples that are compared",
         rows=(),

@@ -206,7 +206,7 @@ class SamplingProblem:
         )
 
     def fingerprint(self) -> dict[str, Any]:
-        """Everything that determines the chain bit for bit; a stored chain is resumed only where it agrees."""
+        """All inputs that determine the chain to the bit; a stored chain is resumed only if they agree."""
         objective = self.target.objective
         bounds = objective.settings.bounds
         return {
@@ -312,10 +312,10 @@ class SamplingProblem:
         scale = Scale.of(self.spec, own, objective.tests, theta)
         derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
         judged = [
-            each
-            if each.name in objective.settings.ties
-            else each.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
-            for index, each in enumerate(summaries[: theta.size])
+            summary
+            if summary.name in objective.settings.ties
+            else summary.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
+            for index, summary in enumerate(summaries[: theta.size])
         ]
         return (*judged, *summaries[theta.size :])
 
@@ -331,9 +331,9 @@ class SamplingProblem:
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time
             text += f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} effective samples."
-        for each in summaries:
-            if each.at_bound:
-                text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
+        for summary in summaries:
+            if summary.at_bound:
+                text += f" {summary.name} {summary.remark}: its interval is limited by the bound, not by the data."
         return text
 
 
@@ -476,16 +476,16 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    each = 8 * walkers * (problem.target.space.n_dim + 1)
-    if most_steps * each > _MOST_BYTES:
+    per_step = 8 * walkers * (problem.target.space.n_dim + 1)
+    if most_steps * per_step > _MOST_BYTES:
         raise SettingError(
             f"{most_steps:,} steps of {walkers:,} walkers in {problem.target.space.n_dim} dimensions may take "
-            f"{most_steps * each / 1e9:,.0f} GB; give {_MOST_BYTES // each:,} steps at most, or fewer walkers"
+            f"{most_steps * per_step / 1e9:,.0f} GB; give {_MOST_BYTES // per_step:,} steps at most, or fewer walkers"
         )
     density: Callable[[Floats], Floats] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
-        density = _journalled(problem.target, journal)
+        density = _journal_target(problem.target, journal)
     mode = mode_near(problem.target, problem.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
     ensemble = Ensemble.begin(density, origins, rng)
@@ -512,7 +512,7 @@ def sample(
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
-    """Advance until convergence or the last step; a check after which the journal goes on is not made again."""
+    """Diagnosis after convergence or the last step; a check that the journal passed is not repeated."""
     while True:
         done = ensemble.n_steps
         ends = done >= monitor.most_steps
@@ -524,8 +524,8 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
         ensemble.advance(until, monitor.update)
 
 
-def _journalled(target: Callable[[Floats], Floats], journal: Journal) -> Callable[[Floats], Floats]:
-    """Log density of proposals, recalled from the journal or computed; the seed determines the rest of a step."""
+def _journal_target(target: Callable[[Floats], Floats], journal: Journal) -> Callable[[Floats], Floats]:
+    """The target with its log densities recalled from the journal, or recorded there."""
 
     def density(positions: Floats) -> Floats:
         def recorded_densities(record: Mapping[str, Any]) -> Floats:
@@ -548,7 +548,7 @@ def _journalled(target: Callable[[Floats], Floats], journal: Journal) -> Callabl
 
 @dataclass(slots=True, kw_only=True)
 class _Monitor:
-    """Reports progress; the rate is that of steps that were not recalled, but for the first, which has the set-up."""
+    """Progress reports; the rate is of computed steps, without the first, which includes the set-up."""
 
     most_steps: int
     began: float
@@ -560,7 +560,7 @@ class _Monitor:
 
     @property
     def recalling(self) -> bool:
-        """Whether the next step is recorded."""
+        """Whether the journal has the next step."""
         return self.journal is not None and self.journal.recalling
 
     def update(self, steps: int) -> None:
