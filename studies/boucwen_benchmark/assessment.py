@@ -8,7 +8,6 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from studies.boucwen_benchmark.multisine import (
     INTERPOLATIONS,
@@ -28,8 +27,7 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 N_PERIOD = 8192
 FITTED = slice(1, 3)

@@ -8,12 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from studies.boucwen_benchmark.oscillator import Parameters
+from studies.common.arrays import Floats
 
-Floats = NDArray[np.float64]
 Interpolation = Literal["band-limited", "cubic", "linear"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 

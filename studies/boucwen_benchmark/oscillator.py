@@ -17,11 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jax import Array
-from numpy.typing import NDArray
 
 from mrwork.twins import power
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 
 class Parameters(NamedTuple):

@@ -11,15 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import STANDARD_GRAVITY
+from studies.common.arrays import Floats
 from studies.common.damper import driven
 from studies.common.frame import DRIVER_RATE, FRAME, LARGEST_CURRENT, actuator, pair, regulators
 
-Floats = NDArray[np.float64]
 Group = Literal["passive", "semi-active", "active"]
 
 WEIGHT = FRAME.total_mass * STANDARD_GRAVITY

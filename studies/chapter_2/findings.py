@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, History, Responses
 from studies.chapter_2.device_closed_forms import closed_forms
 from studies.chapter_2.device_families import FAMILIES, Family, Variant, column_height
+from studies.common.arrays import Floats
 from studies.common.command import Work
 from studies.common.frame import (
     CHOOSING,
@@ -26,8 +26,6 @@ from studies.common.frame import (
     score_ratios,
     synthetic_motions,
 )
-
-Floats = NDArray[np.float64]
 
 PEAK = 0.1
 """Peak of the ground motions [g]."""

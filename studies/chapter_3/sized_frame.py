@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.dampers import design
+from studies.common.arrays import Floats
 from studies.common.command import Work
 from studies.common.frame import (
     CHOOSING,
@@ -31,8 +31,6 @@ from studies.common.frame import (
     score_ratios,
     synthetic_motions,
 )
-
-Floats = NDArray[np.float64]
 
 PEAK = 0.3
 """Peak of the ground motions [g]."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers import design
 from mrwork.report import Table
+from studies.common.arrays import Floats
 from studies.common.table import table_of
-
-Floats = NDArray[np.float64]
 
 # A slot 20 mm wide and 50 mm long; the errors depend on gap over radius and the dimensionless yield stress alone.
 RADIUS, LENGTH, VISCOSITY = 0.02, 0.05, 0.1

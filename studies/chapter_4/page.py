@@ -14,10 +14,10 @@ from mrwork.identification import free_run
 from mrwork.report import SMALL, WIDE, finish, style
 from studies.chapter_4.decay import at_budget, evaluations_to
 from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFinding
-from studies.chapter_4.search_cells import Floats
 from studies.chapter_4.search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
+from studies.common.arrays import Floats
 from studies.common.page import (
     drawn,
     finish_loop,

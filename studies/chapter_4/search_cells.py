@@ -15,8 +15,8 @@ from mrwork.records import DamperTest
 from mrwork.search import AbortableObjective, Optimiser, run_replicates
 from studies.chapter_4.search_settings import ComparisonSettings, Model
 from studies.chapter_5.damper_tests import TestSet
+from studies.common.arrays import Floats
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.search import first_improvement, threshold
+from studies.common.arrays import Floats
 
 
 class ExpectedTermination(NamedTuple):
@@ -19,7 +19,7 @@ class ExpectedTermination(NamedTuple):
 
 
 def expected_termination(
-    best: NDArray[np.float64], confidence: float = 0.95, *, floor: float = 0.0
+    best: Floats, confidence: float = 0.95, *, floor: float = 0.0
 ) -> ExpectedTermination:
     """Where an exponential decay fitted to the trace meets the threshold (in the manner of thesis table 4.4).
 

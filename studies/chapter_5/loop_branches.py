@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest, regular_cycles
+from studies.common.arrays import Floats
 
-Floats = NDArray[np.float64]
 Abscissa = Literal["velocity", "displacement"]
 
 _POINTS = 81

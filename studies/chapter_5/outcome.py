@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.dampers import DamperSpec, LawName
@@ -14,9 +13,8 @@ from mrwork.identification import Fit, free_run
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from studies.chapter_5.damper_tests import SIDE_M, STATIC_LAWS, TestSet
+from studies.common.arrays import Floats
 from studies.common.command import Say
-
-Floats = NDArray[np.float64]
 
 _DEGREES: dict[LawName, int] = {"constant": 0, "linear": 1, "quadratic": 2}
 

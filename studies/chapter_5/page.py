@@ -15,11 +15,12 @@ from matplotlib.figure import Figure
 import mrwork as mr
 from mrwork.identification import free_run
 from mrwork.report import SMALL, WIDE, draw_points, finish, style
-from studies.chapter_5.damper_tests import FORCE_NOISE_N, Floats
+from studies.chapter_5.damper_tests import FORCE_NOISE_N
 from studies.chapter_5.loop_branches import Abscissa, branches
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
+from studies.common.arrays import Floats
 from studies.common.page import (
     drawn,
     finish_loop,

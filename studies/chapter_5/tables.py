@@ -9,8 +9,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.report import Table, numbers
-from studies.chapter_5.damper_tests import Floats
 from studies.chapter_5.outcome import Laws, PerCurrent, SetOutcome
+from studies.common.arrays import Floats
 
 # After a value that has no standard error.
 _UNSURE = "*"

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.records import DamperTest, build_damper_test
+from studies.common.arrays import Floats
 from studies.common.frame import DRIVER_RATE
-
-Floats = NDArray[np.float64]
 
 SEED = 6
 CURRENTS = (0.0, 0.47, 0.94, 1.41, 1.88)

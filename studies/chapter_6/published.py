@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building, building, buildings
 from mrwork.closed_loop import Device, Hardware, simulate_loop
 from mrwork.control import ControlLaw, plant_of, published_regulator, regulator_as_published
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, time_scaled
+from studies.common.arrays import Floats
 
 # By mode [Hz], as their papers state them or as they follow from what these state; utfpr comes without.
 STATED: dict[str, dict[int, float]] = {
@@ -39,8 +39,6 @@ def frequencies() -> dict[str, dict[str, Any]]:
         }
     return found
 
-
-Floats = NDArray[np.float64]
 
 HARDWARE = Hardware(sample_time=5e-4, step=1.25e-4)
 FRAME = building("dyke1996")

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.closed_loop import Device, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, lyapunov_function, plant_of
 from mrwork.motions import GroundMotion
 from studies.chapter_6.tuning import control_law_of, kept
+from studies.common.arrays import Floats
 from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, constant_current, level_name, pair
 
 OFF, CONSTANT = "i = 0", "best constant"
@@ -111,8 +111,6 @@ def _history(over: Bench, row: Controlled, motion: GroundMotion) -> History:
     assert found is not None
     return found[0]
 
-
-Floats = NDArray[np.float64]
 
 BAND = (0.05, 0.95)
 """Quantiles of the band over the draws of the damper."""

@@ -15,12 +15,12 @@ from studies.chapter_7.virtual_rig import (
     FRAME,
     NO_DAMPER,
     TABLE,
-    Floats,
     Signals,
     recorded,
     signals_of,
     true_rig,
 )
+from studies.common.arrays import Floats
 
 ADDED_MASS = 60.0
 """Of the plates that are bolted on for the second test [kg], known."""

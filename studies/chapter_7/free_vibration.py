@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, curve_fit, minimize_scalar
 
 from mrwork.errors import RecordError
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 # Zero padding: points of the padded spectrum per independent point. The peak is then refined exactly.
 _PADDING = 8

@@ -13,7 +13,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.records import DamperTest, build_damper_test
-from studies.chapter_7.virtual_rig import SENSORS, TABLE, Floats, Rig, Sensors, Signals, recorded, signals_of
+from studies.chapter_7.virtual_rig import SENSORS, TABLE, Rig, Sensors, Signals, recorded, signals_of
+from studies.common.arrays import Floats
 from studies.common.frame import constant_current
 
 SWEEP = (1.5, 2.0, 2.5, 2.75, 3.0, 3.25, 3.5, 4.0, 5.0)

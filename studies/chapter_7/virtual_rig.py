@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
 from mrwork.motions import ShakeTable
+from studies.common.arrays import Floats
 from studies.common.damper import driven
-
-Floats = NDArray[np.float64]
 
 TABLE = ShakeTable()
 """Our definition of a table of medium size."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers import DamperSpec, LawName, damper
+from studies.common.arrays import Floats
 
 Coefficients = Mapping[str, float | tuple[float, ...]]
 """A number for a parameter that does not follow the command, else its coefficients, lowest power first; 0 if absent."""
@@ -20,7 +20,7 @@ def driven(
     unit: str = "A",
     rate: float | None = None,
     of_three: LawName = "quadratic",
-) -> tuple[DamperSpec, NDArray[np.float64]]:
+) -> tuple[DamperSpec, Floats]:
     """The model with current laws, and its numbers; with the `rate` [1/s] of a driver, behind its lag.
 
     Two coefficients are a linear law, three the law `of_three`.

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.buildings import Building, building
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw, DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, synthetic_motion, trimmed
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 RECORDS = (
     ("El Centro", "el_centro_1940_ns.csv"),

@@ -7,16 +7,14 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec
 
-import numpy as np
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from mrwork.report import Panel, blank, draw_points, finish, panel, style, write_study_page
+from studies.common.arrays import Floats
 
-Floats = NDArray[np.float64]
 Arguments = ParamSpec("Arguments")
 
 TONES = (style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.INK, style.DATA, style.BAND_EDGE)

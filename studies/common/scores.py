@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw, values
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 PEAKS = ("peak_drift", "peak_acceleration")
 TITLES = dict(zip(SCORE, ("peak drift", "peak acc.", "rms drift", "rms acc."), strict=True))

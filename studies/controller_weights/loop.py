@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY
 from mrwork.control import (
@@ -22,11 +21,10 @@ from mrwork.control import (
     stiffness_cases,
 )
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
+from studies.common.arrays import Floats
 from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
 from studies.common.scores import constant_commands, criteria
 from studies.controller_weights.designs import limits_of
-
-Floats = NDArray[np.float64]
 
 CURRENTS = {0.1: 1.2, 0.3: 1.88}
 """Largest current at each level [A], those of the tuned clipped-optimal law."""

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from studies.boucwen_benchmark.assessment import (
@@ -33,11 +32,10 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
+from studies.common.arrays import Floats
 from studies.common.records import data
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.measured import BENCHMARK, measured_files
-
-Floats = NDArray[np.float64]
 
 DT = 1.0 / 750.0
 # Of the benchmark: band of the multisine [Hz], size of the force [N], noise of the training record [m]; of the sweep

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
+from studies.common.arrays import Floats
 from studies.common.scores import constant_commands, criteria
 from studies.leaderboard.entries import Motions
 
@@ -19,7 +19,7 @@ def training_scores(
     damper: mr.Device,
     motions: Motions,
     hardware: mr.Hardware,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Mean of the four ratios to i = 0 over the motions, of each candidate, shape (n_candidates,)."""
     off = criteria(building, [damper], constant_commands([0.0]), motions, hardware)
     scores = (criteria(building, [damper], law, motions, hardware) / off).mean(axis=(1, 2))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import mrwork as mr
+from studies.common.arrays import Floats
 
-Predict = Callable[[mr.DamperTest], NDArray[np.float64]]
+Predict = Callable[[mr.DamperTest], Floats]
 """Gives the force of a test, as its rig would record it [N], shape (n_time,)."""
 
 
-def recorded_force(spec: mr.DamperSpec, theta: ArrayLike, test: mr.DamperTest) -> NDArray[np.float64]:
+def recorded_force(spec: mr.DamperSpec, theta: ArrayLike, test: mr.DamperTest) -> Floats:
     """Free-run simulation of a test: the force of the damper as its rig would record it [N], shape (n_time,)."""
     unit = None if spec.current is None else spec.current.unit
     loading = mr.Loading(

@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw
 from mrwork.errors import SettingError
 from mrwork.motions import scaled_to_peak, suite, trimmed
+from studies.common.arrays import Floats
 from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
 from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.leaderboard.best_constant import best_constant
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.entries import Entry, Motions
 from studies.leaderboard.measured import MOTIONS, measured_files
-
-Floats = NDArray[np.float64]
 
 PEAK = 0.1 * STANDARD_GRAVITY
 """Peak ground acceleration of all motions [m/s^2], at which the best constant command is not the largest one."""

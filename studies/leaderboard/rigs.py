@@ -6,14 +6,12 @@ from itertools import product
 from math import pi, tanh
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.records import Observation, build_damper_test, observed, read_damper_tests, repair
+from studies.common.arrays import Floats
 from studies.common.rig import PER_CYCLE
 from studies.leaderboard.measured import UTFSM, measured_files
-
-Floats = NDArray[np.float64]
 
 # Amplitude [m] and frequency [Hz]; currents [A].
 MOTIONS = ((0.020, 0.5), (0.010, 1.0), (0.006, 2.0), (0.003, 4.0))

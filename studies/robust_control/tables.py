@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.report import Table
 from mrwork.study import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
+from studies.common.arrays import Floats
 from studies.common.scores import TITLES
 from studies.common.table import table_of
 from studies.robust_control.findings import CLAIRVOYANT
@@ -20,7 +20,6 @@ _WORST = 4
 # A law that is nearly the constant command may be better by nothing that matters.
 _CLEARLY = 0.01
 ANY = "best of them, by motion"
-Floats = NDArray[np.float64]
 # Records of the benchmarks, by the names of their files; the other test motions are the sixteen measured ones.
 RECORDS = ("el_centro", "hachinohe", "kobe", "northridge")
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, Hardware
 from mrwork.control import ControlLaw
 from mrwork.motions import trimmed
+from studies.common.arrays import Floats
 from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.robust_control.tables import is_record
 
-Floats = NDArray[np.float64]
 TRAINING, FOUR, SIXTEEN, UNSEEN = "training", "four", "sixteen", "unseen"
 # Of the names of synthetic test motions, in the study file.
 _OF_UNSEEN = "Unseen"

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from studies.common.arrays import Floats
 from studies.speed.search_job import SearchJob
 
-Array = NDArray[np.float64]
 # Libraries compute with misfits, so a failure is given as a number worse than any misfit.
 _FAILURE = 1e10
 # 0.2 points of fit.
@@ -24,13 +23,13 @@ NEAR = 0.002
 class BatchObjective(Protocol):
     """Simulates candidates of the model: our `Objective`, or another."""
 
-    def __call__(self, theta: Array, thresholds: Array | None = None, /) -> Array:
+    def __call__(self, theta: Floats, thresholds: Floats | None = None, /) -> Floats:
         """NRMSE of each row of `theta` (m, 10), shape (m,), infinite where a simulation failed.
 
         One that reaches its threshold, shape (m,), may end there.
         """
 
-    def residuals(self, theta: Array, /) -> Array:
+    def residuals(self, theta: Floats, /) -> Floats:
         """Residuals of each row, shape (m, n_counted), whose squares add up to the squared misfit."""
 
 
@@ -54,27 +53,27 @@ class Attempt:
     seconds: float = 0.0
     least: float = math.inf
     began: float = field(default_factory=time.perf_counter)
-    visited: list[Array] | None = None
+    visited: list[Floats] | None = None
 
     @property
     def success(self) -> bool:
         """Whether the target was reached."""
         return self.least <= self.target
 
-    def misfits(self, unit: Array, thresholds: Array | None = None) -> Array:
+    def misfits(self, unit: Floats, thresholds: Floats | None = None) -> Floats:
         """Misfits of points of the cube, shape (m, n_params) to (m,), finite; ends the attempt where it must."""
         misfit = self.objective(self._theta(unit), thresholds)
         self.account(len(unit), float(np.min(misfit)))
         return np.where(np.isfinite(misfit), misfit, _FAILURE)
 
-    def residuals(self, unit: Array) -> Array:
+    def residuals(self, unit: Floats) -> Floats:
         """Residuals of points of the cube, shape (m, n_params) to (m, n_counted); ends the attempt where it must."""
         residuals = self.objective.residuals(self._theta(unit))
         misfit = np.sqrt(np.einsum("bt,bt->b", residuals, residuals))
         self.account(len(unit), float(np.min(misfit)))
         return residuals
 
-    def _theta(self, unit: Array) -> Array:
+    def _theta(self, unit: Floats) -> Floats:
         if self.visited is not None:
             self.visited.append(unit.copy())
         return self.job.theta(unit)

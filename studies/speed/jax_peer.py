@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from numpy.typing import NDArray
 
+from studies.common.arrays import Floats
 from studies.speed.workload import PowerForm, Run, Workload
 
 # The contenders must agree to 1e-9, which single precision cannot.
@@ -111,8 +111,8 @@ def prepare(workload: Workload, form: PowerForm, variant: JaxVariant) -> Run:
 def compiled_run(
     variant: JaxVariant,
     misfits: Callable[..., Array],
-    theta: NDArray[np.float64],
-    *shared: NDArray[np.float64],
+    theta: Floats,
+    *shared: Floats,
 ) -> Run:
     """Place the inputs, compile `misfits(theta, *shared)`, (n_batch,), and return the call to be timed."""
     compiled = jax.jit(misfits, compiler_options=variant.options)

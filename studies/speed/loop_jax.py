@@ -17,13 +17,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
+from studies.common.arrays import Floats
 from studies.speed.jax_peer import JaxVariant, compiled_run
 from studies.speed.loop_workload import (
     LAG,
     LARGEST_COMMAND,
     N_STOREYS,
     STEP,
-    Floats,
     LoopWorkload,
     averaged,
     chain_springs,

@@ -15,12 +15,12 @@ from typing import Any
 import numba
 import numpy as np
 
+from studies.common.arrays import Floats
 from studies.speed.loop_workload import (
     LAG,
     LARGEST_COMMAND,
     N_REDUCTIONS,
     STEP,
-    Floats,
     LoopWorkload,
     averaged,
     chain_springs,

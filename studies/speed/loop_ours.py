@@ -12,7 +12,8 @@ from mrwork.control import ControlLaw
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError
 from mrwork.motions import GroundMotion
-from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, N_REDUCTIONS, STEP, Floats, LoopWorkload
+from studies.common.arrays import Floats
+from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, N_REDUCTIONS, STEP, LoopWorkload
 
 
 def prepare(workload: LoopWorkload, threads: int) -> Callable[[], Floats]:

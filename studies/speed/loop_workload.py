@@ -12,15 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from mrwork.buildings import building
 from mrwork.dampers import damper
 from mrwork.motions import synthetic_motion
 from mrwork.twins import half_steps
-
-Floats = NDArray[np.float64]
+from studies.common.arrays import Floats
 
 N_STOREYS = 5
 LAG = 190.0

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from studies.common.arrays import Floats
 from studies.speed.numba_peer import NumbaVariant
 from studies.speed.search_job import SearchJob
 from studies.speed.timing import TimedPeer, fastest_variant, timed
 from studies.speed.workload import Run
 
-Array = NDArray[np.float64]
 RESOLUTION = 1.4
 MAX_SUBSTEPS = 256
 # All liberties of fast-math but that of taking infinity for impossible: it marks a failure.
@@ -45,9 +45,9 @@ class Record(NamedTuple):
     at the samples, of which those from `first` on count.
     """
 
-    velocity: Array
-    displacement: Array
-    force: Array
+    velocity: Floats
+    displacement: Floats
+    force: Floats
     dt: float
     first: int
 
@@ -76,12 +76,12 @@ class NumbaObjective:
             reversal_acceleration=history.reversal_acceleration,
         )
 
-    def __call__(self, theta: Array, thresholds: Array | None = None) -> Array:
+    def __call__(self, theta: Floats, thresholds: Floats | None = None) -> Floats:
         """Misfit of each row, shape (m,), infinite where a simulation failed; all run to their ends."""
         squared = self._run(theta, np.empty((0, 0)))
         return np.sqrt(np.where(np.isfinite(squared), squared, math.inf)) * self.weight
 
-    def residuals(self, theta: Array) -> Array:
+    def residuals(self, theta: Floats) -> Floats:
         """Weighted residuals of each row, shape (m, n_counted); one everywhere where a simulation failed."""
         residuals = np.zeros((len(theta), self.record.force.size - self.record.first))
         squared = self._run(theta, residuals)
@@ -89,14 +89,14 @@ class NumbaObjective:
         residuals[~np.isfinite(squared)] = 1.0
         return residuals
 
-    def substeps(self, theta: Array) -> NDArray[np.int64]:
+    def substeps(self, theta: Floats) -> NDArray[np.int64]:
         """Sub-steps per sample of each row, shape (m,), 0 where it is too stiff."""
         count: NDArray[np.int64] = substeps_of(
             theta, self.record.dt, self.peak_velocity, self.reversal_acceleration
         )
         return count
 
-    def _run(self, theta: Array, residuals: Array) -> Array:
+    def _run(self, theta: Floats, residuals: Floats) -> Floats:
         count = self.substeps(theta)
         order = np.argsort(-count, kind="stable")
         starts = block_starts(count[order], self.variant.block)
@@ -104,7 +104,7 @@ class NumbaObjective:
         threads = numba.get_num_threads()
         turns = np.concatenate([np.arange(len(starts) - 1)[thread::threads] for thread in range(threads)])
         kernel = _compiled(self.variant, bool(residuals.size))
-        squared: Array = kernel(theta, (count, order, starts, turns), self.record, residuals)
+        squared: Floats = kernel(theta, (count, order, starts, turns), self.record, residuals)
         return squared
 
 
@@ -134,7 +134,7 @@ def _steps(
 steps_of: Any = numba.njit(error_model="numpy")(_steps)
 
 
-def _substeps(theta: Array, dt: float, peak_velocity: float, reversal: float) -> NDArray[np.int64]:
+def _substeps(theta: Floats, dt: float, peak_velocity: float, reversal: float) -> NDArray[np.int64]:
     """Sub-steps per sample of each candidate, shape (m,)."""
     count = np.zeros(theta.shape[0], np.int64)
     for row in range(theta.shape[0]):
@@ -174,7 +174,7 @@ def _compiled(variant: NumbaVariant, keep: bool) -> Any:
 
     rate = inlined(_rate)
 
-    def kernel(theta: Array, dealt: Any, record: Record, residuals: Array) -> Array:
+    def kernel(theta: Floats, dealt: Any, record: Record, residuals: Floats) -> Floats:
         count, order, starts, turns = dealt
         velocity, displacement, force, dt, first = record
         squared = np.empty(theta.shape[0])

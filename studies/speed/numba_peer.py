@@ -15,12 +15,11 @@ from typing import TypeAlias
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from studies.common.arrays import Floats
 from studies.speed.workload import PowerForm, Run, Workload
 
-Array: TypeAlias = NDArray[np.float64]
-Kernel: TypeAlias = Callable[[Array, Array, Array, float], Array]
+Kernel: TypeAlias = Callable[[Floats, Floats, Floats, float], Floats]
 Rate: TypeAlias = Callable[[float, float, float, float, float, float], float]
 
 
@@ -94,7 +93,7 @@ _POWERS: dict[PowerForm, Callable[[float, float], float]] = {
 
 
 def _blocked_loop(rate: Rate, block: int) -> Kernel:
-    def kernel(theta: Array, stages: Array, force: Array, dt: float) -> Array:
+    def kernel(theta: Floats, stages: Floats, force: Floats, dt: float) -> Floats:
         n_batch = theta.shape[0]
         misfit = np.empty(n_batch)
         half = 0.5 * dt

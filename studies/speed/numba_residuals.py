@@ -14,15 +14,12 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from studies.common.arrays import Floats
 from studies.speed.numba_objective import FASTMATH, FORMS, steps_of
 from studies.speed.numba_peer import NumbaVariant
 from studies.speed.refine_job import RefineJob
-
-Array = NDArray[np.float64]
-
 
 LAYOUTS = tuple(
     NumbaVariant(block=block, threads=threads, fastmath=fastmath, form=form)
@@ -40,7 +37,7 @@ class NumbaResiduals:
         self.layout = layout
         self.spec = job.spec
         tests, histories = job.objective.tests, job.objective.histories
-        pieces: list[Array] = []
+        pieces: list[Floats] = []
         for test in tests:
             # Lowest power first, in the share of a sample interval; the last sample has a row of its own.
             own = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity)
@@ -63,7 +60,7 @@ class NumbaResiduals:
         commands = [0.0 if history.command is None else float(history.command[0]) for history in histories]
         self.command = np.array(commands)
 
-    def plain(self, theta: Array) -> Array:
+    def plain(self, theta: Floats) -> Floats:
         """Parameters of the plain model in each test, shape (n_tests, n_rows, 7)."""
         n_tests = len(self.command)
         if self.spec.current is None:
@@ -80,7 +77,7 @@ class NumbaResiduals:
             )
         return result
 
-    def __call__(self, theta: Array) -> Array:
+    def __call__(self, theta: Floats) -> Floats:
         """Shape (n_rows, n_residuals); one where a simulation failed."""
         residuals = np.empty((len(theta), self.n_residuals))
         numba.set_num_threads(self.layout.threads)
@@ -111,7 +108,7 @@ def _compiled(layout: NumbaVariant) -> Any:
     power = numba.njit(inline="always", fastmath=fastmath)(FORMS[form][0])
 
     @numba.njit(error_model="numpy")
-    def substeps(p: Array, dt: float, peak: float, reversal: float) -> int:
+    def substeps(p: Floats, dt: float, peak: float, reversal: float) -> int:
         # Without the offset of the velocity, which is that of another model.
         steps: int = steps_of(p[4], p[5], p[6], 0.0, 1.0, dt, peak, reversal)
         return steps
@@ -123,7 +120,7 @@ def _compiled(layout: NumbaVariant) -> Any:
 
     rate = numba.njit(inline="always", fastmath=fastmath)(_rate)
 
-    def kernel(theta: Array, records: Any, residuals: Array) -> None:
+    def kernel(theta: Floats, records: Any, residuals: Floats) -> None:
         velocity, displacement, force, begin, first, out, weight, dt, peak, reversal = records
         n_tests, n_rows = theta.shape[:2]
         n_blocks = (n_rows + block - 1) // block

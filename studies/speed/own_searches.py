@@ -8,10 +8,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.identification import Objective
 from mrwork.search import AbortableObjective, SearchResult, run_replicates, run_search
+from studies.common.arrays import Floats
 from studies.speed.attempt import NEAR, AttemptResult, ObjectiveName
 from studies.speed.contenders import ABORTED, UNSTOPPED, described, ending
 from studies.speed.search_job import SearchJob
@@ -75,10 +75,10 @@ def early_aborts(job: SearchJob, *, generations: int, seeds: int, threads: int) 
             objective = Objective.of(job.spec, (job.test,), threads=threads)
 
             def misfits(
-                unit: NDArray[np.float64],
-                threshold: NDArray[np.float64] | None = None,
+                unit: Floats,
+                threshold: Floats | None = None,
                 objective: Objective = objective,
-            ) -> NDArray[np.float64]:
+            ) -> Floats:
                 return objective(job.theta(unit), threshold)
 
             whole, seconds_whole = timed(partial(search, misfits, rng=seed))

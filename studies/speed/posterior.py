@@ -13,9 +13,10 @@ import numpy as np
 
 from mrwork.errors import SettingError
 from mrwork.uncertainty import Ensemble, convergence, select_kept_rows
+from studies.common.arrays import Floats
 from studies.common.table import table_of
 from studies.speed.bars import Bar, ratio_bar
-from studies.speed.posterior_job import Density, PosteriorJob, Rows, density_of
+from studies.speed.posterior_job import Density, PosteriorJob, density_of
 from studies.speed.timing import require_agreement, rotated, timed
 from studies.speed.workers import Benchmark, Say, cores_for, rows_until_interrupted, silent
 
@@ -197,7 +198,7 @@ class _Contender:
         self._density = density
         self._advance = _with_ours(job, self._counted) if move == "de" else _with_stretch(job, self._counted)
 
-    def _counted(self, position: Rows) -> Rows:
+    def _counted(self, position: Floats) -> Floats:
         result, seconds = timed(partial(self._density, position))
         self.simulating += seconds
         self.evaluations += len(position)
@@ -255,7 +256,7 @@ def _fastest_jax(job: PosteriorJob, threads: int, *, choose: bool) -> tuple[Dens
     expected = job.target(half)
 
     # Stretch moves ask for halves, ours for the whole, which is another shape.
-    def both(density: Density) -> tuple[Rows, Rows]:
+    def both(density: Density) -> tuple[Floats, Floats]:
         return density(half), density(job.walkers)
 
     choices: list[tuple[float, float, Density, str]] = []
@@ -279,24 +280,24 @@ def _fastest_numba(job: PosteriorJob, threads: int, *, choose: bool) -> tuple[De
     return density, compiling, described
 
 
-def _with_ours(job: PosteriorJob, density: Density) -> Callable[[int], Rows]:
+def _with_ours(job: PosteriorJob, density: Density) -> Callable[[int], Floats]:
     ensemble = Ensemble.begin(density, job.walkers, rng=1)
 
-    def advance(steps: int) -> Rows:
+    def advance(steps: int) -> Floats:
         ensemble.advance(ensemble.n_steps + steps, lambda _: None)
         return ensemble.positions
 
     return advance
 
 
-def _with_stretch(job: PosteriorJob, density: Density) -> Callable[[int], Rows]:
+def _with_stretch(job: PosteriorJob, density: Density) -> Callable[[int], Floats]:
     import emcee
 
     np.random.seed(1)  # noqa: NPY002 # emcee's stream begins where NumPy's stands
     sampler = emcee.EnsembleSampler(*job.walkers.shape, density, vectorize=True)
     state: list[Any] = [job.walkers]
 
-    def advance(steps: int) -> Rows:
+    def advance(steps: int) -> Floats:
         state[0] = sampler.run_mcmc(state[0], steps, skip_initial_state_check=True)
         return np.concatenate([job.walkers[None], sampler.get_chain()])
 
@@ -344,13 +345,13 @@ def _nuts(job: PosteriorJob, draws: int, threads: int) -> SamplerRow:
     )
 
 
-def _mixing(chains: Rows) -> tuple[float, float]:
+def _mixing(chains: Floats) -> tuple[float, float]:
     """Least bulk ESS and largest R-hat of chains, (n_chains, n_draws, n_params)."""
     judged = [convergence(np.ascontiguousarray(chains[..., index])) for index in range(chains.shape[-1])]
     return min(verdict.ess_bulk for verdict in judged), max(verdict.rhat for verdict in judged)
 
 
-def _agree(name: str, values: Rows, expected: Rows, job: PosteriorJob) -> None:
+def _agree(name: str, values: Floats, expected: Floats, job: PosteriorJob) -> None:
     """Compare those walkers that take the sub-steps of the start; the twin has no others."""
     theta, _ = job.target.space.values(job.walkers[: len(values)])
     (run,) = job.search.objective.misfits(np.ascontiguousarray(theta[:, : job.target.space.n_params]))

@@ -10,16 +10,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork import identify
 from mrwork.identification import identifiable_form
 from mrwork.uncertainty import Iid, Target, first_walkers
+from studies.common.arrays import Floats
 from studies.speed.attempt import BatchObjective
 from studies.speed.search_job import REFERENCE, SearchJob, record
 
-Rows = NDArray[np.float64]
-Density = Callable[[Rows], Rows]
+Density = Callable[[Floats], Floats]
 """Log posterior of each row."""
 
 
@@ -29,8 +28,8 @@ class PosteriorJob:
 
     search: SearchJob
     target: Target
-    start: Rows
-    walkers: Rows
+    start: Floats
+    walkers: Floats
 
     @classmethod
     def of(cls, *, threads: int, n_walkers: int) -> PosteriorJob:
@@ -52,7 +51,7 @@ def density_of(target: Target, objective: BatchObjective) -> Density:
     """The target with misfits from another simulation."""
     n_params, n_time = target.space.n_params, target.objective.n_time
 
-    def density(position: Rows) -> Rows:
+    def density(position: Floats) -> Floats:
         values, inside = target.space.values(position)
         result = np.full(len(position), -np.inf)
         rows = np.flatnonzero(inside)

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.identification import find_minima, find_minimum
+from studies.common.arrays import Floats
 from studies.speed.refine_job import RefineJob
 
-Array = NDArray[np.float64]
 _MOST = 100
 _STEP = 1e-6
 _TOLERANCE = 1e-7
@@ -21,7 +20,7 @@ _TOLERANCE = 1e-7
 class Refined:
     """Misfits of the starts, shape (n_starts,), and simulations of each on average."""
 
-    misfit: Array
+    misfit: Floats
     simulations: float
 
 
@@ -30,32 +29,32 @@ class Engine:
     """Refines starts, shape (n_starts, n_params); `at_once` of them in one call, of which each has its share."""
 
     name: str
-    run: Callable[[Array], Refined]
+    run: Callable[[Floats], Refined]
     at_once: int = 1
     is_ours: bool = True
 
 
-def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None) -> list[Engine]:
+def engines(job: RefineJob, *, twin: bool, peer: Callable[[Floats], Floats] | None) -> list[Engine]:
     """Ours in lanes, the twin if `twin`, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
     objective, box = job.objective, job.box
 
-    def counted(run: Callable[[Array], Array]) -> Callable[[Array], Refined]:
-        def refined(starts: Array) -> Refined:
+    def counted(run: Callable[[Floats], Floats]) -> Callable[[Floats], Refined]:
+        def refined(starts: Floats) -> Refined:
             before = objective.tally.simulations
             misfit = run(starts)
             return Refined(misfit=misfit, simulations=(objective.tally.simulations - before) / len(starts))
 
         return refined
 
-    def scipy_on_rust(starts: Array) -> Array:
+    def scipy_on_rust(starts: Floats) -> Floats:
         return np.array(
             [find_minimum(objective, box, start, max_evaluations=_MOST).misfit for start in starts]
         )
 
-    def side_by_side(starts: Array) -> Array:
+    def side_by_side(starts: Floats) -> Floats:
         return find_minima(objective, box, starts, max_iterations=_MOST).misfit
 
-    def optimistix(starts: Array) -> Array:
+    def optimistix(starts: Floats) -> Floats:
         from mrwork.identification import find_minimum_on_twin
 
         return np.array([find_minimum_on_twin(objective, box, start).misfit for start in starts])
@@ -72,8 +71,8 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
     return found
 
 
-def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array], Refined]:
-    def run(starts: Array) -> Refined:
+def _on_peer(job: RefineJob, peer: Callable[[Floats], Floats]) -> Callable[[Floats], Refined]:
+    def run(starts: Floats) -> Refined:
         minima = [_descended(job, peer, start) for start in starts]
         return Refined(
             misfit=np.array([misfit for misfit, _ in minima]),
@@ -83,16 +82,16 @@ def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array]
     return run
 
 
-def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> tuple[float, int]:
+def _descended(job: RefineJob, peer: Callable[[Floats], Floats], start: Floats) -> tuple[float, int]:
     """The method of `find_minimum` with forward differences, all columns in one batch; residuals there are known."""
     from scipy.optimize import least_squares
 
     box = job.box
-    known: list[tuple[Array, Array]] = []
+    known: list[tuple[Floats, Floats]] = []
     simulations = 0
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
 
-    def residuals(latent: Array) -> Array:
+    def residuals(latent: Floats) -> Floats:
         nonlocal simulations
         for place, found in known:
             if np.array_equal(place, latent):
@@ -102,7 +101,7 @@ def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> 
         known[:] = [(latent.copy(), found), *known[:1]]
         return np.asarray(found)
 
-    def jacobian(latent: Array) -> Array:
+    def jacobian(latent: Floats) -> Floats:
         nonlocal simulations
         at = residuals(latent)
         theta = np.asarray(box.theta_from_latent(latent[None] + _STEP * np.eye(len(latent))))
@@ -112,10 +111,10 @@ def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> 
     norm = np.linalg.norm(jacobian(origin), axis=0)
     scale = 1.0 / np.maximum(norm, 1e-9 * norm.max())
 
-    def residuals_at(position: Array) -> Array:
+    def residuals_at(position: Floats) -> Floats:
         return residuals(origin + scale * position)
 
-    def jacobian_at(position: Array) -> Array:
+    def jacobian_at(position: Floats) -> Floats:
         return np.asarray(jacobian(origin + scale * position) * scale)
 
     solution = least_squares(

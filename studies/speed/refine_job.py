@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers import Box, DamperSpec, LawName, damper
 from mrwork.identification import LevelFit, Objective, find_minima, joint_starts, levels_of, search_box
 from mrwork.search import Streams, latin_hypercube
+from studies.common.arrays import Floats
 from studies.common.rig import sinusoids, thinned
 from studies.speed.search_job import REFERENCE, record
 
@@ -32,7 +32,7 @@ class RefineJob:
     name: str
     objective: Objective
     box: Box
-    starts: NDArray[np.float64]
+    starts: Floats
 
     @property
     def spec(self) -> DamperSpec:
@@ -82,7 +82,7 @@ def joint_job(seeds: int, threads: int) -> RefineJob | None:
     )
 
 
-def _find(objective: Objective, box: Box, searched: Box) -> NDArray[np.float64]:
+def _find(objective: Objective, box: Box, searched: Box) -> Floats:
     """The best of a Latin hypercube after a short local minimisation from each of its best few, shape (n_params,)."""
     n_free = len(searched.free)
     streams = Streams(rng=0, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))

@@ -8,15 +8,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from mrwork.control import regulator_gains
 from mrwork.errors import MrworkError, SettingError
+from studies.common.arrays import Floats
 from studies.common.table import table_of
 from studies.speed.timing import require_agreement, timed
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
-
-Floats = NDArray[np.float64]
 
 # Equations of a batch by states: about a tenth of a second of ours on one thread.
 _BATCHES = {6: 8192, 10: 4096, 20: 512, 40: 64}

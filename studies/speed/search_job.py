@@ -13,13 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork import synthetic_test
 from mrwork.dampers import Box, DamperSpec, damper
 from mrwork.errors import RecordError
 from mrwork.identification import Objective, search_box
 from mrwork.records import DamperTest, cut, read_damper_test
+from studies.common.arrays import Floats
 from studies.common.records import damper_tests
 
 MODEL = "non_symmetric_bouc_wen"
@@ -59,7 +59,7 @@ class SearchJob:
         """Free parameters."""
         return len(self.box.free)
 
-    def theta(self, unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    def theta(self, unit: Floats) -> Floats:
         """Parameters of the model, shape (m, 10), from points of the cube, shape (m, n_params)."""
         return np.asarray(self.box.theta_from_unit(unit))
 

@@ -23,13 +23,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.search import library
+from studies.common.arrays import Floats
 from studies.speed.attempt import Attempt, AttemptEnded
 from studies.speed.search_job import SearchJob
 
-Array = NDArray[np.float64]
 Solver = Literal["RK45", "LSODA"]
 SOLVERS: tuple[Solver, ...] = ("RK45", "LSODA")
 # More than any budget allows.
@@ -42,7 +41,7 @@ def scipy_differential_evolution(attempt: Attempt, seed: int) -> None:
     """`scipy.optimize.differential_evolution`, vectorised, so with deferred updating; no polish."""
     from scipy.optimize import Bounds, differential_evolution
 
-    def misfits(genes: Array) -> Array:
+    def misfits(genes: Floats) -> Floats:
         return attempt.misfits(genes.T)
 
     differential_evolution(
@@ -93,7 +92,7 @@ def _pymoo_problem() -> Any:
             problem.__init__(self, n_var=attempt.job.n_params, n_obj=1, xl=0.0, xu=1.0)
             self._attempt = attempt
 
-        def _evaluate(self, x: Array, out: dict[str, Array], *_: object, **__: object) -> None:
+        def _evaluate(self, x: Floats, out: dict[str, Floats], *_: object, **__: object) -> None:
             out["F"] = self._attempt.misfits(x)[:, None]
 
     return CubeProblem
@@ -141,14 +140,14 @@ def multistart_least_squares(attempt: Attempt, seed: int) -> None:
     n_params = attempt.job.n_params
     rng = np.random.default_rng(seed)
 
-    latest: dict[bytes, Array] = {}
+    latest: dict[bytes, Floats] = {}
 
-    def residuals(unit: Array) -> Array:
+    def residuals(unit: Floats) -> Floats:
         found = np.asarray(attempt.residuals(unit[None])[0])
         latest[unit.tobytes()] = found
         return found
 
-    def jacobian(unit: Array) -> Array:
+    def jacobian(unit: Floats) -> Floats:
         # Inwards, so that no point leaves the cube. The residuals there are known: steps are judged before.
         steps = np.where(unit < 0.5, _STEP, -_STEP)
         found = attempt.residuals(unit + np.diag(steps))
@@ -175,7 +174,7 @@ class UsualWay:
 
 def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates: int) -> UsualWay:
     """Time RK45, the default, and LSODA, the faster, at their own tolerances, on candidates of a swarm."""
-    units: list[Array] = []
+    units: list[Floats] = []
     attempt = Attempt(job=job, objective=job.objective, target=target, budget=budget, visited=units)
     with suppress(AttemptEnded):
         pyswarms(attempt, 0)
@@ -187,14 +186,14 @@ def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates:
     )
 
 
-def _seconds(misfit: Callable[[Array], float], few: Array) -> float:
+def _seconds(misfit: Callable[[Floats], float], few: Floats) -> float:
     began = time.perf_counter()
     for theta in few:
         misfit(theta)
     return (time.perf_counter() - began) / len(few)
 
 
-def misfit_by(solver: Solver, job: SearchJob) -> Callable[[Array], float]:
+def misfit_by(solver: Solver, job: SearchJob) -> Callable[[Floats], float]:
     """The misfit of one candidate, shape (10,), as one would write it first; infinite where the solver fails."""
     from scipy.integrate import solve_ivp
 
@@ -202,10 +201,10 @@ def misfit_by(solver: Solver, job: SearchJob) -> Callable[[Array], float]:
     time_axis = test.time - test.start_time
     weight = job.objective.compared[0].weight(1)
 
-    def misfit(theta: Array) -> float:
+    def misfit(theta: Floats) -> float:
         c, k, x0, k_w, rho, sigma, n, mu, share, w_s = theta.tolist()
 
-        def rate(t: float, state: Array) -> list[float]:
+        def rate(t: float, state: Floats) -> list[float]:
             w = state[0]
             g = np.interp(t, time_axis, test.velocity) - mu * math.tanh(w / w_s)
             power = abs(w) ** n

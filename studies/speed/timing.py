@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork import dampers as core
 from mrwork.errors import MrworkError
+from studies.common.arrays import Floats
 from studies.speed.workload import Run
 
 # All contenders sum the same 2000 squares in the same order; a library's power may differ by some ulp.
@@ -43,7 +43,7 @@ class TimedPeer(Generic[V]):
     prepare: Callable[[V], Run]
 
 
-def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]) -> tuple[Run, str]:
+def fastest_variant(name: str, peer: TimedPeer[V], expected: Floats) -> tuple[Run, str]:
     """Find the fastest variant by trying each change once on the best so far; return it and what it is.
 
     A changed variant that loses the agreement (fast-math may) is not eligible.
@@ -76,7 +76,7 @@ def require_agreement(contenders: str, what: str, difference: float, allowed: fl
         )
 
 
-def _disagreement(misfit: object, expected: NDArray[np.float64]) -> float:
+def _disagreement(misfit: object, expected: Floats) -> float:
     return float(np.max(np.abs(np.asarray(misfit) / expected - 1.0)))
 
 
@@ -125,7 +125,7 @@ def time_in_turns(
 
 
 def beside_peers(
-    ours: Callable[[], NDArray[np.float64]],
+    ours: Callable[[], Floats],
     peers: Mapping[str, TimedPeer[Any]],
     *,
     label: str,

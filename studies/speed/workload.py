@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from mrwork import dampers as core
 from mrwork.dampers import DamperSpec
 from mrwork.errors import MrworkError
+from studies.common.arrays import Floats
 
 MODEL = "normalised_bouc_wen"
 N_TIME = 2000
@@ -48,9 +49,9 @@ class Workload:
     dt : sample interval [s].
     """
 
-    theta: NDArray[np.float64]
-    stages: NDArray[np.float64]
-    force: NDArray[np.float64]
+    theta: Floats
+    stages: Floats
+    force: Floats
     dt: float
 
     @property
@@ -59,21 +60,21 @@ class Workload:
         return len(self.theta) * (len(self.force) - 1)
 
 
-def displacement_record(n_time: int = N_TIME, dt: float = DT) -> NDArray[np.float64]:
+def displacement_record(n_time: int = N_TIME, dt: float = DT) -> Floats:
     """Return 10 mm at 1 Hz with a 1 mm sweep from 1 to 8 Hz on top, (n_time,) [m]; 0.12 m/s at the most."""
     time = np.arange(n_time) * dt
     sweep = np.sin(2.0 * np.pi * (1.0 + 1.75 * time) * time)
-    displacement: NDArray[np.float64] = 0.010 * np.sin(2.0 * np.pi * time) + 0.001 * sweep
+    displacement: Floats = 0.010 * np.sin(2.0 * np.pi * time) + 0.001 * sweep
     return displacement
 
 
-def measured_force(displacement: NDArray[np.float64], dt: float = DT) -> NDArray[np.float64]:
+def measured_force(displacement: Floats, dt: float = DT) -> Floats:
     """Return a plausible force for the residuals, (n_time,) [N]: smoothed friction and a dashpot."""
-    velocity: NDArray[np.float64] = np.gradient(displacement, dt)
+    velocity: Floats = np.gradient(displacement, dt)
     return 600.0 * np.tanh(velocity / 0.02) + 1500.0 * velocity
 
 
-def candidates(n_batch: int, *, general_exponent: bool, rng: np.random.Generator) -> NDArray[np.float64]:
+def candidates(n_batch: int, *, general_exponent: bool, rng: np.random.Generator) -> Floats:
     """Draw from a box typical of small dampers, (n_batch, 7); every n is 2 without `general_exponent`.
 
     The box is mild enough (rho |v| n (2 sigma - 1) dt < 0.15) for one step per sample to resolve all of it.
@@ -99,10 +100,10 @@ class ModelWorkload:
     """
 
     spec: DamperSpec
-    theta: NDArray[np.float64]
+    theta: Floats
     loading: core.LoadingHistory
-    stages: NDArray[np.float64]
-    force: NDArray[np.float64]
+    stages: Floats
+    force: Floats
 
     @property
     def steps(self) -> int:
@@ -110,7 +111,7 @@ class ModelWorkload:
         n_time = len(self.force)
         return len(self.theta) * (n_time if self.spec.n_states == 0 else (n_time - 1) * SUBSTEPS)
 
-    def misfits(self, threads: int) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]:
+    def misfits(self, threads: int) -> tuple[Floats, NDArray[np.uint8], NDArray[np.uint32]]:
         """Our kernel on the batch: misfit, outcome and sub-steps of each candidate, (n_batch,)."""
         return core.misfits(self.spec.name, self.theta, self.loading, self.force, threads=threads)[:3]
 

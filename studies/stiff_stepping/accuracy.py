@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.dampers import LoadingHistory, damper, simulate_forces
 from mrwork.twins import simulate
+from studies.common.arrays import Floats
 from studies.stiff_stepping.any_model import twin_force
 from studies.stiff_stepping.batch import PRESET, forces, random_record
-
-Floats = NDArray[np.float64]
 
 FINEST = 64
 FINE = 16

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mrwork.dampers import Loading, LoadingHistory
+from studies.common.arrays import Floats
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.steppers import TIMES, steppers
 
@@ -36,8 +36,6 @@ def random_record(seed: int, dt: float = 1.0 / 3000.0, n_time: int = 3000) -> Lo
     sampled = np.arange(0.0, min(1.0 / (stretch * dt), n_time)) * dt * stretch
     return Loading(dt=dt, displacement=scale * motion(sampled)).history()
 
-
-Floats = NDArray[np.float64]
 
 PRESET = "normalised_modified_bouc_wen"  # its nominal values are the damper of Dyke et al. at 2.25 V
 BLOCK = 64
