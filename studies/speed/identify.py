@@ -23,14 +23,20 @@ from studies.speed.attempt import (
     Contender,
     attempted,
 )
-from studies.speed.bars import Bar
 from studies.speed.contenders import contenders
 from studies.speed.own_searches import EarlyAbort, attempted_at_once, contenders_at_once, early_aborts
 from studies.speed.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from studies.speed.search_peers import UsualWay, measure_usual_way, multistart_least_squares
 from studies.speed.search_rows import USUAL, SearchRow, TestRow, bars_of, extrapolated, row_of
 from studies.speed.timing import rotated, timed
-from studies.speed.workers import Benchmark, Say, cores_for, rows_until_interrupted, silent
+from studies.speed.workers import (
+    InterruptibleBenchmark,
+    Say,
+    cores_for,
+    record_kind,
+    rows_until_interrupted,
+    silent,
+)
 
 # The compile of a method and the loading of its library, which no time includes, take this many simulations.
 _WARMING = 150
@@ -58,22 +64,14 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SearchBenchmark(Benchmark):
+class SearchBenchmark(InterruptibleBenchmark):
     """All that one run found; `interrupted` before all seeds had their turn."""
 
     rows: tuple[SearchRow, ...]
     early_abort: tuple[EarlyAbort, ...]
     tests: tuple[TestRow, ...]
-    bars: tuple[Bar, ...]
     setups: tuple[Setup, ...]
     usual_way: UsualWay | None
-    seconds: float
-    interrupted: bool
-
-    @property
-    def exit_status(self) -> int:
-        """Of an interrupted run, 130."""
-        return 130 if self.interrupted else 0
 
     def text(self) -> Iterator[str]:
         """Medians over the attempts that came near, their share, the aims."""
@@ -81,7 +79,7 @@ class SearchBenchmark(Benchmark):
             yield "interrupted before anything was measured"
             return
         setup = self.setups[0]
-        kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
+        kind = record_kind(synthetic=setup.synthetic)
         yield (
             f"searches of non_symmetric_bouc_wen on {setup.test} ({kind}), {setup.n_time} samples, {len(setup.free)} "
             "free parameters:"

@@ -1,16 +1,19 @@
-"""The search job in numba: the same equations, spline and sub-steps as our kernel, parallel over blocks of candidates.
+"""The jobs of search and refinement in numba: the equations, splines and sub-steps of our kernel, in parallel blocks.
 
-A candidate takes as many sub-steps as our stepping rule gives it: a power of two that keeps the product of step and
-stiffness bound at 1.4 or below. Candidates are sorted by that number and dealt to the threads in turns, so that all
-threads have alike to do. Several candidates innermost let the processor overlap their powers; how many, and with
-which power and fast-math, is tried out; `exp_log` writes power and tanh by `math.exp`, which numba evaluates faster.
+The non-symmetric Bouc-Wen model, or the normalised one, whose velocity has no offset, on one or several tests. A
+candidate takes as many sub-steps as our stepping rule gives it on a test: a power of two that keeps the product of step
+and stiffness bound at 1.4 or below. Pairs of a test and a candidate are sorted by that number, gathered in blocks that
+have a test and a number in common, and dealt to the threads in turns, so that all threads have alike to do. Several
+candidates innermost let the processor overlap their powers; how many, and with which power and fast-math, is tried out;
+`exp_log` writes power and tanh by `math.exp`, which numba evaluates faster.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -19,8 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from mrwork.identification import Objective
 from studies.common.arrays import Floats
 from studies.speed.numba_peer import NumbaVariant
+from studies.speed.refine_job import RefineJob
 from studies.speed.search_job import SearchJob
 from studies.speed.timing import TimedPeer, fastest_variant, timed
 from studies.speed.workload import Run
@@ -29,7 +34,8 @@ RESOLUTION = 1.4
 MAX_SUBSTEPS = 256
 # All liberties of fast-math but that of taking infinity for impossible: it marks a failure.
 FASTMATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
-
+# Parameters of a model whose velocity has an offset.
+_OFFSET = 10
 
 START = NumbaVariant(block=8, form="exp_log")
 CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
@@ -38,74 +44,111 @@ CHANGES: tuple[Callable[[NumbaVariant], NumbaVariant], ...] = (
     lambda variant: replace(variant, block=1),
     lambda variant: replace(variant, form="power"),
 )
+LAYOUTS = tuple(
+    NumbaVariant(block=block, threads=threads, fastmath=fastmath, form=form)
+    for threads in dict.fromkeys((numba.get_num_threads(), 1))
+    for block in (1, 4, 8)
+    for fastmath in (False, True)
+    for form in ("exp_log", "power")
+)
 
 
-class Record(NamedTuple):
-    """What is simulated: the splines of the velocity, lowest power first in the share of a sample interval; the rest
-    at the samples, of which those from `first` on count.
+class Records(NamedTuple):
+    """What is simulated: samples of the tests one after another, and numbers of each test.
+
+    The splines of the velocity have the lowest power first in the share of a sample interval, the last sample a row of
+    its own. A test begins at `begin`, its first sample that counts is number `first`, its residuals begin at `out`.
     """
 
     velocity: Floats
     displacement: Floats
     force: Floats
-    dt: float
-    first: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NumbaObjective:
-    """Misfits and residuals of a batch, as `Objective` has them."""
-
-    variant: NumbaVariant
-    record: Record
-    weight: float
-    peak_velocity: float
-    reversal_acceleration: float
+    begin: NDArray[np.int64]
+    first: NDArray[np.int64]
+    out: NDArray[np.int64]
+    weight: Floats
+    dt: Floats
+    peak_velocity: Floats
+    reversal_acceleration: Floats
 
     @classmethod
-    def of(cls, job: SearchJob, variant: NumbaVariant) -> NumbaObjective:
-        """Spline the velocity; the displacement is needed at the samples only."""
-        test, (history,) = job.test, job.objective.histories
-        coefficients = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity).c[::-1].T
-        velocity = np.ascontiguousarray(coefficients)
+    def of(cls, objective: Objective) -> Records:
+        """Those of our objective."""
+        tests, histories = objective.tests, objective.histories
+        pieces: list[Floats] = []
+        for test in tests:
+            own = CubicSpline(np.arange(test.n_time, dtype=np.float64), test.velocity)
+            pieces.append(np.vstack([own.c[::-1].T, [test.velocity[-1], 0.0, 0.0, 0.0]]))
         return cls(
-            variant=variant,
-            record=Record(velocity, test.displacement, test.force, test.dt, test.n_settle),
-            weight=job.objective.compared[0].weight(1),
-            peak_velocity=history.peak_velocity,
-            reversal_acceleration=history.reversal_acceleration,
+            velocity=np.ascontiguousarray(np.concatenate(pieces)),
+            displacement=np.concatenate([test.displacement for test in tests]),
+            force=np.concatenate([test.force for test in tests]),
+            begin=np.concatenate([[0], np.cumsum([test.n_time for test in tests])]),
+            first=np.array([test.n_settle for test in tests]),
+            out=np.concatenate([[0], np.cumsum([test.n_time - test.n_settle for test in tests])]),
+            weight=np.array([compared.weight(len(tests)) for compared in objective.compared]),
+            dt=np.array([test.dt for test in tests]),
+            peak_velocity=np.array([history.peak_velocity for history in histories]),
+            reversal_acceleration=np.array([history.reversal_acceleration for history in histories]),
         )
+
+
+class NumbaObjective:
+    """Misfits and residuals of a batch, as our `Objective` has them."""
+
+    def __init__(self, objective: Objective, variant: NumbaVariant) -> None:
+        self.variant = variant
+        self.spec = objective.spec
+        self.records = Records.of(objective)
+        # Of named tuples numba looks up the type anew on every call.
+        self._plain_records = tuple(self.records)
+        commands = [
+            0.0 if history.command is None else float(history.command[0]) for history in objective.histories
+        ]
+        self.command = np.array(commands)
 
     def __call__(self, theta: Floats, thresholds: Floats | None = None) -> Floats:
         """Misfit of each row, shape (m,), infinite where a simulation failed; all run to their ends."""
         squared = self._run(theta, np.empty((0, 0)))
-        return np.sqrt(np.where(np.isfinite(squared), squared, math.inf)) * self.weight
+        return np.sqrt(np.where(np.isfinite(squared), squared, math.inf))
 
     def residuals(self, theta: Floats) -> Floats:
         """Weighted residuals of each row, shape (m, n_counted); one everywhere where a simulation failed."""
-        residuals = np.zeros((len(theta), self.record.force.size - self.record.first))
+        residuals = np.empty((len(theta), self.records.out[-1]))
         squared = self._run(theta, residuals)
-        residuals *= self.weight
         residuals[~np.isfinite(squared)] = 1.0
         return residuals
 
     def substeps(self, theta: Floats) -> NDArray[np.int64]:
-        """Sub-steps per sample of each row, shape (m,), 0 where it is too stiff."""
-        count: NDArray[np.int64] = substeps_of(
-            theta, self.record.dt, self.peak_velocity, self.reversal_acceleration
-        )
+        """Sub-steps per sample in each test, shape (n_tests, m), 0 where a row is too stiff."""
+        count: NDArray[np.int64] = substeps_of(self.plain(theta), self._plain_records)
         return count
 
+    def plain(self, theta: Floats) -> Floats:
+        """Parameters of the plain model in each test, shape (n_tests, m, n_plain)."""
+        if self.spec.current is None:
+            return np.broadcast_to(theta, (len(self.command), *theta.shape))
+        result = np.empty((len(self.command), len(theta), len(self.spec.plain)))
+        column = 0
+        degree = {"constant": 0, "linear": 1, "quadratic": 2, "cubic": 3}
+        for index, (parameter, law) in enumerate(zip(self.spec.plain, self.spec.current.laws, strict=True)):
+            powers = self.command[:, None] ** np.arange(degree[law] + 1)
+            value = powers @ theta[:, column : column + degree[law] + 1].T
+            column += degree[law] + 1
+            result[:, :, index] = (
+                value if law == "constant" else np.clip(value, parameter.lower, parameter.upper)
+            )
+        return result
+
     def _run(self, theta: Floats, residuals: Floats) -> Floats:
-        count = self.substeps(theta)
-        order = np.argsort(-count, kind="stable")
-        starts = block_starts(count[order], self.variant.block)
-        # Dealt in turns: a thread takes a run of consecutive blocks.
-        threads = numba.get_num_threads()
-        turns = np.concatenate([np.arange(len(starts) - 1)[thread::threads] for thread in range(threads)])
-        kernel = _compiled(self.variant, bool(residuals.size))
-        squared: Floats = kernel(theta, (count, order, starts, turns), self.record, residuals)
-        return squared
+        """Squared misfit of each row."""
+        if self.variant.threads:
+            numba.set_num_threads(self.variant.threads)
+        plain = self.plain(theta)
+        dealt = dealt_of(plain, self._plain_records, self.variant.block, numba.get_num_threads())
+        kernel = _compiled(self.variant, plain.shape[2] == _OFFSET, bool(residuals.size))
+        squared: Floats = kernel(plain, dealt, self._plain_records, residuals)
+        return self.records.weight**2 @ squared
 
 
 def _steps(
@@ -134,77 +177,114 @@ def _steps(
 steps_of: Any = numba.njit(error_model="numpy")(_steps)
 
 
-def _substeps(theta: Floats, dt: float, peak_velocity: float, reversal: float) -> NDArray[np.int64]:
-    """Sub-steps per sample of each candidate, shape (m,)."""
-    count = np.zeros(theta.shape[0], np.int64)
-    for row in range(theta.shape[0]):
-        rho, sigma, n, mu, w_s = theta[row, 4], theta[row, 5], theta[row, 6], theta[row, 7], theta[row, 9]
-        count[row] = steps_of(rho, sigma, n, mu, w_s, dt, peak_velocity, reversal)
+def _substeps(theta: Floats, records: Any) -> NDArray[np.int64]:
+    """Sub-steps per sample of each candidate on each test, shape (n_tests, m)."""
+    dts, peaks, reversals = records[7], records[8], records[9]
+    n_tests, n_rows, n_params = theta.shape
+    count = np.zeros((n_tests, n_rows), np.int64)
+    for test in range(n_tests):
+        dt, peak, reversal = dts[test], peaks[test], reversals[test]
+        for row in range(n_rows):
+            p = theta[test, row]
+            mu, w_s = (p[7], p[9]) if n_params == 10 else (0.0, 1.0)
+            count[test, row] = steps_of(p[4], p[5], p[6], mu, w_s, dt, peak, reversal)
     return count
 
 
-def _block_starts(count: NDArray[np.int64], block: int) -> NDArray[np.int64]:
-    """Where blocks begin among sorted candidates, and the end; those of a block take the same sub-steps."""
+substeps_of: Any = numba.njit(error_model="numpy")(_substeps)
+
+
+def _dealt(theta: Floats, records: Any, block: int, threads: int) -> tuple[NDArray[np.int64], ...]:
+    """Sub-steps, pairs of test and candidate in order, where blocks of them begin, and the order of the blocks.
+
+    Most sub-steps come first; the pairs of a block have a test and a number in common.
+    """
+    count = substeps_of(theta, records).ravel()
+    n_tests, n_rows = theta.shape[:2]
+    test = np.arange(count.size) // n_rows
+    order = np.argsort(test - count * n_tests, kind="mergesort")
     starts = np.empty(count.size + 1, np.int64)
     n_blocks = 0
-    for row in range(count.size):
-        if n_blocks == 0 or count[row] != count[row - 1] or row - starts[n_blocks - 1] == block:
-            starts[n_blocks] = row
+    for place in range(count.size):
+        pair, before = order[place], order[max(place - 1, 0)]
+        alike = count[pair] == count[before] and test[pair] == test[before]
+        if n_blocks == 0 or not alike or place - starts[n_blocks - 1] == block:
+            starts[n_blocks] = place
             n_blocks += 1
     starts[n_blocks] = count.size
-    return starts[: n_blocks + 1]
+    # A thread takes a run of consecutive turns.
+    turns = np.empty(n_blocks, np.int64)
+    turn = 0
+    for thread in range(threads):
+        for dealt in range(thread, n_blocks, threads):
+            turns[turn] = dealt
+            turn += 1
+    return count, order, starts, turns
 
 
-substeps_of: Any = numba.njit(error_model="numpy")(_substeps)
-block_starts: Any = numba.njit(_block_starts)
+dealt_of: Any = numba.njit(error_model="numpy")(_dealt)
 
 
 @cache
-def _compiled(variant: NumbaVariant, keep: bool) -> Any:
+def _compiled(variant: NumbaVariant, offset: bool, keep: bool) -> Any:
     fastmath = FASTMATH if variant.fastmath else False
     inlined = numba.njit(inline="always", fastmath=fastmath)
     power, hyperbolic = (inlined(function) for function in FORMS[variant.form])
     block = variant.block
 
+    def _shifted(v: float, w: float, mu: float, per_w_s: float) -> float:
+        shifted: float = v - mu * hyperbolic(w * per_w_s)
+        return shifted
+
+    def _unshifted(v: float, w: float, mu: float, per_w_s: float) -> float:
+        return v
+
+    driving = inlined(_shifted if offset else _unshifted)
+
     def _rate(v: float, w: float, rho: float, sigma: float, n: float, mu: float, per_w_s: float) -> float:
-        g = v - mu * hyperbolic(w * per_w_s)
+        g = driving(v, w, mu, per_w_s)
         opposing = sigma * math.copysign(abs(g), w) - (sigma - 1.0) * g
         slope: float = rho * (g - power(abs(w), n) * opposing)
         return slope
 
     rate = inlined(_rate)
 
-    def kernel(theta: Floats, dealt: Any, record: Record, residuals: Floats) -> Floats:
+    def kernel(theta: Floats, dealt: Any, records: Any, residuals: Floats) -> Floats:
         count, order, starts, turns = dealt
-        velocity, displacement, force, dt, first = record
-        squared = np.empty(theta.shape[0])
+        velocity, displacement, force, begins, firsts, out, weight, dts, _, _ = records
+        n_tests, n_rows, n_params = theta.shape
+        squared = np.empty((n_tests, n_rows))
         for turn in numba.prange(turns.size):
             begin = starts[turns[turn]]
             width = starts[turns[turn] + 1] - begin
-            p = np.empty((10, block))
+            test = order[begin] // n_rows
+            # Without an offset the rows of its parameters stay zero.
+            p = np.zeros((10, block))
             w = np.zeros(block)
             total = np.zeros(block)
+            rows = order[begin : begin + width] - test * n_rows
             for j in range(width):
-                for q in range(10):
-                    p[q, j] = theta[order[begin + j], q]
-                p[9, j] = 1.0 / p[9, j]
+                for q in range(n_params):
+                    p[q, j] = theta[test, rows[j], q]
+                p[9, j] = 1.0 / p[9, j] if offset else 0.0
             c, k, x0, k_w, rho, sigma, n, mu, share, per_w_s = p
             steps = count[order[begin]]
             # A candidate that is too stiff is not simulated.
             total[:] = 0.0 if steps else math.inf
             share_of_interval = 1.0 / steps if steps else 0.0
-            step = dt * share_of_interval
-            for i in range(force.size if steps else 0):
-                v_end = velocity[i, 0] if i < force.size - 1 else velocity[i - 1].sum()
+            step = dts[test] * share_of_interval
+            start, end = begins[test], begins[test + 1] if steps else begins[test]
+            first = start + firsts[test]
+            for i in range(start, end):
                 if i >= first:
                     for j in range(width):
-                        g = v_end - share[j] * mu[j] * hyperbolic(w[j] * per_w_s[j])
+                        g = driving(velocity[i, 0], w[j], share[j] * mu[j], per_w_s[j])
                         elastic = k[j] * (displacement[i] - x0[j])
                         residual = c[j] * g + elastic + k_w[j] * w[j] - force[i]
                         total[j] += residual * residual
                         if keep:
-                            residuals[order[begin + j], i - first] = residual
-                if i == force.size - 1:
+                            residuals[rows[j], out[test] + i - first] = residual * weight[test]
+                if i == end - 1:
                     break
                 a0, a1, a2, a3 = velocity[i, 0], velocity[i, 1], velocity[i, 2], velocity[i, 3]
                 for s in range(steps):
@@ -222,7 +302,7 @@ def _compiled(variant: NumbaVariant, keep: bool) -> Any:
                         k4 = rate(v2, z + step * k3, rho[j], sigma[j], n[j], mu[j], per_w_s[j])
                         w[j] = z + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
             for j in range(width):
-                squared[order[begin + j]] = total[j]
+                squared[test, rows[j]] = total[j]
         return squared
 
     return numba.njit(parallel=True, fastmath=fastmath, error_model="numpy")(kernel)
@@ -261,7 +341,7 @@ def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[NumbaO
     built: dict[str, NumbaObjective] = {}
 
     def prepare(variant: NumbaVariant) -> Run:
-        objective = built[variant.describe()] = NumbaObjective.of(job, variant)
+        objective = built[variant.describe()] = NumbaObjective(job.objective, variant)
         return lambda: objective(theta)
 
     _, compiling = timed(lambda: (prepare(START)(), built[START.describe()].residuals(theta[:2])))
@@ -269,3 +349,19 @@ def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[NumbaO
     peer = TimedPeer(start=START, changes=changes, prepare=prepare)
     _, described = fastest_variant("numba", peer, expected[np.isfinite(expected)])
     return built[described], described, compiling
+
+
+def fastest_layout(job: RefineJob, layouts: tuple[NumbaVariant, ...] = LAYOUTS) -> NumbaObjective:
+    """The layout whose residuals for a Jacobian, followed by those of a single simulation, take the least time."""
+    rows = np.repeat(job.starts[:1], 1 + len(job.box.free), axis=0)
+
+    def seconds(objective: NumbaObjective) -> float:
+        objective.residuals(rows), objective.residuals(rows[:1])
+        spent = []
+        for _ in range(5):
+            began = time.perf_counter()
+            objective.residuals(rows), objective.residuals(rows[:1])
+            spent.append(time.perf_counter() - began)
+        return float(np.median(spent))
+
+    return min((NumbaObjective(job.objective, layout) for layout in layouts), key=seconds)

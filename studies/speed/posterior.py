@@ -18,7 +18,14 @@ from studies.common.table import table_of
 from studies.speed.bars import Bar, ratio_bar
 from studies.speed.posterior_job import Density, PosteriorJob, density_of
 from studies.speed.timing import require_agreement, rotated, timed
-from studies.speed.workers import Benchmark, Say, cores_for, rows_until_interrupted, silent
+from studies.speed.workers import (
+    InterruptibleBenchmark,
+    Say,
+    cores_for,
+    record_kind,
+    rows_until_interrupted,
+    silent,
+)
 
 _AIM = 5.0
 _OURS = "mrwork"
@@ -68,19 +75,11 @@ class SamplerRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PosteriorBenchmark(Benchmark):
+class PosteriorBenchmark(InterruptibleBenchmark):
     """All that one run found; `interrupted` before all were done."""
 
     rows: tuple[SamplerRow, ...]
     setups: tuple[Setup, ...]
-    bars: tuple[Bar, ...]
-    seconds: float
-    interrupted: bool
-
-    @property
-    def exit_status(self) -> int:
-        """Of an interrupted run, 130."""
-        return 130 if self.interrupted else 0
 
     def text(self) -> Iterator[str]:
         """Effective draws per second of each sampler, and the aims."""
@@ -88,7 +87,7 @@ class PosteriorBenchmark(Benchmark):
             yield "interrupted before anything was measured"
             return
         setup = self.setups[0]
-        kind = "SYNTHETIC, the measured record is not here" if setup.synthetic else "measured"
+        kind = record_kind(synthetic=setup.synthetic)
         yield (
             f"posterior of non_symmetric_bouc_wen and its noise, {setup.n_dim} dimensions, on {setup.test} ({kind}), "
             f"{setup.n_time} samples, fit {setup.fit_percent:.2f} %, log-likelihood times {setup.temper:.3f}"

@@ -15,7 +15,7 @@ from studies.speed.bars import Bar
 from studies.speed.refine_engines import Engine, Refined, engines
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
 from studies.speed.timing import require_agreement, timed
-from studies.speed.workers import Benchmark, Say, silent
+from studies.speed.workers import Benchmark, Say, record_kind, silent
 
 # 0.01 points of fit.
 _NEAR = 1e-4
@@ -68,7 +68,7 @@ class RefineBenchmark(Benchmark):
         yield ""
         yield "A simulation of ours brings its exact Jacobian along. Success: within 0.01 points of the best known."
         for job, percent in self.best_known_percent.items():
-            kind = "SYNTHETIC, the measured record is not here" if self.synthetic[job] else "measured"
+            kind = record_kind(synthetic=self.synthetic[job])
             yield f"{job}: best known {percent:.3f} % ({kind})"
         for job, layout in self.numba_layout.items():
             yield f"{job}: fastest numba {layout}"
@@ -106,10 +106,11 @@ def bench_refine(
         say(f"{job.name}: {len(job.objective.tests)} test(s), {job.objective.n_time} samples")
         peer = None
         if "numba" not in missing:
-            from studies.speed.numba_residuals import LAYOUTS, fastest_layout
+            from studies.speed.numba_objective import LAYOUTS, fastest_layout
 
-            peer = fastest_layout(job, LAYOUTS[-1:] if quick else LAYOUTS)
-            layouts[job.name] = peer.layout.describe()
+            fastest = fastest_layout(job, LAYOUTS[-1:] if quick else LAYOUTS)
+            peer = fastest.residuals
+            layouts[job.name] = fastest.variant.describe()
             difference = float(np.max(np.abs(peer(job.starts) - job.objective.residuals(job.starts))))
             require_agreement("numba and the compiled kernel", "residual", difference, _AGREEMENT)
         # Thirty scans take minutes to compile and differentiate.

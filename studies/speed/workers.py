@@ -14,12 +14,13 @@ import sys
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from importlib import import_module
 from typing import Any
 
 from mrwork.errors import MrworkError, SettingError
 from studies.common.records import ROOT
+from studies.speed.bars import Bar
 
 Say = Callable[[str], None]
 """Tells a person what is measured now."""
@@ -40,6 +41,25 @@ class Benchmark(ABC):
     def exit_status(self) -> int:
         """Of the command line."""
         return 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterruptibleBenchmark(Benchmark):
+    """What one run measured of a job that Ctrl-C may end; `seconds` of all that it did."""
+
+    bars: tuple[Bar, ...]
+    seconds: float
+    interrupted: bool
+
+    @property
+    def exit_status(self) -> int:
+        """Of an interrupted run, 130."""
+        return 130 if self.interrupted else 0
+
+
+def record_kind(*, synthetic: bool) -> str:
+    """Whether a record was measured, for the text."""
+    return "SYNTHETIC, the measured record is not here" if synthetic else "measured"
 
 
 def cores_for(threads: Sequence[int]) -> list[int]:

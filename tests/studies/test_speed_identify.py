@@ -63,9 +63,9 @@ def test_numba_and_rust_objectives_are_the_same_job(
     # Of the stiffest there is, which no sub-steps resolve.
     theta[7, 4], theta[7, 5] = 1e7, 1e4
     variant = NumbaVariant(block=block, fastmath=fastmath, form=form)
-    objective = NumbaObjective.of(job, variant)
+    objective = NumbaObjective(job.objective, variant)
     (simulated,) = job.objective.misfits(theta)
-    substeps = objective.substeps(theta)
+    (substeps,) = objective.substeps(theta)
     finite = np.isfinite(simulated.squared_error)
     np.testing.assert_array_equal(substeps[finite], simulated.substeps[finite])
     assert finite.sum() == 99

@@ -45,7 +45,7 @@ def test_the_density_on_numba_is_ours(job: PosteriorJob) -> None:
     pytest.importorskip("numba", reason="numba is not installed; pip install 'mrwork[bench]'")
     from studies.speed.numba_objective import START, NumbaObjective
 
-    density = density_of(job.target, NumbaObjective.of(job.search, START))
+    density = density_of(job.target, NumbaObjective(job.search.objective, START))
     walkers = job.walkers.copy()
     walkers[1, 2] = -0.5
     np.testing.assert_allclose(density(walkers), job.target(walkers), rtol=1e-9)

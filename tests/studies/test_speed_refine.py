@@ -37,10 +37,11 @@ def test_starts_lie_in_the_box_and_repeat(job: RefineJob) -> None:
 @pytest.mark.parametrize(("block", "fastmath", "form"), [(4, False, "exp_log"), (8, True, "power")])
 def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, form: str) -> None:
     pytest.importorskip("numba", reason=f"numba {EXTRA}")
+    from studies.speed.numba_objective import NumbaObjective
     from studies.speed.numba_peer import NumbaVariant
-    from studies.speed.numba_residuals import NumbaResiduals
 
-    peer = NumbaResiduals(job, NumbaVariant(block=block, threads=1, fastmath=fastmath, form=form))
+    variant = NumbaVariant(block=block, threads=1, fastmath=fastmath, form=form)
+    peer = NumbaObjective(job.objective, variant).residuals
     # A library's power may differ by some ulp, which a stiff loop carries along.
     np.testing.assert_allclose(peer(job.starts), job.objective.residuals(job.starts), rtol=0.0, atol=1e-9)
 
