@@ -10,6 +10,7 @@ from mrwork.dampers import design
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
 from studies.chapter_3.sized_frame import SizedFrame, sized_frame
 from studies.common.command import Work
+from studies.common.records import absent, ground_motions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,4 +47,5 @@ def chapter_of(work: Work) -> Chapter:
     if front is not None:
         sized["front"] = sized_front.figures_of(front)
     found["models"] = models_on_one_test.figures_of(fits)
+    found["skipped"] = absent("Skipped: the records are", ground_motions())
     return Chapter(frame=frame, front=front, fits=fits, found=found)

@@ -101,7 +101,7 @@ def fit_figure(axes: Axes, fit: mr.Fit, test: mr.DamperTest, over: str) -> None:
     finish(axes, "Force (N)", names[over])
 
 
-def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
+def write_page(chapter: Chapter, path: Path) -> None:
     """Write figures and tables, a section for each part."""
     test = mr.synthetic_test(SHOWN_TEST)
     (published,) = _sections("twenty-tons", {"Damper of 20 tons": design.twenty_ton_damper()})
@@ -119,7 +119,7 @@ def write_page(chapter: Chapter, path: Path, *, skipped: str = "") -> None:
     write_chapter_page(
         Path(__file__).parent,
         path,
-        skipped=skipped,
+        skipped=chapter.found["skipped"],
         tables=tables(chapter.found),
         fluids=panels(
             "fluids",

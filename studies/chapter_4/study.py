@@ -10,12 +10,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import math
 import time
 from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import Any
 
 from studies.chapter_4.excerpts import measured_excerpts, synthetic_excerpts
 from studies.chapter_4.findings import TrialFinding, comparisons_of, findings_of
@@ -89,20 +87,10 @@ def find(options: Namespace, say: Say) -> Findings | int:
         },
         "averages": guarded,
     }
-    numbers = _plain(numbers)
     if options.settings == SETTINGS:
         return Findings(numbers=numbers, text=text(), judged=guarded)
     unjudged = "Not judged: expected.toml is for study.toml."
     return Findings(numbers=numbers, text=text(), judged={}, agreement=unjudged)
-
-
-def _plain(value: Any) -> Any:
-    """The same with null for what is not a finite number, as JSON has it."""
-    if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

@@ -14,8 +14,6 @@ import time
 from argparse import Namespace
 from typing import Any
 
-import numpy as np
-
 from mrwork.search import EfficientGA
 from studies.chapter_5.damper_tests import measured_sets, synthetic_sets
 from studies.chapter_5.outcome import MODELS, WITH_LAWS, Fitting, Laws, SetOutcome, study_set
@@ -41,7 +39,7 @@ def summary(outcome: SetOutcome) -> dict[str, Any]:
             label: {
                 "parameters": [estimate.name for estimate in each.fits[0].estimates],
                 "values": each.values.tolist(),
-                "standard_errors": _plain(each.errors),
+                "standard_errors": each.errors.tolist(),
                 "rms_n": each.rms_n.tolist(),
                 "mean_rms_n": float(each.rms_n.mean()),
             }
@@ -84,15 +82,10 @@ def find(options: Namespace, say: Say) -> Findings:
 def _law(laws: Laws, outcome: SetOutcome) -> dict[str, Any]:
     return {
         "coefficients": laws.coefficients,
-        "standard_errors": {name: _plain(np.array(errors)) for name, errors in laws.errors.items()},
+        "standard_errors": laws.errors,
         "rms_n": laws.rms_n.tolist(),
         "relative": outcome.tests.relative(laws.rms_n),
     }
-
-
-def _plain(numbers: np.ndarray) -> Any:
-    """Nested lists with null for what is not a number, as JSON has it."""
-    return np.where(np.isfinite(numbers), numbers.astype(object), None).tolist()
 
 
 if __name__ == "__main__":

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -69,6 +71,27 @@ class Findings:
     agreement: str = "Every figure agrees with expected.toml."
 
 
+def run_chapter(
+    file: str,
+    about: str | None,
+    *,
+    quick: str,
+    chapter_of: Callable[[Work], Any],
+    write_page: Callable[[Any, Path], None],
+    tables: Callable[[dict[str, Any]], Mapping[str, Iterable[Shown]]],
+) -> int:
+    """Run the command of a chapter that has a quick form; the page is that of the whole form."""
+
+    def find(options: argparse.Namespace, say: Say) -> Findings:
+        chapter = chapter_of(Work.of(options, say))
+        if not options.quick:
+            write_page(chapter, options.out / "report.html")
+        text = chain(*tables(chapter.found).values())
+        return Findings(numbers=chapter.found, text=text, remark=chapter.found.get("skipped", ""))
+
+    return Command(file, about, quick=quick, threads=True, out=True).run(find)
+
+
 class Command:
     """The command line of the study whose script is `file`; its `parser` takes more options.
 
@@ -119,11 +142,33 @@ class Command:
         if isinstance(found, int):
             return found
         judged = found.numbers if found.judged is None else found.judged
-        wrong = departures(judged, self.folder / "expected.toml")
+        wrong = departures(judged, self.folder / "expected.toml") if judged else []
         if options.json:
-            print(json.dumps({**found.numbers, "departures": wrong}))
+            print(json.dumps(_finite({**found.numbers, "departures": wrong})))
         else:
             for each in found.text:
                 print(each if isinstance(each, str) else each.markdown())
             print("\n".join([*filter(None, [found.remark]), *(wrong or [found.agreement])]))
         return 1 if wrong else 0
+
+
+def _finite(value: Any) -> Any:
+    """The same with null for what is not a finite number, as JSON has it."""
+    if isinstance(value, Mapping):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def levels_command(
+    file: str, about: str | None, levels: Iterable[str], *, quick: str, clairvoyants: int, resume: str
+) -> Command:
+    """The command of a study of laws at levels of the motions, with a clairvoyant under some of its test motions."""
+    command = Command(file, about, quick=quick, threads=True)
+    add = command.parser.add_argument
+    add("--level", action="append", choices=list(levels), help="one level of the motions; repeat for more")
+    meaning = "test motions with a clairvoyant, minutes each; 0 for none"
+    add("--clairvoyants", type=int, default=clairvoyants, help=meaning)
+    add("--resume", action="store_true", help=resume)
+    return command

@@ -20,29 +20,33 @@ from mrwork.uncertainty import (
     predict,
     predict_left_out,
 )
+from studies.common.command import Say
 from studies.how_sure.rig_tests import CURRENTS, MOTIONS, rig_test
 from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 
 SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 
 
-def tests() -> tuple[DamperTest, ...]:
-    return tuple(rig_test(motion, current, averaged=True) for current in CURRENTS for motion in MOTIONS)
+def scores_by_title(*, rng: int, threads: int, say: Say) -> Iterator[tuple[str, list[BandScore]]]:
+    """What the model is asked that was identified without a motion, or a current, with all scores."""
+    tests = tuple(rig_test(motion, current, averaged=True) for current in CURRENTS for motion in MOTIONS)
+    folds: tuple[tuple[Fold, str], ...] = (("motion", "a motion"), ("command", "a current"))
+    for fold, what in folds:
+
+        def identify_rest(rest: tuple[DamperTest, ...], fold: Fold = fold) -> Fit:
+            fit = identify(SPEC, rest, rng=rng, threads=threads)
+            say(f"without one {fold}: {len(rest)} tests, fit {fit.fit_percent:.2f} %")
+            return fit
+
+        found = predict_left_out(tests, fold, identify_rest)
+        title = f"A joint model, asked for {what} that it was identified without"
+        yield title, list(outcomes_of(tests, found, rng=rng))
 
 
-def left_out(fold: Fold, *, rng: int, threads: int) -> LeftOut:
-    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
-        fit = identify(SPEC, rest, rng=rng, threads=threads)
-        print(f"# without one {fold}: {len(rest)} tests, fit {fit.fit_percent:.2f} %", flush=True)
-        return fit
-
-    return predict_left_out(tests(), fold, identify_rest)
-
-
-def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[BandScore]:
+def outcomes_of(tests: tuple[DamperTest, ...], found: LeftOut, *, rng: int) -> Iterator[BandScore]:
     """Noise models by the residuals that each fit has seen; bands calibrated on the other tests left out."""
     fits = {frozenset(quality.test for quality in fit.quality): fit for fit in found.fits}
-    everything = {test.name: test for test in tests()}
+    everything = {test.name: test for test in tests}
     seen: dict[int, list[Prediction]] = {}
     for fit in found.fits:
         seen[id(fit)] = [predict(fit, everything[quality.test]) for quality in fit.quality]

@@ -12,7 +12,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm, t
 
-from mrwork.uncertainty import Band, Prediction, score
+from mrwork.report import Table
+from mrwork.uncertainty import Band, Prediction
+from mrwork.uncertainty import score as score_of
+from studies.common.table import Cell, table_of
 
 LEVEL = 0.9
 
@@ -28,20 +31,8 @@ class BandScore:
     interval_score: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScoreRow:
-    """One way over all tests left out: means, and the least coverage of a test."""
-
-    way: str
-    n_tests: int
-    coverage: float
-    least: float
-    width: float
-    interval_score: float
-
-
 def outcome(way: str, prediction: Prediction, band: Band) -> BandScore:
-    judged = score(band, prediction.measured, per=float(np.std(prediction.measured)))
+    judged = score_of(band, prediction.measured, per=float(np.std(prediction.measured)))
     return BandScore(
         way=way,
         test=prediction.test.name,
@@ -51,33 +42,27 @@ def outcome(way: str, prediction: Prediction, band: Band) -> BandScore:
     )
 
 
-def table(outcomes: Iterable[BandScore]) -> tuple[ScoreRow, ...]:
-    """Rows in the order in which their ways first appear."""
+def score_table(title: str, scores: Iterable[BandScore]) -> Table:
+    """A row for each way, in the order in which they first appear: means over its tests, and the least coverage."""
     groups: dict[str, list[BandScore]] = {}
-    for each in outcomes:
-        groups.setdefault(each.way, []).append(each)
-    return tuple(
-        ScoreRow(
-            way=way,
-            n_tests=len(group),
-            coverage=float(np.mean([each.coverage for each in group])),
-            least=min(each.coverage for each in group),
-            width=float(np.mean([each.width for each in group])),
-            interval_score=float(np.mean([each.interval_score for each in group])),
-        )
-        for way, group in groups.items()
+    for score in scores:
+        groups.setdefault(score.way, []).append(score)
+
+    def mean(of: str, form: str, factor: float = 1.0) -> Cell:
+        return lambda group: form.format(factor * np.mean([getattr(score, of) for score in group]))
+
+    return table_of(
+        title,
+        "way",
+        groups,
+        {
+            "tests": lambda group: str(len(group)),
+            "coverage": mean("coverage", "{:.1f} %", 100.0),
+            "least": lambda group: f"{100.0 * min(score.coverage for score in group):.1f}",
+            "width": mean("width", "{:.3f}"),
+            "score": mean("interval_score", "{:.3f}"),
+        },
     )
-
-
-def lines(title: str, rows: Sequence[ScoreRow]) -> str:
-    width = max(len(row.way) for row in rows)
-    head = f"{title}\n  {'way':<{width}}  tests  coverage  least   width  score"
-    body = [
-        f"  {row.way:<{width}}  {row.n_tests:5d}  {100 * row.coverage:6.1f} %  {100 * row.least:5.1f}  "
-        f"{row.width:6.3f} {row.interval_score:6.3f}"
-        for row in rows
-    ]
-    return "\n".join([head, *body])
 
 
 # Quantiles of the size over which the mixture is averaged.

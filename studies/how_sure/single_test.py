@@ -18,6 +18,7 @@ from mrwork.uncertainty import (
     sample,
     simulate_draws,
 )
+from studies.common.command import Say
 from studies.how_sure.rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
 from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 
@@ -47,11 +48,11 @@ def fitted(current: str, *, rng: int, threads: int) -> Fitted:
     )
 
 
-def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Iterator[BandScore]:
+def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int, say: Say) -> Iterator[BandScore]:
     """Bands of each noise model from the posterior of the one test."""
     for name, noise in NOISES.items():
         draws = sample(at.fit, at.test, noise=name, rng=rng, threads=threads, most_steps=_MOST_STEPS)
-        print(f"# {current} {name}: {draws.verdict}", flush=True)
+        say(f"{current} {name}: {draws.verdict}")
         stream = np.random.default_rng([rng, len(name)])
         chosen = stream.choice(len(draws.theta), _DRAWS, replace=False)
         measured = at.test.force[at.test.counted]
@@ -89,9 +90,13 @@ def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[BandScore]:
         yield random_size_outcome(predictions[entry], others)
 
 
-def all_outcomes(*, rng: int, threads: int, currents: tuple[str, ...] = CURRENTS) -> list[BandScore]:
-    at = {current: fitted(current, rng=rng, threads=threads) for current in currents}
-    outcomes = [
-        each for current in at for each in noise_outcomes(current, at[current], rng=rng, threads=threads)
+def scores_by_title(*, rng: int, threads: int, say: Say) -> Iterator[tuple[str, list[BandScore]]]:
+    """What the fits at each current are asked, with all scores."""
+    at = {current: fitted(current, rng=rng, threads=threads) for current in CURRENTS}
+    scores = [
+        score
+        for current in at
+        for score in noise_outcomes(current, at[current], rng=rng, threads=threads, say=say)
     ]
-    return outcomes + list(calibrated_outcomes(at))
+    title = "A fit to 10 mm, 1 Hz, asked for the five other motions at its current"
+    yield title, scores + list(calibrated_outcomes(at))

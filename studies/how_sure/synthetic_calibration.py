@@ -6,8 +6,9 @@ posterior is uniform (Talts et al. 2018), and a 90 % prediction band holds 90 % 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.stats import chisquare
@@ -15,6 +16,7 @@ from scipy.stats import chisquare
 from mrwork import identify
 from mrwork.dampers import Box, DamperSpec, Loading, damper, simulate_force
 from mrwork.records import DamperTest, build_damper_test
+from mrwork.report import Table
 from mrwork.uncertainty import (
     Lognormal,
     Noise,
@@ -25,8 +27,10 @@ from mrwork.uncertainty import (
     score,
     simulate_draws,
 )
+from studies.common.command import Say
+from studies.common.table import table_of
+from studies.how_sure.scores import LEVEL
 
-LEVEL = 0.9
 # Ranges of the parameters that are free, the others held at their nominal values. Loops as wide as these are resolved
 # by few steps: a replicate takes seconds.
 MODELS = {
@@ -71,10 +75,11 @@ class Case:
     unfinished: int
 
 
-def cases(replicates: int, *, rng: int, threads: int) -> Iterator[Case]:
-    for model in MODELS:
-        for noise in NOISES:
-            yield case(model, noise, replicates, rng=rng, threads=threads)
+def cases(replicates: int, *, rng: int, threads: int, say: Say) -> Iterator[Case]:
+    """Every model under every noise."""
+    for model, noise in product(MODELS, NOISES):
+        say(f"{model}, {noise}: {replicates} replicates")
+        yield case(model, noise, replicates, rng=rng, threads=threads)
 
 
 def case(model: str, noise: str, replicates: int, *, rng: int, threads: int) -> Case:
@@ -192,14 +197,17 @@ def noisy_test(
     )
 
 
-HEAD = (
-    "Synthetic tests, noise as assumed\n"
-    f"  {'model':<22}{'noise':<11}{'runs':>5}  {'in 90 %':>8}  {'p uniform':>9}  ranks"
-)
-
-
-def line(case: Case) -> str:
-    return (
-        f"  {case.model:<22}{case.noise:<11}{case.replicates:5d}  {100 * case.coverage:6.1f} %"
-        f"  {case.p_uniform:9.3f}  {' '.join(str(count) for count in case.ranks)}"
+def table(cases: Iterable[Case]) -> Table:
+    """A row for each case."""
+    return table_of(
+        "Synthetic tests, noise as assumed",
+        "model",
+        ((case.model, case) for case in cases),
+        {
+            "noise": "{0.noise}",
+            "runs": "{0.replicates}",
+            "in 90 %": lambda case: f"{100.0 * case.coverage:.1f} %",
+            "p uniform": "{0.p_uniform:.3f}",
+            "ranks": lambda case: " ".join(map(str, case.ranks)),
+        },
     )

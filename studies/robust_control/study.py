@@ -10,11 +10,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+import json
 from argparse import Namespace
 
 import mrwork as mr
-from studies.common.command import Findings, Say
-from studies.common.levels import levels_command, write_numbers
+from studies.common.command import Findings, Say, levels_command
 from studies.common.records import ROOT
 from studies.robust_control.findings import level_found
 from studies.robust_control.runs import identified, tuned
@@ -54,7 +54,7 @@ def find(options: Namespace, say: Say) -> Findings | int:
         from studies.robust_control.page import write_page
 
         write_page(found, OUT / "report.html")
-        write_numbers(OUT / "found.json", found)
+        (OUT / "found.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
     return Findings(numbers=found, text=tables(found), judged={} if options.quick else found)
 
 

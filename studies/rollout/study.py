@@ -10,12 +10,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+import json
 from argparse import Namespace
 from functools import partial
 
 import mrwork as mr
-from studies.common.command import Findings, Say
-from studies.common.levels import levels_command, write_numbers
+from studies.common.command import Findings, Say, levels_command
 from studies.common.records import ROOT, absent, ground_motions
 from studies.rollout.findings import cost_found, kept_in, level_found
 from studies.rollout.loop import bench_of, shortened
@@ -53,7 +53,7 @@ def find(options: Namespace, say: Say) -> Findings | int:
         from studies.rollout.page import write_page
 
         write_page(figures, OUT / "report.html")
-        write_numbers(OUT / "found.json", figures)
+        (OUT / "found.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
     return Findings(numbers=figures, text=tables(figures), judged={} if options.quick else figures)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from mrwork.dampers import damper
 from studies.how_sure import synthetic_calibration
-from studies.how_sure.scores import BandScore, lines, next_test_half_width, table
+from studies.how_sure.scores import BandScore, next_test_half_width, score_table
 
 
 def test_random_sizes_widen_a_band_beyond_the_mean_size() -> None:
@@ -20,9 +20,7 @@ def test_rows_are_means_over_the_tests_left_out() -> None:
         BandScore(way="a", test=str(index), coverage=coverage, width=1.0, interval_score=2.0 * coverage)
         for index, coverage in enumerate((0.8, 1.0))
     ]
-    (row,) = table(outcomes)
-    assert (row.coverage, row.least, row.interval_score, row.n_tests) == (0.9, 0.8, 1.8, 2)
-    assert "90.0 %" in lines("title", [row])
+    assert score_table("title", outcomes).rows == (("a", "2", "90.0 %", "80.0", "1.000", "1.800"),)
 
 
 def test_a_replicate_ranks_every_free_number_and_bands_another_motion() -> None:
