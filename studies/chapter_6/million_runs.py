@@ -1,11 +1,10 @@
 """A million runs of the three-storey frame with what is kept of them: peak memory of the process and time.
 
-python studies/chapter_6/million_runs.py [--candidates N] [--draws N]
+`study.py` runs it in a process of its own.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import time
@@ -18,20 +17,16 @@ from mrwork.control import ControlLaw
 from mrwork.dampers import damper
 from mrwork.motions import synthetic_motion, trimmed
 
+_CANDIDATES, _DRAWS = 1000, 1000
+
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--candidates", type=int, default=1000)
-    parser.add_argument("--draws", type=int, default=1000)
-    options = parser.parse_args()
     frame = building("dyke1996")
     preset = damper("static_hysteretic").preset("kwok2006")
     rng = np.random.default_rng(1)
-    draws = np.array(preset.theta) * np.exp(0.05 * rng.standard_normal((options.draws, len(preset.theta))))
+    draws = np.array(preset.theta) * np.exp(0.05 * rng.standard_normal((_DRAWS, len(preset.theta))))
     device = Device(name="damper", spec=preset.spec, theta=draws, row=frame.storeys[0], largest_command=1.88)
-    law = ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, options.candidates)[:, None]})
+    law = ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, _CANDIDATES)[:, None]})
     motion = trimmed(synthetic_motion(rng=1), start=4.0, end=6.0)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began = time.perf_counter()

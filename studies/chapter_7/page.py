@@ -15,7 +15,7 @@ from studies.chapter_7.earthquakes import LEAD, PEAK
 from studies.chapter_7.findings import Chapter
 from studies.chapter_7.frame_tests import ADDED_MASS, LENGTH, IdentifiedFrame, spectrum
 from studies.chapter_7.predictions import JUDGED
-from studies.chapter_7.rig_damper import IdentifiedDamper, at_currents
+from studies.chapter_7.rig_damper import IdentifiedDamper
 from studies.chapter_7.sine_tests import SWEEP_CURRENTS, SineTest
 from studies.chapter_7.tables import mean_of, tables
 from studies.chapter_7.virtual_rig import (
@@ -134,11 +134,14 @@ def loop_figure(axes: Axes, found: IdentifiedDamper) -> None:
 def friction_figure(axes: Axes, found: IdentifiedDamper) -> None:
     """Height of the hysteresis over the current, identified and true."""
     currents = np.linspace(0.0, LARGEST_CURRENT, 51)
-    for theta, tone, line, name in (
+    names = found.fit.spec.names
+    for theta, tone, line, label in (
         (rd_1005_3().draws[0], style.DATA, "solid", "true"),
         (np.array(found.fit.theta), style.MODEL, style.DASHED, "identified"),
     ):
-        axes.plot(currents, at_currents(theta, currents)["alpha"], color=tone, linestyle=line, label=name)
+        alpha = [theta[names.index(f"alpha.{power}")] for power in range(3)]
+        height = np.polynomial.polynomial.polyval(currents, alpha)
+        axes.plot(currents, height, color=tone, linestyle=line, label=label)
     axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0))
     finish(axes, "Height of the hysteresis, alpha (N)", "Current (A)")
 

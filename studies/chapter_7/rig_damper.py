@@ -30,8 +30,6 @@ _SWITCHED_ON = 0.05
 # bound the search can end in a minimum where no test changes sides.
 _SIDE = (1e-5, 1e-3)
 FEW_HARMONICS = 7
-SHOWN = ("c", "k", "alpha", "beta", "delta", "x_s", "f0")
-"""Parameters of the static hysteretic model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,18 +121,6 @@ def driver_rate(rig: Rig, rng: np.random.Generator, sensors: Sensors) -> tuple[f
     since = seen.time[late] - _SWITCHED_ON - rig.hardware.delay
     found, covariance = curve_fit(rising, since, seen.current[late], p0=(100.0, LARGEST_CURRENT))
     return float(found[0]), float(np.sqrt(covariance[0, 0]))
-
-
-def at_currents(theta: np.ndarray, currents: np.ndarray) -> dict[str, np.ndarray]:
-    """Parameters over the current, from the coefficients of their laws."""
-    spec = mr.damper("static_hysteretic").with_current_laws(LAWS, unit="A")
-    place, found = 0, {}
-    for name in SHOWN:
-        count = sum(each == name or each.startswith(f"{name}.") for each in spec.names)
-        powers = np.stack([currents**power for power in range(count)])
-        found[name] = np.asarray(theta[place : place + count] @ powers)
-        place += count
-    return found
 
 
 def figures_of(found: IdentifiedDamper, truth: mr.Device) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -90,10 +90,13 @@ def bench(records: Path, *, names: Sequence[str] = (), threads: int = 0) -> Benc
 
 def recorded_motions(records: Path, peak: float, *, names: Sequence[str] = ()) -> list[GroundMotion]:
     """The records of a folder, those named or all four, scaled to a peak [g]."""
+    return scaled_records([records / file for title, file in RECORDS if not names or title in names], peak)
+
+
+def scaled_records(files: Iterable[Path], peak: float) -> list[GroundMotion]:
+    """The first seconds of records, scaled to a peak [g]."""
     return [
-        scaled_to_peak(trimmed(read_motion(records / file), end=LONGEST), peak * STANDARD_GRAVITY)
-        for title, file in RECORDS
-        if not names or title in names
+        scaled_to_peak(trimmed(read_motion(file), end=LONGEST), peak * STANDARD_GRAVITY) for file in files
     ]
 
 

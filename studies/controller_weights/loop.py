@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY
+from mrwork.closed_loop import SCORE
 from mrwork.control import (
     ControlLaw,
     DesignedWeights,
@@ -20,9 +19,9 @@ from mrwork.control import (
     regulator_of_outputs,
     stiffness_cases,
 )
-from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
+from mrwork.motions import GroundMotion
 from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
+from studies.common.frame import FRAME, HARDWARE, RECORDS, pair, recorded_motions, scaled_records
 from studies.common.scores import constant_commands, criteria
 from studies.controller_weights.designs import limits_of
 
@@ -40,7 +39,7 @@ EQUAL = (1e-10, 3.16e-11, 1e-11, 3.16e-12, 1e-12, 3.16e-13, 1e-13, 1e-14, 1e-15)
 class Motions:
     """Motions of a level, and the criteria of i = 0 under each."""
 
-    motions: tuple[GroundMotion, ...]
+    motions: list[GroundMotion]
     level: float
     threads: int
 
@@ -52,12 +51,6 @@ class Motions:
     def _criteria(self, law: ControlLaw) -> Floats:
         device = pair(CURRENTS[self.level])
         return criteria(FRAME, [device], law, self.motions, HARDWARE, threads=self.threads)
-
-
-def read(files: Sequence[Path], level: float) -> tuple[GroundMotion, ...]:
-    """Records of a level, at most 50 s of each."""
-    cut = [trimmed(read_motion(file), end=LONGEST) for file in files]
-    return tuple(scaled_to_peak(motion, level * STANDARD_GRAVITY) for motion in cut)
 
 
 def shapes(level: float, *, quick: bool) -> dict[str, DesignedWeights]:
@@ -94,10 +87,14 @@ def shapes(level: float, *, quick: bool) -> dict[str, DesignedWeights]:
 def scanned(level: float, records: Path, *, quick: bool, threads: int) -> dict[str, dict[str, Any]]:
     """Each shape with R scanned under the four records, and the best, and R as designed, under the sixteen others."""
     plant = plant_of(FRAME, FRAME.storeys[:1])
-    files = [records / file for _, file in (RECORDS[1:2] if quick else RECORDS)]
-    training = Motions(motions=read(files, level), level=level, threads=threads)
+    names = [title for title, _ in (RECORDS[1:2] if quick else RECORDS)]
+    training = Motions(motions=recorded_motions(records, level, names=names), level=level, threads=threads)
     others = sorted((records / "real").glob("*.AT2"))
-    test = None if quick or not others else Motions(motions=read(others, level), level=level, threads=threads)
+    test = (
+        None
+        if quick or not others
+        else Motions(motions=scaled_records(others, level), level=level, threads=threads)
+    )
     scales, equal = ((1.0, 0.1), EQUAL[::4]) if quick else (SCALES, EQUAL)
     gains = {
         "equal drift weights": (

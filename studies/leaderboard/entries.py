@@ -15,14 +15,18 @@ from types import FrameType, ModuleType
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from studies.common.arrays import Floats
 
 # What the functions of entries are given.
 Tests = Sequence[mr.DamperTest]
 Motions = Sequence[mr.GroundMotion]
 Rng = np.random.Generator
+Predict = Callable[[mr.DamperTest], Floats]
+"""Gives the force of a test, as its rig would record it [N], shape (n_time,)."""
 
 HERE = Path(__file__).parent
 LIMIT = 600.0
@@ -68,6 +72,19 @@ class Row(Generic[ScoreT]):
     failure: str = ""
     title: str = ""
     n_params: int | None = None
+
+
+def recorded_force(spec: mr.DamperSpec, theta: ArrayLike, test: mr.DamperTest) -> Floats:
+    """Free-run simulation of a test: the force of the damper as its rig would record it [N], shape (n_time,)."""
+    unit = None if spec.current is None else spec.current.unit
+    loading = mr.Loading(
+        dt=test.dt,
+        displacement=test.displacement,
+        velocity=test.velocity,
+        command=test.command_in(unit),
+        command_unit=unit,
+    )
+    return test.observation.observe(mr.simulate_force(spec, theta, loading), test.dt)
 
 
 def files_of(kind: Kind) -> dict[str, Path]:

@@ -10,9 +10,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw
 from mrwork.errors import SettingError
-from mrwork.motions import scaled_to_peak, suite, trimmed
+from mrwork.motions import suite
 from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, LONGEST, RECORDS, pair
+from studies.common.frame import FRAME, HARDWARE, RECORDS, pair, scaled_records
 from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.leaderboard.best_constant import best_constant
 from studies.leaderboard.damper_scores import SEED
@@ -62,11 +62,7 @@ def synthetic_motions() -> tuple[mr.GroundMotion, ...]:
 def measured_motions() -> tuple[mr.GroundMotion, ...]:
     """The four records of the benchmarks; none where the files are absent."""
     files = {file.name: file for file in measured_files(MOTIONS)}
-    return tuple(
-        scaled_to_peak(trimmed(mr.read_motion(files[file]), end=LONGEST), PEAK)
-        for _, file in RECORDS
-        if files
-    )
+    return tuple(scaled_records((files[file] for _, file in RECORDS if files), PEAK / STANDARD_GRAVITY))
 
 
 def bench(motions: Motions, *, threads: int) -> Bench:

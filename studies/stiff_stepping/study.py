@@ -55,7 +55,7 @@ def run() -> dict[str, Any]:
         for method in METHODS
     }
     preset = {
-        method: {str(substeps): asdict(preset_error(method, substeps, SEEDS)) for substeps in SUBSTEPS}
+        method: {str(substeps): preset_error(method, substeps, SEEDS) for substeps in SUBSTEPS}
         for method in METHODS
     }
     scattered = {

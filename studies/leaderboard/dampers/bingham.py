@@ -4,8 +4,7 @@ Authors: mrwork. Reference: Stanway, Sproston, Stevens, J. Electrostat. 20(2), 1
 """
 
 import mrwork as mr
-from studies.leaderboard.entries import Rng, Tests
-from studies.leaderboard.free_run import Predict, recorded_force
+from studies.leaderboard.entries import Predict, Rng, Tests, recorded_force
 
 SPEC = mr.damper("bingham").with_current_laws({"f_c": "quadratic", "c0": "linear"})
 N_PARAMS = len(SPEC.names)

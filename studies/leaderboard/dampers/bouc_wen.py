@@ -4,8 +4,7 @@ Authors: mrwork. Reference: Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 
 """
 
 import mrwork as mr
-from studies.leaderboard.entries import Rng, Tests
-from studies.leaderboard.free_run import Predict, recorded_force
+from studies.leaderboard.entries import Predict, Rng, Tests, recorded_force
 
 SPEC = mr.damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 N_PARAMS = len(SPEC.names)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from studies.leaderboard.entries import Rng, Tests
-from studies.leaderboard.free_run import Predict
+from studies.leaderboard.entries import Predict, Rng, Tests
 
 N_PARAMS = 24
 

@@ -5,8 +5,7 @@ studies/one_model_for_a_rig.
 """
 
 import mrwork as mr
-from studies.leaderboard.entries import Rng, Tests
-from studies.leaderboard.free_run import Predict, recorded_force
+from studies.leaderboard.entries import Predict, Rng, Tests, recorded_force
 
 SPEC = mr.damper("normalised_modified_bouc_wen").with_current_laws(
     {"k_w": "cubic", "c0": "quadratic", "c1": "quadratic", "rho": "quadratic", "n": "linear", "k1": "linear"}

@@ -4,8 +4,7 @@ Authors: mrwork. Reference: Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132,
 """
 
 import mrwork as mr
-from studies.leaderboard.entries import Rng, Tests
-from studies.leaderboard.free_run import Predict, recorded_force
+from studies.leaderboard.entries import Predict, Rng, Tests, recorded_force
 
 SPEC = mr.damper("static_hysteretic").with_current_laws({"alpha": "cubic", "c": "linear", "delta": "linear"})
 N_PARAMS = len(SPEC.names)
