@@ -11,7 +11,6 @@ candidates innermost let the processor overlap their powers; how many, and with 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -356,12 +355,10 @@ def fastest_layout(job: RefineJob, layouts: tuple[NumbaVariant, ...] = LAYOUTS) 
     rows = np.repeat(job.starts[:1], 1 + len(job.box.free), axis=0)
 
     def seconds(objective: NumbaObjective) -> float:
-        objective.residuals(rows), objective.residuals(rows[:1])
-        spent = []
-        for _ in range(5):
-            began = time.perf_counter()
-            objective.residuals(rows), objective.residuals(rows[:1])
-            spent.append(time.perf_counter() - began)
-        return float(np.median(spent))
+        spent = [
+            timed(lambda: (objective.residuals(rows), objective.residuals(rows[:1])))[1] for _ in range(6)
+        ]
+        # The first compiles.
+        return float(np.median(spent[1:]))
 
     return min((NumbaObjective(job.objective, layout) for layout in layouts), key=seconds)

@@ -15,13 +15,14 @@ from mrwork.errors import SettingError
 from mrwork.uncertainty import Ensemble, convergence, select_kept_rows
 from studies.common.arrays import Floats
 from studies.common.table import table_of
-from studies.speed.bars import Bar, ratio_bar
 from studies.speed.posterior_job import Density, PosteriorJob, density_of
 from studies.speed.timing import require_agreement, rotated, timed
 from studies.speed.workers import (
+    Bar,
     InterruptibleBenchmark,
     Say,
     cores_for,
+    ratio_bar,
     record_kind,
     rows_until_interrupted,
     silent,

@@ -11,11 +11,10 @@ import numpy as np
 
 from mrwork.errors import SettingError
 from studies.common.table import table_of
-from studies.speed.bars import Bar
 from studies.speed.refine_engines import Engine, Refined, engines
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
 from studies.speed.timing import require_agreement, timed
-from studies.speed.workers import Benchmark, Say, record_kind, silent
+from studies.speed.workers import Bar, Benchmark, Say, record_kind, silent
 
 # 0.01 points of fit.
 _NEAR = 1e-4

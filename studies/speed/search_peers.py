@@ -14,11 +14,10 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +27,7 @@ from mrwork.search import library
 from studies.common.arrays import Floats
 from studies.speed.attempt import Attempt, AttemptEnded
 from studies.speed.search_job import SearchJob
+from studies.speed.timing import timed
 
 Solver = Literal["RK45", "LSODA"]
 SOLVERS: tuple[Solver, ...] = ("RK45", "LSODA")
@@ -181,16 +181,12 @@ def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates:
     visited = job.theta(np.concatenate(units))
     few = visited[np.linspace(0, len(visited) - 1, candidates).astype(int)]
     return UsualWay(
-        seconds_by_solver={solver: _seconds(misfit_by(solver, job), few) for solver in SOLVERS},
+        seconds_by_solver={
+            solver: timed(partial(list, map(misfit_by(solver, job), few)))[1] / candidates
+            for solver in SOLVERS
+        },
         candidates=candidates,
     )
-
-
-def _seconds(misfit: Callable[[Floats], float], few: Floats) -> float:
-    began = time.perf_counter()
-    for theta in few:
-        misfit(theta)
-    return (time.perf_counter() - began) / len(few)
 
 
 def misfit_by(solver: Solver, job: SearchJob) -> Callable[[Floats], float]:

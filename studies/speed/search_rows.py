@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from studies.speed.attempt import AttemptResult
-from studies.speed.bars import Bar, ratio_bar
 from studies.speed.own_searches import EarlyAbort
 from studies.speed.search_peers import SOLVERS, UsualWay
+from studies.speed.workers import Bar, ratio_bar
 
 # Whose course the usual way is extrapolated from.
 USUAL = "pyswarms"
