@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from studies.chapter_2.device_families import FAMILIES, column_height
+from studies.common.scores import TITLES
 from studies.common.table import alike, table_of
 
 SETS = {"synthetic": "Two synthetic motions", "measured": "Four measured records"}
@@ -27,13 +27,12 @@ def tables(found: dict[str, Any]) -> dict[str, tuple[Table, ...]]:
 def _response_table(families: dict[str, Any], name: str) -> Table:
     groups = {family.name: family.group for family in FAMILIES}
     rows = {label: {"group": groups[label], **figures[name]} for label, figures in families.items()}
-    headings = ("score", "peak drift", "peak acc.", "rms drift", "rms acc.", "worst peak")
-    keys = dict(zip(headings, ("judged", *SCORE, "worst_peak"), strict=True))
+    ratios = {title: name for name, title in TITLES.items()}
     return table_of(
         f"Ratios to the bare frame: {SETS[name].lower()}",
         "device",
         sorted(rows.items(), key=lambda row: row[1]["judged"]),
-        {"group": "{group}", **alike(".3f", keys)},
+        {"group": "{group}", **alike(".3f", {"score": "judged", **ratios, "worst peak": "worst_peak"})},
     )
 
 

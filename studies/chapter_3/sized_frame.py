@@ -23,7 +23,6 @@ from studies.common.frame import (
     HARDWARE,
     JUDGING,
     RECORDS,
-    constant_current,
     pair,
     recorded_motions,
     regulators,
@@ -31,6 +30,7 @@ from studies.common.frame import (
     score_ratios,
     synthetic_motions,
 )
+from studies.common.scores import constant_commands
 
 PEAK = 0.3
 """Peak of the ground motions [g]."""
@@ -132,7 +132,7 @@ class _Bench:
     def compared(self, device: mr.Device) -> dict[str, Any]:
         """The best constant current and the best clipped-optimal control, each judged on the other motions."""
         currents = np.linspace(0.0, device.largest_command, self.n_currents)
-        scores = self._scores(device, constant_current(*currents))
+        scores = self._scores(device, constant_commands(currents))
         best = int(scores.argmin())
         tried = []
         for share in self.shares:
@@ -150,7 +150,7 @@ class _Bench:
             "constant": {
                 "score": float(scores[best]),
                 "current_a": float(currents[best]),
-                **self._judged(device, constant_current(currents[best])),
+                **self._judged(device, constant_commands(currents[best])),
             },
             "clipped": {
                 "score": least,
@@ -192,7 +192,7 @@ class _Bench:
         """Criteria over those of the pair at i = 0, shape (candidates, motions, criteria), and the runs."""
         off, runs = (
             mr.simulate_loop(FRAME, [driven], by, motions, HARDWARE, threads=self.threads)
-            for driven, by in ((pair(), constant_current(0.0)), (device, law))
+            for driven, by in ((pair(), constant_commands(0.0)), (device, law))
         )
         return score_ratios(runs, score_criteria(off)), runs
 

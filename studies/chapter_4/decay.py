@@ -58,24 +58,10 @@ def at_budget(found: Replicates, budget: Floats | Integers) -> Floats:
     return np.where(place < 0, np.inf, misfit)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ending:
-    """Generation at which a rule would have ended each run, -1 if it would not, shape (n_replicates,)."""
+def ending(found: Replicates, rule: StopRules) -> Integers:
+    """Generation at which a rule would have ended each run, -1 if it would not, shape (n_replicates,).
 
-    generation: Integers
-
-    @property
-    def ended(self) -> NDArray[np.bool_]:
-        return self.generation >= 0
-
-    def at(self, traces: NDArray[np.generic]) -> Floats:
-        """Entries of traces, shape (n_replicates, n_generations), at the ends of the runs, else the last."""
-        rows = np.arange(len(self.generation))
-        return np.asarray(traces[rows, self.generation], dtype=np.float64)
-
-
-def ending(found: Replicates, rule: StopRules) -> Ending:
-    """Return where a rule would have ended runs that all went on to the last generation.
+    All runs went on to the last generation, which is where -1 points to.
 
     A rule reads only the past of a search, so the run would have been the same up to its end. Rules that read the
     population cannot be evaluated, because it was not kept.
@@ -90,7 +76,12 @@ def ending(found: Replicates, rule: StopRules) -> Ending:
             best_unit=nowhere[:, 0],
         )
         generation[(generation < 0) & (judged != 0)] = last
-    return Ending(generation=generation)
+    return generation
+
+
+def at_end(traces: NDArray[np.generic], generation: Integers) -> Floats:
+    """Entries of traces, shape (n_replicates, n_generations), at the ends of the runs."""
+    return np.asarray(traces[np.arange(len(generation)), generation], dtype=np.float64)
 
 
 def rules(confidence: float) -> dict[str, StopRules]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import mrwork as mr
 from mrwork.records import cut
 from studies.chapter_4.search_settings import MeasuredChoice, SyntheticChoice
-from studies.chapter_5.damper_tests import TestSet, synthetic_sets
+from studies.chapter_5.damper_tests import TestSet, by_current, synthetic_sets
 
 _FREQUENCY = 1.0
 
@@ -28,16 +27,12 @@ def measured_excerpts(folder: Path, choice: MeasuredChoice) -> TestSet | None:
     if not any(folder.glob(choice.records)):
         return None
     tests = []
-    for test in mr.read_damper_tests(folder / choice.records):
-        if test.current is None:
-            raise mr.MrworkError(
-                f"{test.path}: no current is known; give a column current_a or name it ...1A"
-            )
+    for test in by_current(folder, choice.records):
         end = choice.start + choice.samples * choice.every * test.dt
-        tests.append((test.current, cut(test, start=choice.start, end=end, every=choice.every)))
+        tests.append(cut(test, start=choice.start, end=end, every=choice.every))
     return TestSet(
         damper="measured UTFSM",
         motion="10 mm 1 Hz",
         synthetic=False,
-        tests=tuple(test for _, test in sorted(tests, key=lambda pair: pair[0])),
+        tests=tuple(tests),
     )

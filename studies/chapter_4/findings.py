@@ -12,6 +12,7 @@ from studies.chapter_4.decay import (
     Advantage,
     advantage,
     at_budget,
+    at_end,
     ending,
     error_level,
     evaluations_to,
@@ -170,11 +171,12 @@ def _search(runs: Replicates, level: float, confidence: float) -> SearchFinding:
 
 def _rule(runs: Replicates, name: str, confidence: float) -> RuleFinding:
     ends = ending(runs, rules(confidence)[name])
-    ratio = (ends.at(runs.best) / runs.final)[ends.ended]
+    ended = ends >= 0
+    ratio = (at_end(runs.best, ends) / runs.final)[ended]
     return RuleFinding(
-        share=float(ends.ended.mean()),
-        generation=_quantiles(ends.generation[ends.ended].astype(float)),
-        evaluations=float(ends.at(runs.evaluations).mean()),
+        share=float(ended.mean()),
+        generation=_quantiles(ends[ended].astype(float)),
+        evaluations=float(at_end(runs.evaluations, ends).mean()),
         excess=float(np.median(ratio) - 1.0) if ratio.size else np.nan,
     )
 

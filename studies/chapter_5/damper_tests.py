@@ -183,9 +183,13 @@ def measured_sets(folder: Path) -> tuple[TestSet, ...]:
 def _measured(folder: Path, pattern: str, damper: str, motion: str) -> tuple[TestSet, ...]:
     if not any(folder.glob(pattern)):
         return ()
-    tests = sorted(mr.read_damper_tests(folder / pattern), key=_current)
-    settled = tuple(_settled(test) for test in tests)
+    settled = tuple(_settled(test) for test in by_current(folder, pattern))
     return (TestSet(damper=damper, motion=motion, synthetic=False, tests=settled),)
+
+
+def by_current(folder: Path, pattern: str) -> list[DamperTest]:
+    """The tests of files, lowest current first."""
+    return sorted(mr.read_damper_tests(folder / pattern), key=_current)
 
 
 def _current(test: DamperTest) -> float:

@@ -33,10 +33,10 @@ from studies.common.frame import (
     Bench,
     Figures,
     bench,
-    constant_current,
     figures,
     level_name,
 )
+from studies.common.scores import constant_commands
 
 HERE = Path(__file__).parent
 SEED = 6
@@ -67,7 +67,7 @@ def tune(over: Bench, laws: Sequence[str], say: Say, *, near: bool = False) -> d
         # A stream for each law: one more law leaves what is drawn for the others as it is.
         rng, start = np.random.default_rng([SEED, *law.encode()]), before.get(law, ())
         if law == "active_limited":
-            limit = figures(over, constant_current(LARGEST_CURRENT)).peak_force[0]
+            limit = figures(over, constant_commands(LARGEST_CURRENT)).peak_force[0]
             found[law] = search(
                 over,
                 "active",
@@ -84,7 +84,7 @@ def five_storeys(over: Bench, work: Work) -> dict[str, dict[str, Any]]:
     """By label, figures at each level: constant currents, laws, baselines."""
     table: dict[str, dict[str, Any]] = {}
     currents = np.linspace(0.0, LARGEST_CURRENT, 48)
-    constant = figures(over, constant_current(*currents))
+    constant = figures(over, constant_commands(currents))
     for label, places in {OFF: [0, 0], CONSTANT: constant.score.argmin(axis=0), "i_max": [-1, -1]}.items():
         chosen = [float(currents[place]) for place in places]
         table[label] = _at_levels(
@@ -155,8 +155,8 @@ def found_by(work: Work) -> dict[str, Any]:
     work.say("Dyke et al. 1996")
     found: dict[str, Any] = {
         "frequencies": frequencies(),
-        "dyke": {row.label: row.numbers for row in rows(motion)},
-        "dyke_causes": {row.label: row.numbers for row in causes(motion)},
+        "dyke": dict(rows(motion)),
+        "dyke_causes": dict(causes(motion)),
     }
     low, high = rounding(motion, 6 if work.quick else 100)
     found["dyke_rounding"] = {

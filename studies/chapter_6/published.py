@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,31 +61,8 @@ _ROUNDING_C = 0.5
 _ROUNDING_K = 1e5 * np.array([[0.05, 0.005, 0.0], [0.005, 0.05, 0.005], [0.0, 0.005, 0.005]])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PeakRow:
-    """Peaks in the order of `QUANTITIES`, ours and published, and their relative deviations."""
-
-    label: str
-    ours: Floats
-    published: Floats
-    energy_error: float
-
-    @property
-    def deviations(self) -> Floats:
-        """Ours over published, less 1."""
-        return self.ours / self.published - 1.0
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """What the study finds of the row."""
-        columns = {"ours": self.ours, "published": self.published, "deviation": self.deviations}
-        return {
-            **{
-                name: dict(zip(QUANTITIES, column.tolist(), strict=False)) for name, column in columns.items()
-            },
-            "largest": float(np.abs(self.deviations).max()),
-            "energy_error": self.energy_error,
-        }
+PeakRow = tuple[str, dict[str, Any]]
+"""A label, and peaks by quantity: ours, published, ours over published less 1."""
 
 
 def motion_of(records: Path) -> GroundMotion:
@@ -113,7 +90,7 @@ def rows(motion: GroundMotion) -> Iterator[PeakRow]:
 def uncontrolled(motion: GroundMotion, frame: Building, label: str, hardware: Hardware = HARDWARE) -> PeakRow:
     """The row without a damper."""
     none = ControlLaw(name="active", gains={"gain": np.zeros((1, 6))})
-    return replace(_row(motion, "uncontrolled", none, frame, hardware), label=label)
+    return label, _row(motion, "uncontrolled", none, frame, hardware)[1]
 
 
 def causes(motion: GroundMotion) -> Iterator[PeakRow]:
@@ -132,7 +109,8 @@ def causes(motion: GroundMotion) -> Iterator[PeakRow]:
 def rounding(motion: GroundMotion, count: int) -> tuple[Floats, Floats]:
     """Least and largest deviations of the row without a damper, over what M, C and K may be before rounding."""
     rng = np.random.default_rng(1996)
-    found = np.array([uncontrolled(motion, _unrounded(rng), "").deviations for _ in range(count)])
+    drawn = (uncontrolled(motion, _unrounded(rng), "")[1]["deviation"] for _ in range(count))
+    found = np.array([list(deviation.values()) for deviation in drawn])
     return found.min(axis=0), found.max(axis=0)
 
 
@@ -169,12 +147,14 @@ def _row(
         ]
     )
     published = np.array(PUBLISHED[label])
-    return PeakRow(
-        label=label + says,
-        ours=ours[: len(published)],
-        published=published,
-        energy_error=float(responses.energy_error[0]),
-    )
+    ours = ours[: len(published)]
+    deviation = ours / published - 1.0
+    columns = {"ours": ours, "published": published, "deviation": deviation}
+    return label + says, {
+        **{name: dict(zip(QUANTITIES, column.tolist(), strict=False)) for name, column in columns.items()},
+        "largest": float(np.abs(deviation).max()),
+        "energy_error": float(responses.energy_error[0]),
+    }
 
 
 def _prototype(frame: Building) -> Device:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from mrwork.closed_loop import SCORE
 from mrwork.control import control_law
 from mrwork.report import Table
 from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
 from studies.chapter_6.published import QUANTITIES
 from studies.common.frame import LEVELS, level_name
+from studies.common.scores import TITLES
 from studies.common.table import Cell, alike, table_of
 
 _TITLES = {
@@ -94,14 +94,13 @@ def _five_storeys(found: dict[str, Any], level: str) -> Table:
             "choice": "" if is_active else entry["says"],
         }
         rows.append((title_of(label), {**entry, **texts}))
-    headings = ("peak drift", "peak acc.", "rms drift", "rms acc.")
     return table_of(
         f"Five storeys, four records at {level}, over i = 0",
         "law",
         rows,
         {
             "phi": "{score:.4f}",
-            **alike(".3f", dict(zip(headings, SCORE, strict=True))),
+            **alike(".3f", {title: name for name, title in TITLES.items()}),
             "mean current [A]": "{current}",
             "peak force [N]": "{force}",
             "stroke [mm]": "{stroke_mm:.1f}",

@@ -16,7 +16,8 @@ from mrwork.control import ControlLaw, lyapunov_function, plant_of
 from mrwork.motions import GroundMotion
 from studies.chapter_6.tuning import control_law_of, kept
 from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, constant_current, level_name, pair
+from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name, pair
+from studies.common.scores import constant_commands
 
 OFF, CONSTANT = "i = 0", "best constant"
 LYAPUNOV, PROPORTIONAL, INVERSE = "lyapunov_direct", "proportional_direct", "inverse_direct"
@@ -40,7 +41,7 @@ def controlled_at(level: int, constant: float, laws: Sequence[str] = DIRECT) -> 
     settings = kept()
     return (
         *(
-            Controlled(label=label, law=constant_current(current), device=pair())
+            Controlled(label=label, law=constant_commands(current), device=pair())
             for label, current in ((OFF, 0.0), (CONSTANT, constant))
         ),
         *(

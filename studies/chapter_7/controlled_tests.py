@@ -13,7 +13,7 @@ from mrwork.control import DesignProblem, RegulatorSettings, design_law
 from studies.chapter_7.earthquakes import LEAD
 from studies.chapter_7.virtual_rig import LARGEST_CURRENT, NO_DAMPER, Rig, Signals, signals_of
 from studies.common.command import Work
-from studies.common.frame import constant_current
+from studies.common.scores import constant_commands
 
 NO_DAMPER_NAME, OFF, HALF, BEST, CLIPPED, LYAPUNOV = (
     "no damper",
@@ -53,7 +53,7 @@ class Choice:
 
 def chosen_on(rig: Rig, motions: list[mr.GroundMotion], work: Work) -> Choice:
     """Choose current, weight and observer on a rig, the identified one, under motions that judge nothing."""
-    off = Case(law=constant_current(0.0))
+    off = Case(law=constant_commands(0.0))
 
     def figures_under(case: Case) -> list[dict[str, float]]:
         return [figures(run) for run in case_signals(rig, case, motions, rig.frame, threads=work.threads)]
@@ -69,7 +69,7 @@ def chosen_on(rig: Rig, motions: list[mr.GroundMotion], work: Work) -> Choice:
     weights = WEIGHTS[::2] if work.quick else WEIGHTS
     ratios = NOISE_RATIOS[::3] if work.quick else NOISE_RATIOS
     candidates: dict[str, dict[str, Case]] = {
-        BEST: {f"{current:g} A": Case(law=constant_current(current)) for current in CURRENTS},
+        BEST: {f"{current:g} A": Case(law=constant_commands(current)) for current in CURRENTS},
         CLIPPED: {
             f"R {weight:.0e}, ratio {ratio:g}": Case(
                 law=design_law("clipped_optimal", problem, RegulatorSettings(control_weight=weight)),
@@ -80,7 +80,7 @@ def chosen_on(rig: Rig, motions: list[mr.GroundMotion], work: Work) -> Choice:
         },
         LYAPUNOV: {f"ratio {ratio:g}": Case(law=lyapunov, noise_ratio=ratio) for ratio in ratios},
     }
-    cases = {NO_DAMPER_NAME: Case(law=NO_DAMPER), OFF: off, HALF: Case(law=constant_current(0.25))}
+    cases = {NO_DAMPER_NAME: Case(law=NO_DAMPER), OFF: off, HALF: Case(law=constant_commands(0.25))}
     chosen = {}
     for name, by_setting in candidates.items():
         tried = {setting: mean_score(figures_under(case), passive) for setting, case in by_setting.items()}
@@ -195,7 +195,7 @@ def constant_sweep(
         [
             figures(run)
             for run in case_signals(
-                wide, Case(law=constant_current(current)), motions, rig.frame, threads=threads
+                wide, Case(law=constant_commands(current)), motions, rig.frame, threads=threads
             )
         ]
         for current in currents

@@ -22,7 +22,7 @@ from studies.chapter_7.virtual_rig import (
     recorded,
     signals_of,
 )
-from studies.common.frame import constant_current
+from studies.common.scores import constant_commands
 
 # Time at which the driver is switched on [s].
 _SWITCHED_ON = 0.05
@@ -108,7 +108,7 @@ def figures_of_ways(fits: dict[str, mr.Fit], truth: mr.Device) -> dict[str, Any]
 def driver_rate(rig: Rig, rng: np.random.Generator, sensors: Sensors) -> tuple[float, float]:
     """Rate of `i = i_max (1 - exp(-eta (t - t_on)))` after the command is switched on, and its standard error."""
     still = mr.GroundMotion(name="still", dt=1e-3, acceleration=np.zeros(201))
-    law = constant_current(LARGEST_CURRENT)
+    law = constant_commands(LARGEST_CURRENT)
     off = Fault(channel="command", start=0.0, end=_SWITCHED_ON, value=0.0)
     switched = replace(rig, hardware=replace(rig.hardware, faults=(off,)))
     (signals,) = signals_of(switched, law, [still])

@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork.records import DamperTest, build_damper_test
 from studies.chapter_7.virtual_rig import SENSORS, TABLE, Rig, Sensors, Signals, recorded, signals_of
 from studies.common.arrays import Floats
-from studies.common.frame import constant_current
+from studies.common.scores import constant_commands
 
 SWEEP = (1.5, 2.0, 2.5, 2.75, 3.0, 3.25, 3.5, 4.0, 5.0)
 """Frequencies of the sine tests at the currents of the chapter [Hz]."""
@@ -125,7 +125,7 @@ def sine_tests(
     for current in sorted({each.current for each in wanted}):
         alike = [each for each in wanted if each.current == current]
         motions = [TABLE.driven(sine_command(each.frequency, each.peak)) for each in alike]
-        law = constant_current(current)
+        law = constant_commands(current)
         for each, signals in zip(alike, signals_of(rig, law, motions, threads=threads), strict=True):
             found.append(_evaluated(signals if rng is None else recorded(signals, rng, sensors), each))
     return found

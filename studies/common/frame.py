@@ -14,6 +14,7 @@ from mrwork.control import ControlLaw, DesignProblem, RegulatorSettings, design_
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, synthetic_motion, trimmed
 from studies.common.arrays import Floats
+from studies.common.scores import constant_commands
 
 RECORDS = (
     ("El Centro", "el_centro_1940_ns.csv"),
@@ -84,7 +85,7 @@ class Bench:
 def bench(records: Path, *, names: Sequence[str] = (), threads: int = 0) -> Bench:
     """The records of a folder at every level; those named, or all four."""
     motions = tuple(motion for level in LEVELS for motion in recorded_motions(records, level, names=names))
-    responses = simulate_loop(FRAME, [pair()], constant_current(0.0), motions, HARDWARE, threads=threads)
+    responses = simulate_loop(FRAME, [pair()], constant_commands(0.0), motions, HARDWARE, threads=threads)
     return Bench(motions=motions, passive=score_criteria(responses), threads=threads)
 
 
@@ -109,11 +110,6 @@ def synthetic_motions(seeds: Sequence[int], peak: float, *, quick: bool) -> list
         )
         for seed in (seeds[:1] if quick else seeds)
     ]
-
-
-def constant_current(*currents: float) -> ControlLaw:
-    """A candidate for each current [A]."""
-    return ControlLaw(name="passive", gains={"command": [[current] for current in currents]})
 
 
 def regulators(law: str, frame: Building, device: Device, control_weights: Sequence[float]) -> ControlLaw:

@@ -1,8 +1,8 @@
-"""Figures of a study's page as panels, marks in its key, and loops of tests in its figures."""
+"""Pages of chapters and of studies of laws: figures as panels, marks in a key, loops of tests."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec
@@ -12,7 +12,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mrwork.report import Panel, blank, draw_points, finish, panel, style, write_study_page
+from mrwork.report import Panel, Table, blank, draw_points, finish, panel, style, write_study_page
 from studies.common.arrays import Floats
 
 Arguments = ParamSpec("Arguments")
@@ -94,3 +94,52 @@ def tested_points(axes: Axes, abscissa: Floats, force: Floats, cycle: slice) -> 
     """One cycle of a test as points, thinned so that they can be distinguished."""
     drawn_samples = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
     draw_points(axes, abscissa[drawn_samples], force[drawn_samples], size=4.5)
+
+
+def write_level_page(
+    path: Path,
+    *,
+    title: str,
+    subject: str,
+    panels: Iterable[Panel],
+    tables: Iterable[Table],
+    notes: Mapping[str, Iterable[str]] | None = None,
+) -> None:
+    """Write the page of a study of laws: figures, tables, and notes by their headings."""
+    write_study_page(
+        Path(__file__).parent / "level_page.html.j2",
+        path,
+        title=title,
+        subject=subject,
+        panels=list(panels),
+        tables=list(tables),
+        notes=notes or {},
+    )
+
+
+def level_panels(
+    name: str, title: str, words: str, levels: Mapping[str, Any], draw: Callable[[Any], Figure]
+) -> list[Panel]:
+    """A figure for each level; `words` describe it."""
+    return [
+        panel(f"{name}-{number}", f"{title}, {level}", draw(figures), f"{words} at {level}")
+        for number, (level, figures) in enumerate(levels.items())
+    ]
+
+
+def ranked_figure(
+    laws: Mapping[str, Any],
+    rank: Callable[[Any], float],
+    mark: Callable[[Axes, Any, int], None],
+    label: str,
+) -> Figure:
+    """A row for each law, lowest rank on top, with the marks that `mark` puts at its place."""
+    ranked = sorted(laws.items(), key=lambda item: -rank(item[1]))
+    with style.drawn_in_style():
+        figure = Figure(figsize=(7.0, 0.4 * len(ranked) + 0.8), layout="constrained")
+        axes = figure.add_subplot()
+        for place, (_, row) in enumerate(ranked):
+            mark(axes, row, place)
+        axes.set_yticks(range(len(ranked)), [name for name, _ in ranked])
+        axes.set_xlabel(label)
+    return figure

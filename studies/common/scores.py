@@ -17,7 +17,7 @@ TITLES = dict(zip(SCORE, ("peak drift", "peak acc.", "rms drift", "rms acc."), s
 
 
 def constant_commands(commands: ArrayLike) -> mr.ControlLaw:
-    """A passive law for each command [A or V]."""
+    """A passive law with a candidate for each command [A or V]."""
     return mr.ControlLaw(name="passive", gains={"command": np.reshape(commands, (-1, 1))})
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mrwork.report import numbers, style
-from studies.common import level_page
+from studies.common.page import level_panels, write_level_page
 from studies.controller_weights.tables import tables
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
@@ -17,12 +17,12 @@ _DASHES = ("-", "--")
 
 def write_page(found: dict[str, Any], path: Path) -> None:
     """Write the tables, the words on wishes out of reach, and a figure for each level."""
-    level_page.write_page(
+    write_level_page(
         path,
         title="Weights by convex design",
         subject="Limits on rms responses and a budget of force become LQR weights; one number more is scanned in the "
         "true loop",
-        panels=level_page.level_panels(
+        panels=level_panels(
             "scan",
             "Score over the size of R",
             "Score of each shape of weights over the size of R, with the best constant current,",

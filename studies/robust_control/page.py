@@ -11,18 +11,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrwork.report import style
-from studies.common import level_page
+from studies.common.page import level_panels, ranked_figure, write_level_page
 from studies.robust_control.tables import tables
 
 
 def write_page(found: Mapping[str, Any], path: Path) -> None:
     """Write a figure for each level, and the tables."""
-    level_page.write_page(
+    write_level_page(
         path,
         title="Laws on motions they were not tuned on",
         subject="Five storeys with a pair of magnetorheological dampers: tuned on synthetic motions, judged on "
         "measured ones",
-        panels=level_page.level_panels(
+        panels=level_panels(
             "scores",
             "Scores on the test motions",
             "Score of each law under each test motion, with the mean over them,",
@@ -42,4 +42,4 @@ def score_figure(laws: Mapping[str, Any]) -> Figure:
         axes.plot(row["test"], place, "|", color=style.MODEL, markersize=14, markeredgewidth=2.5)
 
     label = "score under each test motion, and the mean"
-    return level_page.ranked_figure(laws, lambda row: row["test"], mark, label)
+    return ranked_figure(laws, lambda row: row["test"], mark, label)

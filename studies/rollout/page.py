@@ -10,19 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrwork.report import style
-from studies.common import level_page
+from studies.common.page import level_panels, ranked_figure, write_level_page
 from studies.rollout.loop import SIXTEEN
 from studies.rollout.tables import tables
 
 
 def write_page(found: Mapping[str, Any], path: Path) -> None:
     """Write a figure for each level, and the tables."""
-    level_page.write_page(
+    write_level_page(
         path,
         title="A predictive rollout beside other laws",
         subject="Five storeys with a pair of magnetorheological dampers: chosen on synthetic motions, judged on "
         "measured ones",
-        panels=level_page.level_panels(
+        panels=level_panels(
             "peaks",
             "Sixteen motions",
             "Mean of the larger ratio of both peaks to the best constant command, for each law,",
@@ -41,4 +41,4 @@ def peak_figure(laws: Mapping[str, Any]) -> Figure:
         axes.axvline(1.0, color=style.MODEL)
 
     label = "mean of the larger peak ratio to the best constant command"
-    return level_page.ranked_figure(laws, lambda row: row[SIXTEEN]["larger"], mark, label)
+    return ranked_figure(laws, lambda row: row[SIXTEEN]["larger"], mark, label)
