@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,27 +127,6 @@ def test_designed_damper_reduces_the_drift_of_a_building() -> None:
     drift = np.asarray(runs.peak_drift)
     assert np.isfinite(drift).all()
     assert drift.reshape(2, -1)[1].max() < drift.reshape(2, -1)[0].max()
-
-
-def test_study_takes_the_designed_damper(tmp_path: Path) -> None:
-    model = SMALL_DAMPER.as_model()
-    file = tmp_path / "study.toml"
-    text = f"""[building]
-published = "uts"
-[[damper]]
-storey = 1
-{model.study_keys}
-[[motion]]
-synthetic = "kanai_tajimi"
-duration = 2
-[[controller]]
-law = "passive_on"
-"""
-    file.write_text(text)
-    (device,) = mr.read_study(file).devices
-    assert device.spec == model.spec
-    assert np.asarray(device.theta).tolist() == list(model.theta)
-    assert device.largest_command == model.largest_command
 
 
 def test_shapes_that_do_not_broadcast_are_refused(refused: Refused) -> None:

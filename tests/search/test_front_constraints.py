@@ -39,7 +39,7 @@ def constrained(units: Floats) -> Floats:
 
 def test_a_front_keeps_its_constraints_and_follows_them_where_they_bind() -> None:
     found = front(constrained, n_constraints=1)
-    assert found.feasible
+    assert np.all(found.constraints <= 0.0)
     np.testing.assert_array_equal(found.constraints[:, 0], constrained(found.units)[:, 2])
     # Without the disc the front is the diagonal; about its middle it now runs round the disc.
     x, y = found.units.T
@@ -54,7 +54,6 @@ def test_constraints_that_none_meets_leave_the_least_violation() -> None:
         return np.column_stack([constrained(units)[:, :2], 1.0 + units[:, 0]])
 
     found = front(impossible, n_constraints=1)
-    assert not found.feasible
     assert len(found.units) == 1
     assert found.constraints[0, 0] < 1.01
 

@@ -106,8 +106,8 @@ def test_what_is_asked_lies_in_the_cube_and_has_an_owner_and_a_threshold(optimis
         assert unit.shape == (np.count_nonzero(proposal.changed), 4)
         assert unit.min() >= 0.0
         assert unit.max() <= 1.0
-        assert proposal.replicate.shape == proposal.threshold.shape == (len(unit),)
-        assert set(proposal.replicate) == {4, 9}
+        assert proposal.threshold.shape == (len(unit),)
+        assert set(proposal.number) == {4, 9}
         assert not np.isnan(proposal.threshold).any()
 
 
@@ -117,7 +117,7 @@ def test_a_replicate_that_has_ended_asks_nothing_more(optimiser):
         optimiser, sphere, n_params=3, rng=5, most=15, replicates=range(6)
     ):
         running = before.course.ended == 0
-        assert set(proposal.replicate) == set(np.flatnonzero(running))
+        assert set(proposal.number) == set(np.flatnonzero(running))
         assert np.array_equal(after.course.generation - before.course.generation, running)
     reasons = after.course.stop_reasons
     assert "target" in reasons

@@ -43,11 +43,6 @@ class Proposal(Summarised):
         return self.population[self.changed]
 
     @property
-    def replicate(self) -> NDArray[np.int64]:
-        """Number of the replicate of each row of `unit`, shape (n_ask,)."""
-        return np.repeat(self.number, np.count_nonzero(self.changed, axis=1))
-
-    @property
     def threshold(self) -> Floats:
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]

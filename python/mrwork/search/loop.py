@@ -76,11 +76,6 @@ class ReplicatedSearch(Summarised, Generic[StateT]):
     seconds: float
     state: StateT
 
-    @property
-    def best(self) -> SearchResult[StateT]:
-        """The result with the least misfit."""
-        return min(self.results, key=lambda result: result.best_misfit)
-
 
 def _results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[StateT]:
     """Results of a search that ends in this state; `reason` is that of replicates that no rule has ended."""

@@ -166,11 +166,6 @@ class FrontResult(Summarised):
     evaluations: int
     constraints: Floats
 
-    @property
-    def feasible(self) -> bool:
-        """Whether the points meet the constraints."""
-        return bool((self.constraints <= 0.0).all())
-
 
 @array_dataclass()
 class _Generation:

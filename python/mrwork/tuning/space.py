@@ -334,11 +334,6 @@ class SettingSpace(Summarised):
     def _names(self) -> frozenset[str]:
         return frozenset(each.name for each in self.free)
 
-    @property
-    def in_words(self) -> tuple[str, ...]:
-        """Each free setting with its range."""
-        return tuple(f"{each.label} from {each.lower:g} to {each.upper:g}" for each in self.free)
-
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares."""

@@ -320,16 +320,6 @@ class CheckedPlan(Summarised):
     agreement: float | None
     least_effective: NotNegative
 
-    @property
-    def gains(self) -> tuple[Gain, ...]:
-        """Candidates in order of gain, as those of the plan."""
-        return self.plan.gains
-
-    @property
-    def band(self) -> str:
-        """The band whose variance they reduce."""
-        return self.plan.band
-
     def _summary(self) -> Summary:
         plan = self.plan._summary()
         return replace(

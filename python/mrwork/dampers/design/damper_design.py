@@ -167,24 +167,6 @@ class DesignedModel(Summarised):
     largest_command: float
     nrmse: float
 
-    @property
-    def study_keys(self) -> str:
-        """The damper as lines of a table `[[damper]]` of a study file; its storey is still to be given."""
-        numbers = dict(zip(self.spec.names, map(float, self.theta), strict=True))
-        coefficients = {
-            parameter.name: [
-                value for name, value in numbers.items() if name.partition(".")[0] == parameter.name
-            ]
-            for parameter in self.spec.plain
-        }
-        given = ", ".join(
-            f"{name} = {values if len(values) > 1 else values[0]}" for name, values in coefficients.items()
-        )
-        return (
-            f'model = "{self.spec.name}"\nparameters = {{ {given} }}\nlag = {numbers["eta"]}\n'
-            f"largest_command = {self.largest_command}\n"
-        )
-
 
 def _cubic(current: Floats, values: Floats, first: float) -> Floats:
     """Coefficients of the cubic that is `first` at zero current and fits the other values by least squares."""
