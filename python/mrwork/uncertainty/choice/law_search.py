@@ -287,6 +287,16 @@ class LawSearch:
     fitted: list[FittedLaws] = field(default_factory=list)
 
     @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.plain.name
+
+    @property
+    def excerpt_settings(self) -> FitSettings:
+        """Settings for the excerpts, which have the observation models of their whole records."""
+        return replace(self.settings, observe=(NONE,))
+
+    @property
     def first_laws(self) -> Laws:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
@@ -547,8 +557,7 @@ def prepare_search(
         leave_out=leave_out,
         folds=folds,
         folded=FoldedTests.of(spec, short, folds, settings, threads=threads),
-        # The excerpts have the observation models of their whole records.
-        settings=replace(settings, observe=(NONE,)),
+        settings=settings,
         unit=unit,
         given=given,
         free=tuple(name for name in plain.names if name not in {**given, **settings.bounds}),

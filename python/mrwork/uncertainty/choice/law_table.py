@@ -217,46 +217,22 @@ class LawTable(WithAxes, Summarised, Related):
         )
 
 
-def law_table(
-    tried: Sequence[TriedLaws],
-    *,
-    models: Sequence[str],
-    unit: CommandUnit,
-    held_out: str,
-    n_folds: int,
-    given: Mapping[str, LawName],
-    complete: bool,
-    failed: Mapping[str, str],
-    remarks: Sequence[str],
-) -> LawTable:
-    """Rank the laws of all models and choose by the one-standard-error rule."""
-    order = sorted(tried, key=lambda each: -each.left_out_percent)
-    best = order[0]
-    good = [each for each in order if is_as_good(each.left_out, best.left_out)]
-    chosen = min(good, key=lambda each: each.n_params)
+def judge_laws(tried: Sequence[TriedLaws]) -> tuple[TriedLaws, ...]:
+    """The laws of all models, best first, with verdicts by the one-standard-error rule."""
+    order = sorted(tried, key=lambda laws: -laws.left_out_percent)
+    good = [laws for laws in order if is_as_good(laws.left_out, order[0].left_out)]
+    chosen = min(good, key=lambda laws: laws.n_params)
 
-    def verdict(each: TriedLaws) -> LawVerdict:
-        if each is chosen:
+    def verdict(laws: TriedLaws) -> LawVerdict:
+        if laws is chosen:
             return "chosen"
-        return "as good" if each in good else "behind"
+        return "as good" if laws in good else "behind"
 
-    table = LawTable(
-        model=chosen.model,
-        unit=unit,
-        tried=tuple(replace(each, verdict=verdict(each)) for each in order),
-        sentence="",
-        held_out=held_out,
-        n_folds=n_folds,
-        given=dict(given),
-        complete=complete,
-        models=tuple(models),
-        failed=dict(failed),
-        remarks=tuple(remarks),
-    )
-    return replace(table, sentence=_sentence(table))
+    return tuple(replace(laws, verdict=verdict(laws)) for laws in order)
 
 
-def _sentence(table: LawTable) -> str:
+def sentence_on(table: LawTable) -> str:
+    """What was chosen, how it predicts, and what lies behind."""
     best, chosen, names = table.tried[0], table.chosen_laws, {each.model for each in table.tried}
     error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
     count = f"{len(table.tried)} sets of laws" + (f" of {len(names)} models" if len(names) > 1 else "")

@@ -35,7 +35,7 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
 from mrwork.uncertainty.choice.choose import JournalOf, compared_models, refuse_unknown, run_with_journal
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
-from mrwork.uncertainty.choice.law_table import LawTable, law_table
+from mrwork.uncertainty.choice.law_table import LawTable, judge_laws, sentence_on
 
 T = TypeVar("T")
 
@@ -81,25 +81,12 @@ class LawProgress(ProgressReport):
         return ", ".join([*parts, duration_in_words(self.seconds)])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComparedModel:
-    """A model whose laws are chosen: their search, and the settings with bounds of its own parameters."""
-
-    search: LawSearch
-    settings: FitSettings
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.search.plain.name
-
-
 @dataclass(slots=True, kw_only=True)
 class RunningLawChoice:
     """A choice of laws in progress; `firsts` are the fits with first laws and `failed` the reasons, by model."""
 
     tests: tuple[DamperTest, ...]
-    compared: tuple[ComparedModel, ...]
+    compared: tuple[LawSearch, ...]
     given: Mapping[str, LawName]
     remarks: tuple[str, ...]
     threads: int
@@ -110,46 +97,48 @@ class RunningLawChoice:
     _began: float = field(default_factory=time.perf_counter, init=False)
 
     @property
-    def fitted_laws(self) -> list[tuple[ComparedModel, FittedLaws]]:
-        """The sets of laws that were fitted, with their models."""
-        return [(own, each) for own in self.compared for each in own.search.fitted]
+    def fitted_laws(self) -> list[FittedLaws]:
+        """The sets of laws that were fitted."""
+        return [laws for search in self.compared for laws in search.fitted]
 
-    def search(self, own: ComparedModel) -> None:
+    def evaluate(self, search: LawSearch) -> None:
         """Try the laws of a model."""
-        with self._failing_alone(own):
-            self.firsts[own.name] = run_with_journal(
-                self.journal_of, f"{own.name}/first", partial(self._first_fit, own)
+        with self._failing_alone(search):
+            self.firsts[search.name] = run_with_journal(
+                self.journal_of, f"{search.name}/first", partial(self._first_fit, search)
             )
-            run_with_journal(self.journal_of, f"{own.name}/laws", partial(self._try_laws, own))
+            run_with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
 
     def make_choice(self) -> LawChoice:
         """The choice, with the fit of the chosen laws to the whole tests, without models that cannot be fitted."""
         while self.fitted_laws:
             table = self._table(complete=True)
-            own, candidate, settings = self._choose_start(table)
-            with self._failing_alone(own):
+            search, candidate, settings = self._choose_start(table)
+            with self._failing_alone(search):
                 try:
                     fit = run_with_journal(
-                        self.journal_of, f"{own.name}/fit", partial(self._final_fit, own, candidate, settings)
+                        self.journal_of,
+                        f"{search.name}/fit",
+                        partial(self._final_fit, search, candidate, settings),
                     )
                 except Interrupted as interrupt:
                     done = LawChoice(table=table, fit=interrupt.result, seconds=self._seconds)
                     raise Interrupted(done, "choice of laws") from interrupt
                 return LawChoice(table=table, fit=fit, seconds=self._seconds)
-            own.search.fitted.clear()
+            search.fitted.clear()
         reasons = "; ".join(f"{name}: {reason}" for name, reason in self.failed.items())
         raise SettingError(f"none of the models could be fitted ({reasons})")
 
     def so_far(self) -> LawChoice:
         """The choice among the laws that are done, with the fit that led to it."""
         table = self._table(complete=False)
-        own, candidate, settings = self._choose_start(table)
+        search, candidate, settings = self._choose_start(table)
         problem = Problem.of(candidate.spec, self.tests, settings, threads=self.threads)
         fit = fit_at(
             problem,
             problem.inside(candidate.fit.theta[0]),
             errors=None,
-            trace=replace(self.firsts[own.name].trace, stop_reason="interrupted"),
+            trace=replace(self.firsts[search.name].trace, stop_reason="interrupted"),
             steps=0,
             status="interrupted",
             seconds=self._seconds,
@@ -157,7 +146,7 @@ class RunningLawChoice:
         return LawChoice(table=table, fit=fit, seconds=fit.seconds)
 
     @contextmanager
-    def _failing_alone(self, own: ComparedModel) -> Iterator[None]:
+    def _failing_alone(self, search: LawSearch) -> Iterator[None]:
         """Record why one of several models cannot be fitted; errors of the only model and of files are raised."""
         try:
             yield
@@ -166,80 +155,84 @@ class RunningLawChoice:
         except MrworkError as error:
             if len(self.compared) == 1:
                 raise
-            self.failed[own.name] = str(error)
+            self.failed[search.name] = str(error)
 
-    def _first_fit(self, own: ComparedModel, journal: Journal | None) -> Fit:
-        spec, _ = own.search.model(own.search.first_laws)
+    def _first_fit(self, search: LawSearch, journal: Journal | None) -> Fit:
+        spec, _ = search.model(search.first_laws)
         return identify_with(
             spec,
-            own.search.tests,
-            own.search.settings,
+            search.tests,
+            search.excerpt_settings,
             threads=self.threads,
-            on_progress=partial(self._report, own, "first laws"),
+            on_progress=partial(self._report, search, "first laws"),
             journal=journal,
             warns=False,
             examines=False,
         )
 
-    def _try_laws(self, own: ComparedModel, journal: Journal | None) -> None:
-        search = own.search
-        search.report = partial(self._report, own)
+    def _try_laws(self, search: LawSearch, journal: Journal | None) -> None:
+        search.report = partial(self._report, search)
         search.journal = journal
         if journal is not None:
             spec, _ = search.model(search.first_laws)
-            facts = fingerprint_of(Problem.of(spec, search.tests, search.settings))
+            facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
             journal.agree("choice of laws", facts | {"leave_out": search.leave_out, "given": search.given})
-        search.run(self.firsts[own.name])
+        search.run(self.firsts[search.name])
 
     def _final_fit(
-        self, own: ComparedModel, candidate: FittedLaws, settings: FitSettings, journal: Journal | None
+        self, search: LawSearch, candidate: FittedLaws, settings: FitSettings, journal: Journal | None
     ) -> Fit:
         return identify_from(
             candidate.spec,
             self.tests,
             settings,
             box=candidate.box,
-            trace=self.firsts[own.name].trace,
+            trace=self.firsts[search.name].trace,
             threads=self.threads,
-            on_progress=partial(self._report, own, "all tests"),
+            on_progress=partial(self._report, search, "all tests"),
             journal=journal,
         )
 
     def _table(self, *, complete: bool) -> LawTable:
-        search = self.compared[0].search
-        distinct = [(own, each) for own in self.compared for each in own.search.distinct()]
+        """The laws that were fitted in their order, chosen from by the one-standard-error rule."""
+        search = self.compared[0]
+        distinct = [replace(laws.tried, model=own.name) for own in self.compared for laws in own.distinct()]
         n_same = len(self.fitted_laws) - len(distinct)
         same = [f"not listed: {n_same} with the same force as laws with fewer parameters"] if n_same else []
-        return law_table(
-            [replace(each.tried, model=own.name) for own, each in distinct],
-            models=[own.name for own in self.compared],
+        tried = judge_laws(distinct)
+        table = LawTable(
+            model=next(laws.model for laws in tried if laws.verdict == "chosen"),
             unit=search.unit,
+            tried=tried,
+            sentence="",
             held_out=held_out_words(self.tests, search.leave_out),
             n_folds=len(search.folds),
-            given=self.given,
+            given=dict(self.given),
             complete=complete,
-            failed=self.failed,
+            models=tuple(own.name for own in self.compared),
+            failed=dict(self.failed),
             remarks=(*self.remarks, *same),
         )
+        return replace(table, sentence=sentence_on(table))
 
-    def _choose_start(self, table: LawTable) -> tuple[ComparedModel, FittedLaws, FitSettings]:
-        """The model of the chosen laws, their candidate, and the settings of the fit that starts there."""
-        own = next(each for each in self.compared if each.name == table.model)
-        candidate, start = own.search.make_start(table.chosen_laws)
-        return own, candidate, replace(own.settings, starts=(start,))
+    def _choose_start(self, table: LawTable) -> tuple[LawSearch, FittedLaws, FitSettings]:
+        """The search of the chosen laws, their candidate, and the settings of the fit that starts there."""
+        search = next(own for own in self.compared if own.name == table.model)
+        candidate, start = search.make_start(table.chosen_laws)
+        return search, candidate, replace(search.settings, starts=(start,))
 
     @property
     def _seconds(self) -> float:
         return time.perf_counter() - self._began
 
-    def _report(self, own: ComparedModel, task: str, within: Progress | None = None) -> None:
+    def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         if self.on_progress is None:
             return
-        scores = [each.score for _, each in self.fitted_laws]
+        scores = [laws.score for laws in self.fitted_laws]
         self.on_progress(
             LawProgress(
-                model=own.name,
-                number=1 + [each.name for each in self.compared].index(own.name),
+                model=search.name,
+                number=1 + [own.name for own in self.compared].index(search.name),
                 n_models=len(self.compared),
                 task=task,
                 n_tried=len(scores),
@@ -323,8 +316,7 @@ def choose_laws(
         # A single model refuses what is given for parameters that it has not.
         own = replace(settings, bounds=_select_known(settings.bounds, spec)) if several else settings
         own_laws = _select_known(given, spec) if several else given
-        search = prepare_search(spec, tests, own_laws, unit, leave_out, own, threads)
-        compared.append(ComparedModel(search=search, settings=own))
+        compared.append(prepare_search(spec, tests, own_laws, unit, leave_out, own, threads))
     running = RunningLawChoice(
         tests=tests,
         compared=tuple(compared),
@@ -335,8 +327,8 @@ def choose_laws(
         on_progress=on_progress,
     )
     try:
-        for each in running.compared:
-            running.search(each)
+        for search in compared:
+            running.evaluate(search)
     except KeyboardInterrupt as interrupt:
         so_far = running.so_far() if running.fitted_laws else None
         raise Interrupted(so_far, "choice of laws") from interrupt
