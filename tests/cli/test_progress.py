@@ -111,7 +111,7 @@ def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_t
         within=NOW,
     )
     assert progress.in_words == (
-        "dahl, model 3 of 15, left out 2 of 6, best 92.08 %, 1 min, about 10 min left"
+        "dahl, model 3 of 15, left out 2 of 6, search, best 92.08 %, 1 min, about 10 min left"
     )
     assert replace(progress, within=None, seconds_left=None).in_words == (
         "dahl, model 3 of 15, left out 2 of 6, 1 min"

@@ -26,8 +26,9 @@ from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import choose_laws
+from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.law_search import FoldedTests
-from mrwork.uncertainty.choice.laws import LawChoice, LawProgress
+from mrwork.uncertainty.choice.laws import LawChoice
 
 COMMANDS = (0.0, 0.5, 1.0)
 
@@ -125,7 +126,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
 ) -> None:
     place = tmp_path / "run"
 
-    def stop(progress: LawProgress) -> None:
+    def stop(progress: ChoiceProgress) -> None:
         if progress.n_tried == 2:
             raise KeyboardInterrupt
 

@@ -22,8 +22,9 @@ from mrwork.search import EfficientGA, StopRules
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
+from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.law_table import TriedLaws
-from mrwork.uncertainty.choice.laws import LawChoice, LawProgress
+from mrwork.uncertainty.choice.laws import LawChoice
 
 COMMANDS = (0.0, 1.0)
 # Contains dahl as its limit of no stiffness `k_x`; bingham has no hysteresis.
@@ -129,7 +130,7 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
     place = Destination(path=tmp_path / "run", kind=FIT_RUN)
     lines = []
 
-    def stop(progress: LawProgress) -> None:
+    def stop(progress: ChoiceProgress) -> None:
         lines.append(progress.in_words)
         if progress.number == 2 and progress.task != "first laws":
             raise KeyboardInterrupt
@@ -156,7 +157,7 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
 
 
 def test_interrupted_before_any_laws_are_fitted_there_is_no_result(tests: tuple[DamperTest, ...]) -> None:
-    def stop(progress: LawProgress) -> None:
+    def stop(progress: ChoiceProgress) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as interrupted:
@@ -187,7 +188,7 @@ def test_models_that_cannot_be_compared_are_refused_before_any_fit(
         (["bingham", mr.damper("dahl").with_current_laws({"k_w": "linear"})], {}, {}),
     ):
 
-        def no_fit(progress: LawProgress) -> None:
+        def no_fit(progress: ChoiceProgress) -> None:
             raise AssertionError(progress)
 
         refused(

@@ -6,11 +6,14 @@ A family is a model with the laws and bounds that apply to its parameters.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 from warnings import warn
+
+import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.labelled import NamedArrays, WithAxes
@@ -186,22 +189,30 @@ class Choice(WithAxes, Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceProgress(ProgressReport):
-    """Progress of a comparison, with that of the current fit; `seconds_left` is `None` before the end of the first."""
+    """Progress of a choice of model or of laws, with that of the current fit; `seconds_left` is `None` if unknown.
+
+    Where laws are chosen, `n_tried` sets are done, and the best of them has the left-out fit `left_out_percent`.
+    """
 
     model: str
     number: int
     n_models: int
     task: str
     seconds: float
-    seconds_left: float | None
+    seconds_left: float | None = None
     within: Progress | None = None
+    n_tried: int = 0
+    left_out_percent: float = np.nan
 
     @property
     def in_words(self) -> str:
-        """Progress in one line: the model and its number, the task, the remaining time."""
-        parts = [f"{self.model}, model {self.number} of {self.n_models}", self.task]
+        """Progress in one line: the model if one of several, the task, the best laws, the fit, the time."""
+        parts = [f"{self.model}, model {self.number} of {self.n_models}"] if self.n_models > 1 else []
+        parts.append(self.task)
+        if self.n_tried:
+            parts.append(f"{self.n_tried} tried, best left-out fit {self.left_out_percent:.2f} %")
         if self.within is not None:
-            parts.append(self.within.best_in_words)
+            parts.append(f"{self.within.stage}, {self.within.best_in_words}")
         parts.append(duration_in_words(self.seconds))
         if self.seconds_left is not None:
             parts.append(f"about {duration_in_words(self.seconds_left)} left")
@@ -211,6 +222,65 @@ class ChoiceProgress(ProgressReport):
     def share(self) -> float | None:
         """Share of the time that has passed, `None` where it is not known."""
         return share_of_time(self.seconds, self.seconds_left)
+
+
+@dataclass(slots=True, kw_only=True)
+class Steps:
+    """Steps of a choice among models: the journal of each by its name, reports, and why models failed."""
+
+    models: tuple[str, ...]
+    journal_of: JournalOf | None
+    on_progress: Callable[[ChoiceProgress], None] | None
+    failed: dict[str, str] = field(default_factory=dict)
+    _began: float = field(default_factory=time.perf_counter, init=False)
+
+    @property
+    def seconds(self) -> float:
+        """Time since the first step began [s]."""
+        return time.perf_counter() - self._began
+
+    def run(self, name: str, work: Callable[[Journal | None], T]) -> T:
+        """Do the work of a step with its own journal, if any, which is closed afterwards."""
+        if self.journal_of is None:
+            return work(None)
+        with closing(self.journal_of(name)) as journal:
+            return work(journal)
+
+    @contextmanager
+    def recording_failure(self, model: str) -> Iterator[None]:
+        """Record why a model fails in the block; errors of files are raised."""
+        try:
+            yield
+        except (JournalError, OutputError):
+            raise
+        except MrworkError as error:
+            self.failed[model] = str(error)
+
+    def report(
+        self,
+        model: str,
+        task: str,
+        within: Progress | None = None,
+        *,
+        seconds_left: float | None = None,
+        n_tried: int = 0,
+        left_out_percent: float = np.nan,
+    ) -> None:
+        """Report that a model is at a task."""
+        if self.on_progress is not None:
+            self.on_progress(
+                ChoiceProgress(
+                    model=model,
+                    number=1 + self.models.index(model),
+                    n_models=len(self.models),
+                    task=task,
+                    seconds=self.seconds,
+                    seconds_left=seconds_left,
+                    within=within,
+                    n_tried=n_tried,
+                    left_out_percent=left_out_percent,
+                )
+            )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -224,12 +294,10 @@ class RunningComparison:
     leave_out: Fold
     n_folds: int
     remarks: tuple[str, ...]
-    journal_of: JournalOf | None
-    on_progress: Callable[[ChoiceProgress], None] | None
+    steps: Steps
     evidence: dict[str, Evidence] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
     n_blocks: int | None = None
-    _began: float = field(default_factory=time.perf_counter, init=False)
     # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
     _spent: float = field(default=0.0, init=False)
     _done: int = field(default=0, init=False)
@@ -239,9 +307,8 @@ class RunningComparison:
         """Whether any family predicted the data left out."""
         return any(each.left_out for each in self.evidence.values())
 
-    def evaluate(self, number: int) -> None:
+    def evaluate(self, family: Family) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
-        family = self.compared[number - 1]
         model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
         made: list[Fit] = []
 
@@ -250,19 +317,19 @@ class RunningComparison:
             step, task = (
                 (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
             )
-            self._report(number, task)
-            identify = partial(
-                identify_with,
-                family.spec,
-                tests,
-                settings,
-                threads=self.threads,
-                on_progress=partial(self._report, number, task),
-                warns=False,
-                examines=not fold,
-            )
-            fit = run_with_journal(
-                self.journal_of, f"{model}/{step}", lambda journal: identify(journal=journal)
+            self._report(model, task)
+            fit = self.steps.run(
+                f"{model}/{step}",
+                lambda journal: identify_with(
+                    family.spec,
+                    tests,
+                    settings,
+                    threads=self.threads,
+                    on_progress=partial(self._report, model, task),
+                    journal=journal,
+                    warns=False,
+                    examines=not fold,
+                ),
             )
             made.append(fit)
             self._spent += fit.seconds
@@ -270,14 +337,9 @@ class RunningComparison:
             return fit
 
         left_out: tuple[float, ...] = ()
-        reason = ""
-        try:
+        with self.steps.recording_failure(model):
             identify_tests(self.tests)
             left_out = held_out_errors(self.tests, self.leave_out, identify_tests)
-        except (JournalError, OutputError):
-            raise
-        except MrworkError as error:
-            reason = str(error)
         fit = made[0] if made else None
         if fit is not None:
             self.fits[model] = fit
@@ -286,7 +348,7 @@ class RunningComparison:
             title=family.spec.title,
             n_params=len(family.spec.parameters) if fit is None else free_parameters(fit),
             status="failed" if fit is None else fit.status,
-            reason=reason,
+            reason=self.steps.failed.get(model, ""),
             seconds=sum(each.seconds for each in made),
             fit_percent=None if fit is None else fit.fit_percent,
             left_out=left_out,
@@ -306,19 +368,18 @@ class RunningComparison:
             threads=self.threads,
         )
         evidence: dict[str, Evidence] = {}
-        for number, family in enumerate(self.compared, start=1):
-            fit = self.fits.get(family.spec.name)
+        for model in self.steps.models:
+            fit = self.fits.get(model)
             if fit is None:
                 continue
-            self._report(number, "leave-one-out")
-            own = self.evidence[fit.model]
-            step = f"{fit.model}/leave_one_out"
+            self._report(model, "leave-one-out")
+            own = self.evidence[model]
             try:
-                result = run_with_journal(self.journal_of, step, partial(shared.leave_one_out, fit))
+                result = self.steps.run(f"{model}/leave_one_out", partial(shared.leave_one_out, fit))
             except SettingError as reason:
-                evidence[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
+                evidence[model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
-                evidence[fit.model] = replace(own, leave_one_out=result)
+                evidence[model] = replace(own, leave_one_out=result)
         # Recorded only when all are done: among some families the best ELPD would mislead.
         self.evidence.update(evidence)
         self.n_blocks = shared.n_blocks
@@ -341,27 +402,15 @@ class RunningComparison:
             n_blocks=self.n_blocks,
             n_effective=n_effective,
             remarks=(*self.remarks, *cost_remark(standings, left_out, costs)),
-            missing=[each.spec.name for each in self.compared if each.spec.name not in self.evidence],
+            missing=[model for model in self.steps.models if model not in self.evidence],
         )
         order = [each.model for each in standings if each.model in self.fits]
         return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
 
-    def _report(self, number: int, task: str, within: Progress | None = None) -> None:
-        if self.on_progress is None:
-            return
+    def _report(self, model: str, task: str, within: Progress | None = None) -> None:
         total = (1 + self.n_folds) * sum(len(family.spec.parameters) for family in self.compared)
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
-        self.on_progress(
-            ChoiceProgress(
-                model=self.compared[number - 1].spec.name,
-                number=number,
-                n_models=len(self.compared),
-                task=task,
-                seconds=time.perf_counter() - self._began,
-                seconds_left=left,
-                within=within,
-            )
-        )
+        self.steps.report(model, task, within, seconds_left=left)
 
 
 @checked
@@ -457,13 +506,16 @@ def choose_model(
         leave_out=leave_out,
         n_folds=len(folds) or 1,
         remarks=remarks,
-        journal_of=journal_of,
-        on_progress=on_progress,
+        steps=Steps(
+            models=tuple(family.spec.name for family in compared),
+            journal_of=journal_of,
+            on_progress=on_progress,
+        ),
     )
     likelihood = noise_model(noise)
     try:
-        for number in range(1, len(compared) + 1):
-            comparison.evaluate(number)
+        for family in compared:
+            comparison.evaluate(family)
         comparison.add_leave_one_out(likelihood, sampled=sampled)
     except KeyboardInterrupt as interrupt:
         if not comparison.has_predictions:
@@ -473,14 +525,3 @@ def choose_model(
     for sentence in choice.ranking.doubts:
         warn(sentence, MrworkWarning, stacklevel=3)
     return choice
-
-
-def run_with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journal | None], T]) -> T:
-    """Do the work of a step with its own journal, if any, which is closed afterwards."""
-    if journal_of is None:
-        return work(None)
-    journal = journal_of(step)
-    try:
-        return work(journal)
-    finally:
-        journal.close()

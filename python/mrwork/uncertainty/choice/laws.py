@@ -5,9 +5,8 @@ The laws of one model after the other are tried, and the best are fitted.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
@@ -16,13 +15,11 @@ import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.labelled import NamedArrays, WithAxes
-from mrwork.base.numbers import duration_in_words
-from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_from, identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -33,7 +30,7 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold, held_out_words
-from mrwork.uncertainty.choice.choose import JournalOf, compared_models, refuse_unknown, run_with_journal
+from mrwork.uncertainty.choice.choose import ChoiceProgress, JournalOf, Steps, compared_models, refuse_unknown
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, judge_laws, sentence_on
 
@@ -55,46 +52,17 @@ class LawChoice(WithAxes, Summarised):
         return self.table._summary()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawProgress(ProgressReport):
-    """Progress of a choice of laws: the best left-out fit of `n_tried` sets, and that of the current identification."""
-
-    model: str
-    number: int
-    n_models: int
-    task: str
-    n_tried: int
-    left_out_percent: float
-    seconds: float
-    within: Progress | None = None
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: the model if one of several, the task, how many laws are done, the best of them."""
-        several = self.n_models > 1
-        parts = [f"{self.model}, model {self.number} of {self.n_models}"] if several else []
-        parts.append(self.task)
-        if self.n_tried:
-            parts.append(f"{self.n_tried} tried, best left-out fit {self.left_out_percent:.2f} %")
-        if self.within is not None:
-            parts.append(f"{self.within.stage}, {self.within.best_in_words}")
-        return ", ".join([*parts, duration_in_words(self.seconds)])
-
-
 @dataclass(slots=True, kw_only=True)
 class RunningLawChoice:
-    """A choice of laws in progress; `firsts` are the fits with first laws and `failed` the reasons, by model."""
+    """A choice of laws in progress; `firsts` are the fits with first laws, by model."""
 
     tests: tuple[DamperTest, ...]
     compared: tuple[LawSearch, ...]
     given: Mapping[str, LawName]
     remarks: tuple[str, ...]
     threads: int
-    journal_of: JournalOf | None
-    on_progress: Callable[[LawProgress], None] | None
+    steps: Steps
     firsts: dict[str, Fit] = field(default_factory=dict)
-    failed: dict[str, str] = field(default_factory=dict)
-    _began: float = field(default_factory=time.perf_counter, init=False)
 
     @property
     def fitted_laws(self) -> list[FittedLaws]:
@@ -104,10 +72,10 @@ class RunningLawChoice:
     def evaluate(self, search: LawSearch) -> None:
         """Try the laws of a model."""
         with self._failing_alone(search):
-            self.firsts[search.name] = run_with_journal(
-                self.journal_of, f"{search.name}/first", partial(self._first_fit, search)
+            self.firsts[search.name] = self.steps.run(
+                f"{search.name}/first", partial(self._first_fit, search)
             )
-            run_with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
+            self.steps.run(f"{search.name}/laws", partial(self._try_laws, search))
 
     def make_choice(self) -> LawChoice:
         """The choice, with the fit of the chosen laws to the whole tests, without models that cannot be fitted."""
@@ -116,17 +84,15 @@ class RunningLawChoice:
             search, candidate, settings = self._choose_start(table)
             with self._failing_alone(search):
                 try:
-                    fit = run_with_journal(
-                        self.journal_of,
-                        f"{search.name}/fit",
-                        partial(self._final_fit, search, candidate, settings),
+                    fit = self.steps.run(
+                        f"{search.name}/fit", partial(self._final_fit, search, candidate, settings)
                     )
                 except Interrupted as interrupt:
-                    done = LawChoice(table=table, fit=interrupt.result, seconds=self._seconds)
+                    done = LawChoice(table=table, fit=interrupt.result, seconds=self.steps.seconds)
                     raise Interrupted(done, "choice of laws") from interrupt
-                return LawChoice(table=table, fit=fit, seconds=self._seconds)
+                return LawChoice(table=table, fit=fit, seconds=self.steps.seconds)
             search.fitted.clear()
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in self.failed.items())
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in self.steps.failed.items())
         raise SettingError(f"none of the models could be fitted ({reasons})")
 
     def so_far(self) -> LawChoice:
@@ -141,21 +107,13 @@ class RunningLawChoice:
             trace=replace(self.firsts[search.name].trace, stop_reason="interrupted"),
             steps=0,
             status="interrupted",
-            seconds=self._seconds,
+            seconds=self.steps.seconds,
         )
         return LawChoice(table=table, fit=fit, seconds=fit.seconds)
 
-    @contextmanager
-    def _failing_alone(self, search: LawSearch) -> Iterator[None]:
-        """Record why one of several models cannot be fitted; errors of the only model and of files are raised."""
-        try:
-            yield
-        except (JournalError, OutputError):
-            raise
-        except MrworkError as error:
-            if len(self.compared) == 1:
-                raise
-            self.failed[search.name] = str(error)
+    def _failing_alone(self, search: LawSearch) -> AbstractContextManager[None]:
+        """Records why one of several models cannot be fitted; errors of the only model are raised."""
+        return nullcontext() if len(self.compared) == 1 else self.steps.recording_failure(search.name)
 
     def _first_fit(self, search: LawSearch, journal: Journal | None) -> Fit:
         spec, _ = search.model(search.first_laws)
@@ -209,8 +167,8 @@ class RunningLawChoice:
             n_folds=len(search.folds),
             given=dict(self.given),
             complete=complete,
-            models=tuple(own.name for own in self.compared),
-            failed=dict(self.failed),
+            models=self.steps.models,
+            failed=dict(self.steps.failed),
             remarks=(*self.remarks, *same),
         )
         return replace(table, sentence=sentence_on(table))
@@ -221,26 +179,10 @@ class RunningLawChoice:
         candidate, start = search.make_start(table.chosen_laws)
         return search, candidate, replace(search.settings, starts=(start,))
 
-    @property
-    def _seconds(self) -> float:
-        return time.perf_counter() - self._began
-
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
-        if self.on_progress is None:
-            return
         scores = [laws.score for laws in self.fitted_laws]
-        self.on_progress(
-            LawProgress(
-                model=search.name,
-                number=1 + [own.name for own in self.compared].index(search.name),
-                n_models=len(self.compared),
-                task=task,
-                n_tried=len(scores),
-                left_out_percent=100.0 * (1.0 - min(scores, default=np.nan)),
-                seconds=self._seconds,
-                within=within,
-            )
-        )
+        best = 100.0 * (1.0 - min(scores, default=np.nan))
+        self.steps.report(search.name, task, within, n_tried=len(scores), left_out_percent=best)
 
 
 @checked
@@ -253,7 +195,7 @@ def choose_laws(
     leave_out: Fold | None = None,
     settings: FitSettings | None = None,
     threads: Threads = 0,
-    on_progress: Callable[[LawProgress], None] | None = None,
+    on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
 ) -> LawChoice:
     """Choose the laws by which parameters of a model follow the command, and the model where several are given.
@@ -323,8 +265,11 @@ def choose_laws(
         given=given,
         remarks=remarks,
         threads=threads,
-        journal_of=journal_of,
-        on_progress=on_progress,
+        steps=Steps(
+            models=tuple(search.name for search in compared),
+            journal_of=journal_of,
+            on_progress=on_progress,
+        ),
     )
     try:
         for search in compared:
