@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -20,7 +19,6 @@ from mrwork.cli.door import parser
 from mrwork.dampers import damper
 from mrwork.errors import Interrupted, MrworkWarning
 from mrwork.identification import Fit, FitSettings, Multistart
-from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
@@ -29,7 +27,7 @@ from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.leave_one_out import free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Collapse, Evidence, cost_remark, find_collapses, rank
+from mrwork.uncertainty.choice.ranking import Collapse, Evidence, find_collapses, rank
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = FitSettings(search=Multistart(samples=10, starts=4, most_rounds=2, found=2))
@@ -248,57 +246,6 @@ def test_the_command_line_refuses_in_a_sentence(tmp_path: Path, refused: Refused
         options = parser(words).parse_args(words)
         refused(options.run, options)
         assert list(tmp_path.iterdir()) == []
-
-
-FOLDS = (0.070, 0.071, 0.072, 0.073)
-
-
-def family(model: str, n_params: int, behind: float) -> Evidence:
-    """A family whose NRMSE on every fold is that much larger."""
-    return Evidence(
-        model=model,
-        title=model.title(),
-        n_params=n_params,
-        status="converged",
-        seconds=1.0,
-        fit_percent=92.0,
-        left_out=tuple(each + behind for each in FOLDS),
-    )
-
-
-def remark(evidence: list[Evidence], steps: dict[str, float]) -> tuple[str, ...]:
-    costs = {model: BuildingCost(steps=each) for model, each in steps.items()}
-    return cost_remark(rank(evidence, None), {each.model: each.left_out for each in evidence}, costs)
-
-
-def test_a_cheap_choice_is_not_remarked_upon() -> None:
-    assert remark([family("loop", 7, 0.0), family("curve", 8, 0.0)], {"loop": 8, "curve": 2}) == ()
-
-
-def test_a_cheap_family_that_is_as_good_is_named() -> None:
-    (found,) = remark(
-        [family("loop", 7, 0.0), family("curve", 8, 0.0005), family("line", 9, 0.004)],
-        {"loop": 64, "curve": 2, "line": 2},
-    )
-    assert found == (
-        "the fit of Loop takes about 64 integration steps a sample of 1 ms in a building; Curve is as good "
-        "(92.80 % against 92.85 % left out) and takes 2: use it in studies of the tested range"
-    )
-
-
-def test_a_cheap_family_that_is_not_as_good_is_the_nearest() -> None:
-    (found,) = remark([family("loop", 7, 0.0), family("line", 6, 0.01)], {"loop": 64, "line": 2})
-    assert found.endswith(
-        "of those that take fewer than 16 Line comes nearest (91.85 % against 92.85 % left out)"
-    )
-
-
-def test_without_a_cheap_family_that_is_said() -> None:
-    (found,) = remark([family("loop", 7, 0.0), family("line", 8, 0.0)], {"loop": math.inf, "line": 32})
-    assert found == (
-        "the fit of Loop takes more than 512 integration steps a sample of 1 ms in a building, and so does every "
-        "other that predicts what was left out"
-    )
 
 
 FEW_STARTS = Multistart(samples=10, starts=4, most_rounds=2, found=2)

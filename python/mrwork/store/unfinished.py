@@ -104,19 +104,10 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
 
     `note`: called with a sentence if the end of the journal is damaged and ignored.
     """
-    kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
     check_own_folder(begun.parent)
-    for each in (kept, begun):
-        check_own(each)
-    if not begun.is_file():
-        if not kept.is_file():
-            raise JournalError(
-                f"there is no journal to resume, neither {part_of(path).name}/{JOURNAL} nor {JOURNAL} in {path}; "
-                "run without --resume"
-            )
-        _copy(kept, begun, _folder(path) / _COPYING)
-    return _lock(Journal(begun, resume=True, note=note))
+    missing = f"journal to resume, neither {begun.parent.name}/{JOURNAL} nor {JOURNAL} in {path}"
+    return _resume(real_place(path) / JOURNAL, begun, lambda: _folder(path) / _COPYING, missing, note)
 
 
 def discard_journal(journal: Journal) -> None:
@@ -145,13 +136,20 @@ def begin_addition(kept: Path) -> Journal:
 
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
     """Resume a journal as `begin_addition` begins it, or the complete one at `kept`; raises as `resume_journal`."""
-    begun = name_unfinished(kept)
-    for each in (kept, begun):
-        check_own(each)
+    copying = kept.with_name(f".{kept.name}.{_COPYING}")
+    return _resume(kept, name_unfinished(kept), lambda: copying, f"{kept} to resume", note)
+
+
+def _resume(
+    kept: Path, begun: Path, copying: Callable[[], Path], missing: str, note: Callable[[str], None]
+) -> Journal:
+    """Resume the journal at `begun`, or a copy of the complete one at `kept`; what is `missing` where none is."""
+    for path in (kept, begun):
+        check_own(path)
     if not begun.is_file():
         if not kept.is_file():
-            raise JournalError(f"there is no {kept} to resume; run without --resume")
-        _copy(kept, begun, kept.with_name(f".{kept.name}.{_COPYING}"))
+            raise JournalError(f"there is no {missing}; run without --resume")
+        _copy(kept, begun, copying())
     return _lock(Journal(begun, resume=True, note=note))
 
 

@@ -11,7 +11,7 @@ group of tests, of which sums over groups are taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -233,9 +233,7 @@ class ErrorTable:
         about = self.error
         if variant.biased:
             total = self._curves[inside].sum(axis=0)
-            shape = ErrorShape(
-                level=shape.level, slope=shape.slope, floor=shape.floor, bias=tuple(total / n_inside)
-            )
+            shape = replace(shape, bias=tuple(total / n_inside))
             others = np.where(
                 inside[:, np.newaxis], (total - self._curves) / max(n_inside - 1, 1), total / n_inside
             )

@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from math import ceil
 from pathlib import Path
-from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
 from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
 from mrwork.store.run_folder import DRAWS
-from mrwork.uncertainty.identifiability.verdicts import ParameterScale, judge_interval
+from mrwork.uncertainty.identifiability.verdicts import DEVIATIONS, ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
 
@@ -158,9 +157,8 @@ Remark = Literal[
     "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
 ]
 
-# Probability of the intervals, and the number of standard deviations that they reach to either side if normal.
+# Probability of the intervals.
 LEVEL = 0.95
-_DEVIATIONS = NormalDist().inv_cdf(0.5 * (1.0 + LEVEL))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +213,7 @@ class DrawSummary:
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        verdict, reason = judge_interval(ends, _DEVIATIONS, scale, opened=f"it {self.remark}")
+        verdict, reason = judge_interval(ends, DEVIATIONS, scale, opened=f"it {self.remark}")
         return replace(self, verdict=verdict, reason=reason)
 
 
