@@ -20,8 +20,12 @@ def sinusoidal_test(
     noise: float,
     cycles: int = 3,
     rng: int = 0,
+    command: float | None = None,
 ) -> DamperTest:
-    """A sinusoidal test; `motion` is amplitude [m] and frequency [Hz], `noise` a share of the force."""
+    """A sinusoidal test; `motion` is amplitude [m] and frequency [Hz], `noise` a share of the force.
+
+    One at a constant `command` [A] names it.
+    """
     amplitude, frequency = motion
     dt = 1.0 / (PER_CYCLE * frequency)
     time = dt * np.arange(cycles * PER_CYCLE + 1)
@@ -31,10 +35,11 @@ def sinusoidal_test(
     force = simulate_force(damper(model), theta, Loading(dt=dt, displacement=displacement, velocity=velocity))
     scatter = np.random.default_rng(rng).standard_normal(time.size)
     return build_damper_test(
-        name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",
+        name=f"{1e3 * amplitude:g} mm {frequency:g} Hz" if command is None else f"{motion} at {command} A",
         time=time,
         displacement=displacement,
         velocity=velocity,
         force=force + noise * np.std(force) * scatter,
         synthetic=True,
+        current=command,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import closing
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -42,16 +43,15 @@ def yield_force(command: float) -> float:
 def tests() -> tuple[DamperTest, ...]:
     """Of viscous_dahl: k_x and rho are constant, k_w is quadratic in the command."""
     return tuple(
-        replace(
-            sinusoidal_test(
-                "viscous_dahl", (800.0, yield_force(command), 2000.0, 20.0), motion, noise=0.02, rng=seed
-            ),
-            current=command,
-            name=f"{motion} at {command} A",
+        sinusoidal_test(
+            "viscous_dahl",
+            (800.0, yield_force(command), 2000.0, 20.0),
+            motion,
+            noise=0.02,
+            rng=seed,
+            command=command,
         )
-        for seed, (motion, command) in enumerate(
-            (motion, command) for motion in MOTIONS[:3] for command in COMMANDS
-        )
+        for seed, (motion, command) in enumerate(product(MOTIONS[:3], COMMANDS))
     )
 
 
@@ -91,13 +91,8 @@ def test_of_laws_as_good_as_the_best_the_simplest_is_chosen(choice: LawChoice) -
 def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSettings) -> None:
     # Without noise every law that contains the true one is fitted by it.
     tests = [
-        replace(
-            sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.0, rng=0),
-            current=command,
-            name=f"{motion} at {command} A",
-        )
-        for motion in MOTIONS[:3]
-        for command in (0.0, 1.0)
+        sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.0, command=command)
+        for motion, command in product(MOTIONS[:3], (0.0, 1.0))
     ]
     table = choose_laws("dahl", tests, settings=settings, threads=1).table
     assert [each.laws for each in table.tried] == [{"k_w": "linear"}, {}]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import closing
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -34,19 +35,16 @@ TOO_STIFF = {"rho": (1e7, 1e7)}
 SETTINGS = FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)))
 
 
+def dahl_test(motion: tuple[float, float], command: float, *, cycles: int = 3, rng: int = 0) -> DamperTest:
+    """A test of dahl, whose k_w is linear in the command."""
+    theta = (200.0 + 400.0 * command, 2000.0, 20.0)
+    return sinusoidal_test("dahl", theta, motion, noise=0.02, cycles=cycles, rng=rng, command=command)
+
+
 @pytest.fixture(scope="module")
 def tests() -> tuple[DamperTest, ...]:
-    """Of dahl, whose k_w is linear in the command."""
-    return tuple(
-        replace(
-            sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.02, rng=seed),
-            current=command,
-            name=f"{motion} at {command} A",
-        )
-        for seed, (motion, command) in enumerate(
-            (each, command) for each in MOTIONS[:3] for command in COMMANDS
-        )
-    )
+    cases = product(MOTIONS[:3], COMMANDS)
+    return tuple(dahl_test(motion, command, rng=seed) for seed, (motion, command) in enumerate(cases))
 
 
 @pytest.fixture(scope="module")
@@ -109,12 +107,11 @@ def test_laws_that_cannot_predict_whole_tests_are_not_chosen(refused: Refused) -
     """The best laws on cycles from the middle are of dahl, which no step resolves at the beginning of the tests."""
 
     def spiked(motion: tuple[float, float], command: float) -> DamperTest:
-        test = sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.02, cycles=10)
+        test = dahl_test(motion, command, cycles=10)
         spike = np.where(np.arange(test.n_time) == 60, 1e5, 0.0)
-        name = f"{motion} at {command} A"
-        return replace(test, velocity=test.velocity + spike, current=command, name=name)
+        return replace(test, velocity=test.velocity + spike)
 
-    tests = [spiked(motion, command) for motion in MOTIONS[:2] for command in COMMANDS]
+    tests = [spiked(motion, command) for motion, command in product(MOTIONS[:2], COMMANDS)]
     found = mr.choose_laws(["dahl", "bingham"], tests, settings=SETTINGS, threads=1)
     assert found.fit.model == "bingham"
     of_dahl = [each for each in found.table.tried if each.model == "dahl"]
