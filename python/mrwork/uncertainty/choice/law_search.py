@@ -361,10 +361,10 @@ class LawSearch:
         """Laws not tried yet of which one differs by a degree, the best promise of the linearised fit [%] first."""
         done = [each.laws for each in self.fitted]
         moves = [
-            (name, _degree(current.laws, name) + change)
+            (name, degree)
             for name in self.free
-            if 0 <= _degree(current.laws, name) + change <= self.most
-            and _with_degree(current.laws, name, _degree(current.laws, name) + change) not in done
+            if 0 <= (degree := _degree(current.laws, name) + change) <= self.most
+            and _with_degree(current.laws, name, degree) not in done
         ]
         if not moves:
             return []

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, nan
 from statistics import NormalDist
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -47,12 +47,7 @@ from mrwork.uncertainty.identifiability.curvature import (
     run_together,
     signed_root,
 )
-from mrwork.uncertainty.identifiability.verdicts import (
-    ParameterScale,
-    ReasonedVerdict,
-    Scale,
-    judge_interval,
-)
+from mrwork.uncertainty.identifiability.verdicts import ParameterScale, Scale, judge_interval
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import ProfilesPlots
@@ -271,7 +266,10 @@ def _profile_of(
         None if each is None else float(np.exp(each) if scaled.log[index] else each * scaled.size[index])
         for each in crossings
     )
-    profile = Profile(
+    verdict, reason = judge_interval(
+        (lower, upper), limit, scale, opened=_name_open_ends(lower, upper, below.end, above.end)
+    )
+    return Profile(
         name=parameter.name,
         unit=parameter.unit,
         estimate=float(values[origin]),
@@ -283,11 +281,9 @@ def _profile_of(
         upper=upper,
         lower_end=below.end,
         upper_end=above.end,
-        verdict="identifiable",
-        reason="",
+        verdict=verdict,
+        reason=reason,
     )
-    verdict, reason = _judge_profile(profile, limit, scale)
-    return replace(profile, verdict=verdict, reason=reason)
 
 
 def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
@@ -300,20 +296,12 @@ def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
     return float(position[last - 1] + share * (position[last] - position[last - 1]))
 
 
-def _judge_profile(profile: Profile, limit: float, scale: ParameterScale) -> ReasonedVerdict:
-    """Judged by the ends of the interval; the reason names those that are open."""
-    open_ends = [
-        f"{side}: {_IN_WORDS[end]}"
-        for side, end, value in (
-            ("below", profile.lower_end, profile.lower),
-            ("above", profile.upper_end, profile.upper),
-        )
-        if value is None
-    ]
-    opened = f"open {'; '.join(open_ends)}"
-    if len(open_ends) == 2 and profile.lower_end == profile.upper_end:
-        opened = f"open on both sides: {_IN_WORDS[profile.lower_end]}"
-    return judge_interval((profile.lower, profile.upper), limit, scale, opened=opened)
+def _name_open_ends(lower: float | None, upper: float | None, below: End, above: End) -> str:
+    """Which ends of an interval are open, and how the walks there ended."""
+    if lower is None and upper is None and below == above:
+        return f"open on both sides: {_IN_WORDS[below]}"
+    ends = (("below", below, lower), ("above", above, upper))
+    return f"open {'; '.join(f'{side}: {_IN_WORDS[end]}' for side, end, value in ends if value is None)}"
 
 
 _IN_WORDS: dict[End, str] = {
