@@ -127,13 +127,15 @@ def test_identify_says_what_the_data_do_not_see(run: Path) -> None:
     assert "A was held fixed for this reason" in text
 
 
-def test_an_earlier_fit_without_verdicts_is_read(run: Path, tmp_path: Path) -> None:
-    old = tmp_path / "old"
-    shutil.copytree(run, old)
-    document = json.loads((old / "fit.json").read_text())
-    del document["identifiability"]
-    (old / "fit.json").write_text(json.dumps(document))
-    assert read_fit(old).identifiability is None
+def test_a_fit_without_verdicts_and_effective_samples_is_read(run: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    shutil.copytree(run, bare)
+    document = json.loads((bare / "fit.json").read_text())
+    del document["identifiability"], document["n_effective"]
+    (bare / "fit.json").write_text(json.dumps(document))
+    fit = read_fit(bare)
+    assert fit.identifiability is None
+    assert "independent samples" in repr(fit)
 
 
 def test_profiles_do_not_outlive_their_fit(run: Path, tmp_path: Path) -> None:
