@@ -51,7 +51,6 @@ SMALL_VALUES = {
     "Envelope",
     "Fault",
     "Finding",
-    "FittedParameter",
     "FrontPoint",
     "FurtherSignal",
     "GammaEnvelope",

@@ -216,19 +216,21 @@ def laws_calls(_: Path) -> Calls:
         of.design_law, name="lyapunov", problem=problem, settings=of.LyapunovSettings(state_weight=np.eye(10))
     )
     yield call(of.PassiveSettings, command=1.0)
-    yield call(of.FrictionSettings, slope=1e5)
-    yield call(of.FuzzySettings, deformation=0.01, rate=0.1)
-    yield call(of.MixedSkyhookSettings, crossover=4.0)
+    yield call(of.SETTINGS["modulated_homogeneous_friction"], slope=1e5)
+    yield call(of.SETTINGS["fuzzy"], deformation=0.01, rate=0.1)
+    yield call(of.SETTINGS["mixed_skyhook"], crossover=4.0)
     yield call(
         of.RegulatorSettings, drifts=np.eye(5), energy=1.0, state_weight=np.ones(10), control_weight=1e-7
     )
-    yield call(of.ClippedSettings, **clipped)
-    yield call(of.NetworkSettings, control_weight=1e-7, amplitude=0.01, velocity=0.2, hidden=4, seed=1)
+    yield call(of.SETTINGS["modified_clipped_optimal"], **clipped)
+    yield call(
+        of.SETTINGS["inverse_network"], control_weight=1e-7, amplitude=0.01, velocity=0.2, hidden=4, seed=1
+    )
     yield call(of.LyapunovSettings, drifts=1.0)
     yield call(of.ProportionalSettings, slope=1.0, control_weight=1e-7)
-    yield call(of.SlidingSettings, **sliding)
-    yield call(of.AdaptiveSlidingSettings, **sliding)
-    yield call(of.SuperTwistingSettings, **sliding)
+    yield call(of.SETTINGS["sliding_mode"], **sliding)
+    yield call(of.SETTINGS["adaptive_sliding_mode"], **sliding)
+    yield call(of.SETTINGS["super_twisting"], **sliding)
     yield call(
         of.WeightWishes,
         rms_drift=2e-3,

@@ -20,4 +20,3 @@ if True:  # the lower tier
     from .evaluation import values as values
     from .responses import History as History
     from .simulate import LoopVariation as LoopVariation
-    from .user_law import RunningRms as RunningRms

@@ -32,28 +32,18 @@ from .weights.weight_solver import design_weights as design_weights
 if True:  # the lower tier
     from .laws.control_law import ControlLawSpec as ControlLawSpec
     from .laws.control_law import LoopModel as LoopModel
-    from .laws.fuzzy import FuzzySettings as FuzzySettings
     from .laws.law_problem import Design as Design
     from .laws.law_problem import ReferencePeaks as ReferencePeaks
     from .laws.law_settings import SETTINGS as SETTINGS
-    from .laws.law_settings import FrictionSettings as FrictionSettings
-    from .laws.law_settings import MixedSkyhookSettings as MixedSkyhookSettings
-    from .laws.law_settings import NoSettings as NoSettings
     from .laws.law_settings import PassiveSettings as PassiveSettings
     from .laws.law_settings import design_candidates as design_candidates
     from .laws.lyapunov import LyapunovSettings as LyapunovSettings
     from .laws.lyapunov import ProportionalSettings as ProportionalSettings
-    from .laws.regulator_settings import ClippedSettings as ClippedSettings
-    from .laws.regulator_settings import NetworkSettings as NetworkSettings
     from .laws.regulator_settings import RegulatorSettings as RegulatorSettings
     from .laws.rollout import RolloutSettings as RolloutSettings
-    from .laws.sliding import AdaptiveSlidingSettings as AdaptiveSlidingSettings
-    from .laws.sliding import SlidingSettings as SlidingSettings
-    from .laws.sliding import SuperTwistingSettings as SuperTwistingSettings
     from .laws.weights import WeightWishes as WeightWishes
     from .linear.lqr import published_regulator as published_regulator
     from .linear.lqr import regulator_as_published as regulator_as_published
-    from .linear.margins import DeviceMargins as DeviceMargins
     from .linear.margins import LoopMargins as LoopMargins
     from .linear.plant import Plant as Plant
     from .linear.plant import deformation_rates as deformation_rates

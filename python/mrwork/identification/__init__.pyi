@@ -9,7 +9,6 @@ from .settings import Multistart as Multistart
 
 if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
-    from .fit import FittedParameter as FittedParameter
     from .minimise.level_search import LevelFit as LevelFit
     from .minimise.level_search import joint_starts as joint_starts
     from .minimise.level_search import levels_of as levels_of

@@ -23,9 +23,7 @@ from .synthetic import synthetic_motion as synthetic_motion
 if True:  # the lower tier
     from .ground_motion import brought_to_rest as brought_to_rest
     from .spectral_density import CloughPenzien as CloughPenzien
-    from .spectral_density import StationaryGround as StationaryGround
     from .spectral_density import mean_square_of as mean_square_of
-    from .spectral_density import with_intensity as with_intensity
     from .synthetic import Envelope as Envelope
     from .synthetic import GammaEnvelope as GammaEnvelope
     from .synthetic import ricker as ricker
