@@ -10,7 +10,7 @@ import pytest
 from sentences import Refused
 
 from mrwork.base.values import Floats
-from mrwork.search.peers import FrontResult, run_front
+from mrwork.search.registry import FrontResult, run_front
 from mrwork.store.journal import Journal
 
 pytest.importorskip("pymoo")

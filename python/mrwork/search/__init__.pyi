@@ -17,7 +17,7 @@ if True:  # the lower tier
     from .loop import SearchResult as SearchResult
     from .loop import run_replicates as run_replicates
     from .particle_swarm import CONSTRICTION as CONSTRICTION
-    from .peers import library as library
+    from .registry import library as library
     from .rules import EliteRule as EliteRule
     from .rules import first_improvement as first_improvement
     from .rules import threshold as threshold

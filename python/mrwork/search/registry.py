@@ -1,17 +1,281 @@
-"""Every optimiser by name, with its default settings.
+"""Every search by name with its default settings, and those of the libraries that come with the extra `peers`.
 
-A module of its own because `identify` imports all optimisers only where a search is named.
+These are CMA-ES of `cma`, asked and told, and fronts by NSGA-II of pymoo. `cma` keeps its progress in an object that
+`tell` changes. `tell` can therefore be called only once for a state of such a search; to continue from an earlier
+state, start again and tell the same misfits, which a journal has recorded. Otherwise the contract of `Optimiser`
+applies: each replicate is an independent search with its own seed.
+
+Apart from the loop, because `identify` imports all searches only where one is named.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import importlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
+from types import ModuleType
+from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.arguments import Seed, Within, checked
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.errors import SettingError
+from mrwork.search.course import Course, Dimension, Proposal, Replicate, propose, with_generation
 from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
 from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
-from mrwork.search.peers import CMAEvolution
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
+
+# Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
+_FAILURE = 1e100
+
+
+def library(name: str) -> ModuleType:
+    """Import a module of an optional library."""
+    try:
+        return importlib.import_module(name)
+    except (ImportError, ValueError) as error:
+        raise SettingError(
+            f"{name.partition('.')[0]} is not installed; install it with: pip install 'mrwork[peers]'"
+        ) from error
+
+
+class CMASearch:
+    """CMA-ES of one replicate, with its pending candidates, whose misfits have not been told yet."""
+
+    def __init__(self, strategy: Any) -> None:
+        self._strategy = strategy
+        self._generation = 0
+        self._pending: list[Floats] | None = None
+
+    def ask(self, generation: int) -> Floats:
+        """Candidates of this generation, the same in every call, shape (n_population, n_params)."""
+        self._check(generation)
+        if self._pending is None:
+            self._pending = self._strategy.ask()
+        return np.clip(self._pending, 0.0, 1.0)
+
+    def tell(self, generation: int, misfit: Floats) -> None:
+        """Take the misfits of all candidates of this generation, shape (n_population,)."""
+        self._check(generation)
+        self._strategy.tell(self._pending, np.where(np.isfinite(misfit), misfit, _FAILURE).tolist())
+        self._generation, self._pending = generation + 1, None
+
+    def _check(self, generation: int) -> None:
+        if generation != self._generation:
+            raise SettingError(
+                f"this state is of generation {generation}, its library is at generation {self._generation}; "
+                "start again and tell the same misfits"
+            )
+
+
+@array_dataclass()
+class CMAState:
+    """Searches by CMA-ES, one for each replicate.
+
+    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
+    generation that was simulated.
+    """
+
+    course: Course
+    population: Floats
+    misfit: Floats
+    searches: tuple[CMASearch, ...]
+
+
+@checked
+class CMAEvolution:
+    """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195).
+
+    A population of 10 is the library's default for 8 parameters. `elite` says which points of the run are kept as
+    starts of a local minimisation. `deviation` is the initial standard deviation of each gene, a share of the box; the
+    search begins at the point `begin` of the unit cube, the middle by default.
+    """
+
+    population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 10
+    stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
+    elite: EliteRule = field(default_factory=EliteRule)
+    deviation: Annotated[float, Within(least=1e-12, most=1.0)] = 0.3
+    begin: tuple[float, ...] = ()
+
+    def near(self, point: Floats, deviation: float) -> CMAEvolution:
+        """The optimiser begun around a point, where most of its first candidates are inside the cube."""
+        inside = np.clip(point, deviation, 1.0 - deviation)
+        return replace(self, begin=tuple(inside.tolist()), deviation=deviation)
+
+    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> CMAState:
+        """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
+        course = Course.begin(n_params, rng, replicates, self.elite)
+        strategy = library("cma").CMAEvolutionStrategy
+        first = np.array(self.begin) if self.begin else np.full(n_params, 0.5)
+
+        def begin(seed: int) -> CMASearch:
+            generator = np.random.default_rng(seed)
+            options = {
+                "bounds": [0.0, 1.0],
+                "popsize": self.population,
+                "verbose": -9,
+                # By default the library seeds and uses the global generator of NumPy.
+                "seed": math.nan,
+                "randn": lambda *shape: generator.standard_normal(shape),
+            }
+            return CMASearch(strategy(first, self.deviation, options))
+
+        shape = (len(course.replicate), self.population)
+        return CMAState(
+            course=course,
+            population=np.zeros((*shape, n_params)),
+            misfit=np.full(shape, math.inf),
+            searches=tuple(begin(int(seed)) for seed in course.streams.seeds()),
+        )
+
+    def ask(self, state: CMAState) -> Proposal:
+        """Candidates of the running replicates."""
+        course, rows = state.course, state.course.running
+        population = state.population[rows].copy()
+        for index, row in enumerate(rows):
+            population[index] = state.searches[row].ask(int(course.generation[row]))
+        changed = np.ones(population.shape[:2], np.bool_)
+        return propose(course, population, known=state.misfit[rows], changed=changed)
+
+    def tell(self, state: CMAState, proposal: Proposal, misfit: Floats) -> CMAState:
+        """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""
+        simulated = proposal.member_misfits(misfit)
+        for index, row in enumerate(state.course.running):
+            state.searches[row].tell(int(state.course.generation[row]), simulated[index])
+        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
+
+
+SeveralObjectives = Callable[[Floats], Floats]
+"""Maps points of the unit cube, shape (m, n_params), to columns, shape (m, n_objectives + n_constraints).
+
+The last columns are constraints g, which hold where g <= 0; `inf` marks a failure.
+"""
+
+
+@array_dataclass(repr=False)
+class FrontResult(Summarised):
+    """Points of which no other simulated one is lower in every objective, and the number of candidates.
+
+    `units` (n, n_params) with `objectives` (n, n_objectives), ordered by the first objective, and `constraints` (n,
+    n_constraints). They are of points that meet every constraint; where none does, of the one with the least violation.
+    """
+
+    units: Floats
+    objectives: Floats
+    evaluations: int
+    constraints: Floats
+
+
+@array_dataclass()
+class _Generation:
+    objectives: Floats
+
+
+def run_front(
+    objectives: SeveralObjectives,
+    *,
+    n_params: int,
+    n_objectives: int,
+    n_constraints: int = 0,
+    population: int,
+    budget: int,
+    rng: int,
+    starts: Floats,
+    journal: Journal | None = None,
+    on_generation: Callable[[int], bool | None] = lambda evaluations: None,
+) -> FrontResult:
+    """Search a Pareto front by NSGA-II of pymoo within a budget of candidates; at most half a generation are starts.
+
+    Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
+    89497-89509. Of two points the one that meets the constraints comes first, then that with the smaller sum of
+    violations (Deb's rules): constraints of different units want a common scale. The journal records every generation,
+    and recalls those of a search that was interrupted. The search ends where `on_generation`, called with the number of
+    candidates after every generation, returns true.
+    """
+    problem = library("pymoo.core.problem").Problem(
+        n_var=n_params, n_obj=n_objectives, n_ieq_constr=n_constraints, xl=0.0, xu=1.0
+    )
+    sampled = np.random.default_rng(rng).uniform(size=(population, n_params))
+    kept = starts[: population // 2]
+    sampled[: len(kept)] = kept
+    algorithm: Any = library("pymoo.algorithms.moo.nsga2").NSGA2(pop_size=population, sampling=sampled)
+    algorithm.setup(
+        problem,
+        termination=library("pymoo.core.termination").NoTermination(),
+        seed=rng % 2**31,
+        verbose=False,
+    )
+    static = library("pymoo.problems.static").StaticProblem
+    evaluator = library("pymoo.core.evaluator").Evaluator()
+    units, values = np.empty((0, n_params)), np.empty((0, n_objectives + n_constraints))
+    while len(units) + population <= max(budget, population):
+        asked = algorithm.ask()
+        points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
+        returned = _simulate_points(objectives, points, journal)
+        if returned.shape != (len(points), n_objectives + n_constraints):
+            raise SettingError(
+                f"the columns have the shape {returned.shape}; give ({len(points)}, {n_objectives + n_constraints}), "
+                "objectives and then constraints"
+            )
+        columns = np.where(np.isfinite(returned), returned, _FAILURE)
+        constrained = {"G": columns[:, n_objectives:]} if n_constraints else {}
+        evaluator.eval(static(problem, F=columns[:, :n_objectives], **constrained), asked)
+        algorithm.tell(infills=asked)
+        units, values = np.vstack([units, points]), np.vstack([values, returned])
+        if on_generation(len(units)):
+            break
+    values, constraints = values[:, :n_objectives], values[:, n_objectives:]
+    first = _select_feasible_front(values, constraints)
+    order = first[np.lexsort(values[first].T[::-1])]
+    return FrontResult(
+        units=units[order], objectives=values[order], evaluations=len(units), constraints=constraints[order]
+    )
+
+
+def _select_feasible_front(values: Floats, constraints: Floats) -> NDArray[np.int64]:
+    """Indices of the front of the points that meet the constraints, else of the one with the least violation."""
+    feasible = np.flatnonzero((constraints <= 0.0).all(axis=1))
+    if feasible.size or not np.isfinite(values).all(axis=1).any():
+        return feasible[select_nondominated(values[feasible])]
+    violation = np.where(constraints > 0.0, constraints, 0.0).sum(axis=1)
+    violation[~np.isfinite(values).all(axis=1)] = np.inf
+    return np.array([np.argmin(violation)], dtype=np.int64)
+
+
+def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
+    if journal is None:
+        return objectives(points)
+    recorded = journal.once(
+        "front generation", digest_of(points), _Generation, lambda: _Generation(objectives=objectives(points))
+    )
+    return recorded.objectives
+
+
+def select_nondominated(values: Floats) -> NDArray[np.int64]:
+    """Indices of the rows that no other row dominates, at most as large in every column and smaller in one.
+
+    Of equal rows the first is kept; rows that are not finite are left out.
+    """
+    finite = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if not finite.size:
+        raise SettingError("no candidate has finite objectives; check the study with mrwork respond")
+    kept: list[int] = []
+    for index in finite:
+        others = values[finite]
+        no_worse = (others <= values[index]).all(axis=1)
+        better = no_worse & (others < values[index]).any(axis=1)
+        equal_before = no_worse & ~better & (finite < index)
+        if not better.any() and not equal_before.any():
+            kept.append(int(index))
+    return np.array(kept, dtype=np.int64)
+
 
 # Any: each optimiser has its own type of state.
 OPTIMISERS: Mapping[str, Optimiser[Any]] = {

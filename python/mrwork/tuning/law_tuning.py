@@ -22,8 +22,7 @@ from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
-from mrwork.search.peers import FrontResult, run_front
-from mrwork.search.registry import ALL_OPTIMISERS, PEERS
+from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
 from mrwork.study.arrangements import refuse_within

@@ -12,8 +12,7 @@ from mrwork.base.keys import suggestion
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.errors import Interrupted, SettingError
-from mrwork.search.peers import library
-from mrwork.search.registry import ALL_OPTIMISERS
+from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import check_law, refuse_within
 from mrwork.study.run_result import DeviceDemand, damper_warnings

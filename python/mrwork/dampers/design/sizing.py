@@ -25,8 +25,7 @@ from mrwork.dampers.design.flow import FlowModel, Length
 from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.search import SearchResult, StopRules, run_search
-from mrwork.search.peers import run_front, select_nondominated
-from mrwork.search.registry import ALL_OPTIMISERS
+from mrwork.search.registry import ALL_OPTIMISERS, run_front, select_nondominated
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import FrontPlots
