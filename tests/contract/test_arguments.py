@@ -28,7 +28,7 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.uncertainty",
     "mrwork.search",
     "mrwork.dampers.simulation",
-    "mrwork.store.journal",
+    "mrwork.store",
     "mrwork.buildings",
     "mrwork.control",
     "mrwork.closed_loop",

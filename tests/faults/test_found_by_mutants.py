@@ -26,7 +26,7 @@ from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.store.input_file import RECORD, read_arrays
-from mrwork.store.journal_file import line_of, read_lines
+from mrwork.store.journal import line_of, read_lines
 from mrwork.tuning import LawResult
 from mrwork.tuning.results import judgement_of_objective
 from studies.common.expected import departures

@@ -29,7 +29,7 @@ from mrwork.identification.progress import Tally
 from mrwork.records import DamperTest
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.journal_file import line_of
+from mrwork.store.journal import line_of
 
 KILLED = "MRWORK_KILL_POINTS" in os.environ
 N_POINTS = int(os.environ.get("MRWORK_KILL_POINTS", "3"))

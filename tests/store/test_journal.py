@@ -17,7 +17,7 @@ from sentences import Refused
 from mrwork import Journal
 from mrwork.errors import JournalError
 from mrwork.store.codec import digest_of
-from mrwork.store.journal_file import line_of
+from mrwork.store.journal import line_of
 
 FACTS = {"seed": 1, "bounds": {"n": [1.0, 2.0]}, "files": [{"sha256": "ab"}]}
 

@@ -17,7 +17,7 @@ from mrwork import Journal
 from mrwork.dampers.simulation import Outcome
 from mrwork.errors import Interrupted
 from mrwork.store.codec import plain
-from mrwork.store.journal_file import line_of, read_lines
+from mrwork.store.journal import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
 from mrwork.study import Study, StudyResults, read_study, run_study
 from mrwork.study.course import StudyProgress

@@ -19,7 +19,7 @@ from mrwork.closed_loop import SCORE
 from mrwork.closed_loop.evaluation import ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.store.codec import digest_of, plain
-from mrwork.store.journal_file import line_of
+from mrwork.store.journal import line_of
 from mrwork.study import OPTIMAL_PASSIVE
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of

@@ -19,7 +19,7 @@ from sentences import Refused
 from mrwork import Journal
 from mrwork.errors import Interrupted
 from mrwork.store.codec import array_of
-from mrwork.store.journal_file import line_of, read_lines
+from mrwork.store.journal import line_of, read_lines
 from mrwork.uncertainty import Draws, Ensemble, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, read_draws, summary_of
 from mrwork.uncertainty.posterior.sample import SamplingProgress

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrwork.store.journal_file import line_of
+from mrwork.store.journal import line_of
 
 TWICE = "stands twice"
 WRONG: tuple[Any, ...] = (

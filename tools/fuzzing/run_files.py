@@ -20,7 +20,7 @@ from mrwork.identification import FitSettings
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.settings import resize_search, search_named
 from mrwork.store.codec import json_document
-from mrwork.store.journal_file import read_lines
+from mrwork.store.journal import read_lines
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import (
     CALIBRATION,

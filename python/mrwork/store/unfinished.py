@@ -16,8 +16,7 @@ from types import TracebackType
 
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
 from mrwork.store.input_file import bytes_of
-from mrwork.store.journal import Journal
-from mrwork.store.journal_file import JOURNAL_FILE
+from mrwork.store.journal import JOURNAL_FILE, Journal
 from mrwork.store.output_file import (
     Lock,
     check_own,
