@@ -15,7 +15,7 @@ import pytest
 from command_line import ran
 from counted_calls import calls_of
 
-from mrwork.store import child_formats, child_reader
+from mrwork.store import child_program, child_reader
 from mrwork.store.child_reader import Format, TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import LEAST
 
@@ -97,7 +97,7 @@ def test_a_page_of_parquet_that_claims_more_than_its_file_holds_is_one_sentence(
 
 @pytest.mark.parametrize("form", get_args(Format))
 def test_every_format_has_a_program_for_the_child(form: Format) -> None:
-    assert callable(getattr(child_formats, form))
+    assert callable(getattr(child_program, form))
     with pytest.raises(UnreadableError):
         read_members(b"no such file", form)
 
@@ -111,9 +111,9 @@ def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> 
 
 def put_in_place_of_hdf5(program: str, folder: Path) -> None:
     """The limits of the child with a program in the place of the library."""
-    source = Path(child_reader.__file__).with_name("child_program.py")
-    (folder / source.name).write_bytes(source.read_bytes())
-    (folder / "child_formats.py").write_text(f"def hdf5(data, out):\n    {program}\n")
+    source = Path(child_program.__file__)
+    limits, start, main = source.read_text().partition('if __name__ == "__main__":')
+    (folder / source.name).write_text(f"{limits}def hdf5(data, out):\n    {program}\n\n\n{start}{main}")
 
 
 LIMITED = """

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 from mrwork.errors import MistakesError, MrworkError, MrworkWarning
-from mrwork.store import child_formats, child_reader
+from mrwork.store import child_program, child_reader
 from mrwork.store.input_file import compute_allowance
 from tools.fuzzing.reader import Reader
 
@@ -114,7 +114,7 @@ def try_all(
 
 def _read_here() -> None:
     """Let the program of a child process read in this process, which is limited as well."""
-    answers = {form: getattr(child_formats, form) for form in get_args(child_reader.Format)}
+    answers = {form: getattr(child_program, form) for form in get_args(child_reader.Format)}
 
     def read_members(data: bytes, form: child_reader.Format) -> dict[str, child_reader.Member]:
         with tempfile.TemporaryFile(dir=Path.cwd()) as stream:

@@ -30,12 +30,6 @@ from mrwork.store.input_file import compute_allowance
 
 Format = Literal["hdf5", "parquet", "xlsx"]
 
-_LIBRARIES: Final[Mapping[Format, str]] = {
-    "hdf5": "h5py",
-    "parquet": "pyarrow.parquet",
-    "xlsx": "python_calamine",
-}
-
 _HERE: Final = Path(__file__).parent
 
 # Time of the processor [s]: for any file, and for each byte of it.
@@ -81,8 +75,8 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
     child = subprocess.Popen(
         [
-            *(sys.executable, "-P", str(_HERE / "child_program.py"), str(_HERE / "child_formats.py")),
-            *(form, _LIBRARIES[form], str(seconds), str(memory_of_child(len(data)))),
+            *(sys.executable, "-P", str(_HERE / "child_program.py")),
+            *(form, str(seconds), str(memory_of_child(len(data)))),
         ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
