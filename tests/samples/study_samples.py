@@ -10,14 +10,15 @@ import numpy as np
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.study import StudyResults
-from mrwork.study.labelled import (
+from mrwork.study.results import MotionFacts
+from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
     LabelledRuns,
+    RunHistory,
+    RunResult,
     criteria_of_study,
 )
-from mrwork.study.results import MotionFacts
-from mrwork.study.run_result import RunHistory, RunResult
 from mrwork.study.study import Row
 
 SHAPE = np.array([0.4, 0.75, 1.0])

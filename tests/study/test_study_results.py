@@ -13,8 +13,8 @@ from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.study import compared
 from mrwork.study.comparison import chosen_in_words, judged_in_words, motion_groups, times_better
-from mrwork.study.labelled import HALF_STEP, NOMINAL
 from mrwork.study.results import largest_step_changes
+from mrwork.study.run_result import HALF_STEP, NOMINAL
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:

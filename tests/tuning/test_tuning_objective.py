@@ -8,7 +8,7 @@ from sentences import Refused
 
 from mrwork.closed_loop import SCORE
 from mrwork.study import TuneTable
-from mrwork.study.labelled import LabelledRuns, criteria_of_runs, numbered
+from mrwork.study.run_result import LabelledRuns, criteria_of_runs, numbered
 from mrwork.tuning.problem import Scores
 from mrwork.tuning.space import objective_of, ratio_to_baseline, risk_of
 

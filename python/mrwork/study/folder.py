@@ -43,7 +43,6 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.labelled import NOMINAL, criteria_of_runs
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -55,9 +54,11 @@ from mrwork.study.results import (
 )
 from mrwork.study.run_result import (
     FINISHED,
+    NOMINAL,
     Histories,
     OutcomeName,
     RunResult,
+    criteria_of_runs,
     kept_quantities,
     largest_demand,
     names_outside,

@@ -28,18 +28,16 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.labelled import (
-    LabelledRuns,
-    candidate_axes,
-    criteria_of_runs,
-    recall_or_compute,
-)
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import (
+    LabelledRuns,
     RunHistory,
     RunResult,
+    candidate_axes,
+    criteria_of_runs,
     history_of,
     own_numbers,
+    recall_or_compute,
     results_of,
 )
 from mrwork.study.study import (

@@ -29,8 +29,8 @@ from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settin
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.labelled import LabelledRuns
 from mrwork.study.loop_runs import simulate_criteria
+from mrwork.study.run_result import LabelledRuns
 from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
 
 _WEIGHT = "control_weight"

@@ -24,8 +24,14 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.damper_size import DevicePlace, size_warnings
-from mrwork.study.labelled import LabelledRuns, quantities_of_runs
-from mrwork.study.run_result import DeviceDemand, RunResult, damper_warnings, demands_of
+from mrwork.study.run_result import (
+    DeviceDemand,
+    LabelledRuns,
+    RunResult,
+    damper_warnings,
+    demands_of,
+    quantities_of_runs,
+)
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row
 

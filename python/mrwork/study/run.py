@@ -28,19 +28,23 @@ from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpt_of, factor_of
 from mrwork.study.damper_size import DevicePlace
-from mrwork.study.labelled import (
+from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
+from mrwork.study.results import Key, MotionFacts, StudyResults
+from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
     LabelledRuns,
+    RunHistory,
+    RunResult,
     candidate_axes,
     criteria_of_study,
+    history_of,
     numbered,
+    read_recorded,
     recall_or_compute,
     recall_or_compute_runs,
+    results_of,
 )
-from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
-from mrwork.study.results import Key, MotionFacts, StudyResults
-from mrwork.study.run_result import RunHistory, RunResult, history_of, read_recorded, results_of
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import Arrangement, Realisations, Study, digest_of_run, fingerprint_of
 

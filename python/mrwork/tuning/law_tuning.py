@@ -26,7 +26,7 @@ from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
 from mrwork.study.arrangements import refuse_within
-from mrwork.study.labelled import LabelledRuns, recall_or_compute
+from mrwork.study.run_result import LabelledRuns, recall_or_compute
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates

@@ -20,18 +20,19 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.labelled import (
-    LabelledRuns,
-    candidate_axes,
-    criteria_of_runs,
-    recall_or_compute,
-    recall_or_compute_runs,
-)
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.results import RealisationBand
 from mrwork.study.run import runs_of
-from mrwork.study.run_result import DeviceDemand, demands_of
+from mrwork.study.run_result import (
+    DeviceDemand,
+    LabelledRuns,
+    candidate_axes,
+    criteria_of_runs,
+    demands_of,
+    recall_or_compute,
+    recall_or_compute_runs,
+)
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.tuning.results import (
     Better,

@@ -22,7 +22,7 @@ from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.store.codec import Related
 from mrwork.study.arrangements import check_criterion, check_law, refuse_within
-from mrwork.study.labelled import LabelledRuns
+from mrwork.study.run_result import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 
 _TAIL = 0.2

@@ -22,7 +22,7 @@ from mrwork.control.linear.plant import Plant, symmetric
 from mrwork.control.linear.riccati import solve_riccati
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits, as_forces
 from mrwork.control.weights.riccati_dual import SquaredRows, first_multipliers, regulate
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations, system_of
+from mrwork.control.weights.system import DesignSystem, LyapunovEquations, design_system
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 
