@@ -14,9 +14,9 @@ from . import tuning as tuning
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
 from .base.progress import show_progress as show_progress
+from .buildings.frames import building as building
 from .buildings.matrices import Building as Building
 from .buildings.matrices import Device as Device
-from .buildings.shear import building as building
 from .closed_loop.hardware import Hardware as Hardware
 from .closed_loop.responses import Responses as Responses
 from .closed_loop.simulate import simulate_loop as simulate_loop

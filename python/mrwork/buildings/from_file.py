@@ -20,7 +20,11 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import choose_way, key, keys_of, read_table, refuse_missing
 from mrwork.base.places import Place, Unread
 from mrwork.base.values import Floats
-from mrwork.buildings.additions import (
+from mrwork.buildings.frames import building as published_building
+from mrwork.buildings.frames import (
+    check_storeys,
+    number_names,
+    shear_building,
     with_base_isolation,
     with_base_isolation_of_period,
     with_brace,
@@ -39,8 +43,6 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
-from mrwork.buildings.shear import building as published_building
-from mrwork.buildings.shear import check_storeys, number_names, shear_building
 from mrwork.errors import RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of

@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.buildings.additions import (
+from mrwork.buildings.frames import (
     mode_at_floor,
     with_base_isolation_of_period,
     with_coordinate,

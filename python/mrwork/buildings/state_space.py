@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
+from mrwork.buildings.frames import number_names
 from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
-from mrwork.buildings.shear import number_names
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.files.matrices import read_matrices
 
@@ -195,7 +195,7 @@ def system_of(
 
     Examples
     --------
-    >>> from mrwork.buildings.shear import building
+    >>> from mrwork.buildings.frames import building
     >>> system = system_of(building("dyke1996"), outputs=["drift"], devices=[1])
     >>> system.input_names
     ('ground acceleration', 'force in storey 1')

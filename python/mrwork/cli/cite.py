@@ -132,7 +132,7 @@ def _read_stored(path: Path, read: Callable[[str], Any]) -> Any:
 
 def _sources() -> dict[str, list[tuple[str, str]]]:
     """What each name of a model, published set, control law or building stands for, with its source."""
-    from mrwork.buildings.shear import buildings
+    from mrwork.buildings.frames import buildings
     from mrwork.control.laws.control_law import control_laws
     from mrwork.dampers.spec import PUBLISHED_SETS, damper_models
 

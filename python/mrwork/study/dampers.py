@@ -16,7 +16,7 @@ from mrwork.base.places import Place
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
-from mrwork.buildings.additions import with_brace
+from mrwork.buildings.frames import with_brace
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
