@@ -19,8 +19,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
-from mrwork.study.damper_size import shares_in_words
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.results import StudyCriteria, StudyResults, shares_in_words
 from mrwork.study.study import Kind, uses_in_words
 
 MOST_IN_DETAIL = 8

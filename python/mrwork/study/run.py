@@ -27,9 +27,8 @@ from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpt_of, factor_of
-from mrwork.study.damper_size import DevicePlace
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
-from mrwork.study.results import Key, MotionFacts, StudyResults
+from mrwork.study.results import DevicePlace, Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
