@@ -238,3 +238,8 @@ def test_a_study_without_a_score_of_any_constant_command_is_not_stopped(tmp_path
     assert not results.runs[1, 0].finished
     assert "none of 21 constant commands has a score" in results.choices[0]
     assert compared(results).uncontrolled == 0
+
+
+def test_a_damper_of_a_storey_that_the_bare_building_lacks_may_lock_it() -> None:
+    results = mr.run_study(mr.read_study("studies/chapter_2/mass_driver.toml"), threads=1)
+    assert any("locks its storey" in warning for warning in results.warnings())

@@ -604,7 +604,8 @@ def _stiffness(results: StudyResults, key: tuple[int, int], device: int) -> floa
 def _fewer(results: StudyResults, device: int, place: DevicePlace, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
     of_study, bare = results.devices[device], results.runs.get((0, motion))
-    if bare is None or not bare.finished:
+    # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
+    if bare is None or not bare.finished or place.storey >= bare.peak_drift.size:
         return ""
     drift = float(bare.peak_drift[place.storey])
     rate = 2.0 * math.pi * place.frequency * drift
