@@ -53,8 +53,9 @@ def choice(tests: tuple[DamperTest, ...]) -> LawChoice:
 
 
 def of_model(choice: LawChoice, model: str) -> list[TriedLaws]:
-    """The rows of a model, without the verdict, which depends on the others."""
-    return [replace(each, verdict="behind") for each in choice.table.tried if each.model == model]
+    """The rows of a model, without what depends on the others."""
+    rows = [each for each in choice.table.tried if each.model == model]
+    return [replace(each, verdict="behind", behind=None, behind_error=None) for each in rows]
 
 
 def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: LawChoice) -> None:

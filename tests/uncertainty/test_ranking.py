@@ -240,23 +240,33 @@ FOLDS = np.array([0.070, 0.071, 0.072, 0.073])
 
 
 def remark(evidence: list[Evidence], steps: dict[str, float]) -> tuple[str, ...]:
-    costs = {model: BuildingCost(steps=each) for model, each in steps.items()}
-    return cost_remark(rank(evidence, None), {each.model: each.left_out for each in evidence}, costs)
+    own = {each.model: replace(each, cost=BuildingCost(steps=steps[each.model])) for each in evidence}
+    return cost_remark(rank([*own.values()], None), own)
 
 
 def test_a_cheap_choice_is_not_remarked_upon() -> None:
     assert remark([family("loop", 7, FOLDS), family("curve", 8, FOLDS)], {"loop": 8, "curve": 2}) == ()
 
 
-def test_a_cheap_family_that_is_as_good_is_named() -> None:
-    (found,) = remark(
-        [family("loop", 7, FOLDS), family("curve", 8, FOLDS + 0.0005), family("line", 9, FOLDS + 0.004)],
-        {"loop": 64, "curve": 2, "line": 2},
-    )
-    assert found == (
-        "the fit of Loop takes about 64 integration steps a sample of 1 ms in a building; Curve is as good "
-        "(92.80 % against 92.85 % left out) and takes 2: use it in studies of the tested range"
-    )
+def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
+    steps = {"loop": 64, "curve": 2, "line": 2}
+    families = [
+        replace(each, cost=BuildingCost(steps=steps[each.model]))
+        for each in (
+            family("loop", 7, FOLDS),
+            family("curve", 8, FOLDS + 0.0005),
+            family("line", 9, FOLDS + 0.004),
+        )
+    ]
+    assert verdicts(*families) == {"loop": "as good", "curve": "chosen", "line": "behind"}
+    sentence = ranking(*families).sentence
+    assert "behind Loop, the best, as good, and it takes fewer steps in a building" in sentence
+
+
+def test_a_family_that_something_speaks_against_is_not_chosen_while_others_are_left() -> None:
+    dying = replace(family("dying", 5, FOLDS), objections=("the law of c vanishes",))
+    assert verdicts(dying, family("sound", 6, FOLDS + 0.01)) == {"sound": "chosen", "dying": "unusable"}
+    assert verdicts(dying) == {"dying": "chosen"}
 
 
 def test_a_cheap_family_that_is_not_as_good_is_the_nearest() -> None:

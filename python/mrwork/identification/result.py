@@ -300,6 +300,11 @@ class BuildingCost:
         return cls(steps=steps if steps <= _MOST_FACTOR * _FEWEST else np.inf)
 
     @property
+    def is_possible(self) -> bool:
+        """Whether the loop has as many steps."""
+        return isfinite(self.steps)
+
+    @property
     def is_high(self) -> bool:
         """Whether a study takes several times as long as with a model without states."""
         return self.steps >= MANY
@@ -307,7 +312,7 @@ class BuildingCost:
     @property
     def in_words(self) -> str:
         """Text such as "about 64 integration steps a sample of 1 ms in a building"."""
-        if not isfinite(self.steps):
+        if not self.is_possible:
             return f"more than {_MOST_FACTOR * _FEWEST} integration steps a sample of 1 ms in a building"
         return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"
 

@@ -37,6 +37,7 @@ IN_WORDS: dict[Fold, str] = {
     "command": "each predicted without the tests at its command",
 }
 
+LATER_CYCLES = "later cycles of one test, fitted on the earlier ones"
 ONE_TEST = (
     "one test was given, fitted on the first half of its cycles and evaluated on the second: cycles of one test repeat "
     "to 97-99 %, so this is little evidence; give tests at other motions"
@@ -183,12 +184,11 @@ def predict_tests(
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=4)
-    return tuple(_predict_test(fit, test, nuisances) for test in tests)
+    return tuple(predict_test(fit, test, nuisances) for test in tests)
 
 
-def _predict_test(
-    fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None
-) -> Prediction:
+def predict_test(fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
+    """`predict` without its warning."""
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explain_failures(fit, test):
@@ -252,7 +252,7 @@ def predict_left_out(
         fits.append(fit)
         for index in members:
             try:
-                predictions[index] = _predict_test(fit, tests[index])
+                predictions[index] = predict_test(fit, tests[index])
             except SimulationError as reason:
                 failures.append(str(reason))
     return LeftOut(
@@ -311,26 +311,6 @@ _TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
 }
 
 
-def held_out_errors(
-    tests: tuple[DamperTest, ...], fold: Fold, identify_rest: IdentifyRest
-) -> tuple[float, ...]:
-    """Mean NRMSE of each fold left out, or of each later cycle of a single test."""
-    if len(tests) == 1:
-        return _later_cycles(tests[0], identify_rest)
-    left_out = predict_left_out(tests, fold, identify_rest)
-    if left_out.failures:
-        raise SimulationError(f"what was left out cannot be predicted: {left_out.failures[0]}")
-    errors = [prediction.nrmse for prediction in left_out.predictions]
-    return tuple(float(np.mean([errors[index] for index in members])) for members in folds_of(tests, fold))
-
-
-def held_out_words(tests: tuple[DamperTest, ...], fold: Fold) -> str:
-    """Description of the data that `held_out_errors` refers to."""
-    if len(tests) == 1:
-        return "later cycles of one test, fitted on the earlier ones"
-    return f"{len(tests)} tests, {IN_WORDS[fold]}"
-
-
 def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     """First half of the cycles, to fit; and the whole record with only the second half counted, to predict."""
     counted = [cycle for cycle in whole_cycles(test.displacement) if cycle.start >= test.n_settle]
@@ -340,10 +320,11 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     return test.part(0, middle), replace(test, n_settle=middle)
 
 
-def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
+def later_cycle_errors(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
+    """NRMSE of each cycle of the second half of a test, by the fit to the first."""
     first, second = halves(test)
     fit = identify_rest((first,))
-    prediction = _predict_test(fit, second)
+    prediction = predict_test(fit, second)
     start = second.n_settle
     cycles = [
         slice(cycle.start - start, cycle.stop - start)

@@ -49,12 +49,11 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import (
+    LATER_CYCLES,
     ONE_TEST,
     Fold,
     alike_remark,
-    folds_of,
-    held_out_errors,
-    held_out_words,
+    later_cycle_errors,
 )
 from mrwork.uncertainty.choice.leave_one_out import (
     SharedLikelihood,
@@ -62,7 +61,9 @@ from mrwork.uncertainty.choice.leave_one_out import (
     residuals_of,
     variance_of,
 )
+from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
+from mrwork.uncertainty.choice.splits import Splits, left_out_errors, splits_of
 from mrwork.uncertainty.noise import Noise, noise_model
 
 
@@ -146,18 +147,19 @@ def _with_own_laws(
 
 
 def _refuse_few_commands(
-    compared: Sequence[Family], tests: tuple[DamperTest, ...], folds: Sequence[Sequence[int]], leave_out: Fold
+    compared: Sequence[Family], tests: tuple[DamperTest, ...], splits: Splits | None
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
-    rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in folds]
+    inside = [] if splits is None else [split.members for split in splits.splits if not split.beyond]
+    rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
     for spec in (family.spec for family in compared if family.spec.current is not None):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
         refuse_few_levels(spec, n_levels)
         remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
         if remaining < needed:
             raise SettingError(
-                f"the current laws of {spec.name} need tests at {needed} commands, and without one {leave_out} only "
-                f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
+                f"the current laws of {spec.name} need tests at {needed} commands, and without one "
+                f"{splits.fold if splits else 'test'} only {remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
                 "add tests at other commands"
             )
 
@@ -291,8 +293,7 @@ class RunningComparison:
     compared: tuple[Family, ...]
     settings: FitSettings
     threads: int
-    leave_out: Fold
-    n_folds: int
+    splits: Splits | None
     remarks: tuple[str, ...]
     steps: Steps
     evidence: dict[str, Evidence] = field(default_factory=dict)
@@ -301,6 +302,11 @@ class RunningComparison:
     # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
     _spent: float = field(default=0.0, init=False)
     _done: int = field(default=0, init=False)
+
+    @property
+    def n_splits(self) -> int:
+        """Number of fits to less than all tests."""
+        return 1 if self.splits is None else len(self.splits.splits)
 
     @property
     def has_predictions(self) -> bool:
@@ -315,7 +321,7 @@ class RunningComparison:
         def identify_tests(tests: tuple[DamperTest, ...]) -> Fit:
             fold = len(made)
             step, task = (
-                (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
+                (f"left_out_{fold}", f"left out {fold} of {self.n_splits}") if fold else ("fit", "all tests")
             )
             self._report(model, task)
             fit = self.steps.run(
@@ -339,10 +345,16 @@ class RunningComparison:
         left_out: tuple[float, ...] = ()
         with self.steps.recording_failure(model):
             identify_tests(self.tests)
-            left_out = held_out_errors(self.tests, self.leave_out, identify_tests)
+            left_out = (
+                later_cycle_errors(self.tests[0], identify_tests)
+                if self.splits is None
+                else left_out_errors(self.tests, self.splits, identify_tests)
+            )
         fit = made[0] if made else None
+        cost = None
         if fit is not None:
             self.fits[model] = fit
+            cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
         self.evidence[model] = Evidence(
             model=model,
             title=family.spec.title,
@@ -353,6 +365,10 @@ class RunningComparison:
             fit_percent=None if fit is None else fit.fit_percent,
             left_out=left_out,
             variance=None if fit is None else variance_of(fit, self.tests),
+            cost=cost,
+            objections=()
+            if fit is None or cost is None
+            else objections_to(fit.spec, np.array(fit.theta), self.tests, cost),
         )
 
     def add_leave_one_out(self, noise: Noise, *, sampled: bool) -> None:
@@ -393,22 +409,20 @@ class RunningComparison:
         same = find_collapses(self.fits, residuals, n_params, self.tests, n_effective)
         evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
         standings = rank(evidence, n_effective)
-        left_out = {model: each.left_out for model, each in self.evidence.items()}
-        costs = {model: BuildingCost.of(fit.spec, fit.theta, self.tests) for model, fit in self.fits.items()}
         ranking = ranking_of(
             standings,
-            held_out=held_out_words(self.tests, self.leave_out),
+            held_out=LATER_CYCLES if self.splits is None else self.splits.in_words,
             n_folds=max(len(each.left_out) for each in evidence),
             n_blocks=self.n_blocks,
             n_effective=n_effective,
-            remarks=(*self.remarks, *cost_remark(standings, left_out, costs)),
+            remarks=(*self.remarks, *cost_remark(standings, self.evidence)),
             missing=[model for model in self.steps.models if model not in self.evidence],
         )
         order = [each.model for each in standings if each.model in self.fits]
         return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
 
     def _report(self, model: str, task: str, within: Progress | None = None) -> None:
-        total = (1 + self.n_folds) * sum(len(family.spec.parameters) for family in self.compared)
+        total = (1 + self.n_splits) * sum(len(family.spec.parameters) for family in self.compared)
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
         self.steps.report(model, task, within, seconds_left=left)
 
@@ -488,14 +502,13 @@ def choose_model(
     compared, remarks = families(
         models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
     )
-    folds = folds_of(tests, leave_out) if len(tests) > 1 else []
-    _refuse_few_commands(compared, tests, folds, leave_out)
+    splits = splits_of(tests, leave_out) if len(tests) > 1 else None
+    _refuse_few_commands(compared, tests, splits)
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=3)
     remarks += about_commands
-    if len(tests) == 1:
-        remarks += (ONE_TEST,)
+    remarks += (ONE_TEST,) if splits is None else splits.remarks
     alike = alike_remark(tests)
     remarks += (alike,) if alike else ()
     comparison = RunningComparison(
@@ -503,8 +516,7 @@ def choose_model(
         compared=compared,
         settings=settings,
         threads=threads,
-        leave_out=leave_out,
-        n_folds=len(folds) or 1,
+        splits=splits,
         remarks=remarks,
         steps=Steps(
             models=tuple(family.spec.name for family in compared),

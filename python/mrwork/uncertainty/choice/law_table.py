@@ -10,29 +10,36 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Whole
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table, TableColumn, page_table, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
+from mrwork.identification.result import MANY
 from mrwork.store.codec import OrInfinite, Related
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
+from mrwork.uncertainty.choice.splits import Splits
 
-# Floor of the NRMSE, for synthetic tests without noise.
-_EXACT = 1e-9
-
-LawVerdict = Literal["chosen", "as good", "behind"]
+LawVerdict = Literal["chosen", "as good", "behind", "unusable"]
 
 LAW_DEFINITIONS = (
-    "Left-out fit: 100 (1 - NRMSE) in percent of whole tests that the fit has not seen: the geometric mean of the "
-    "NRMSE in each fold, then the mean over folds with its standard error. A test that cannot be predicted counts as "
-    "0 %. Laws are as good as the best within one standard error of the paired difference, no more than that of the "
-    f"best itself, or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
-    "A path of laws starts with every positive parameter quadratic in the command and is lowered by one degree at a "
-    "time, the one for which the linearised fit to all tests loses least; the best of the path is raised again where "
-    "that promises a better fit. A law of degree n is the curve through n + 1 values at commands. Laws are fitted to "
-    "cycles from the middle of all tests, and of all but those of each fold, from the fits of the laws before.",
+    "Left-out fit: 100 (1 - NRMSE) in percent of whole tests that the fit has not seen, the mean of two kinds with "
+    "equal weights. Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each "
+    "left out with every test at or beyond it. Both are means over motions of the geometric mean of the NRMSE of their "
+    "tests. A test that cannot be predicted counts as 0 %.",
+    "Behind: the difference to the best, paired motion by motion, with its standard error. Laws are as good as the "
+    f"best within one standard error of it, no more than that of the best itself, or within {NEGLIGIBLE:g} points; of those "
+    f"one that takes fewer than {MANY} integration steps a sample in a building is chosen, of these the one with the "
+    "fewest parameters.",
+    "Unusable: a law vanishes or leaves its range within the tested commands, or no building can be simulated with it. "
+    "Such laws are not chosen while others are left.",
+    "The search starts with every parameter but offsets quadratic in the command, and tries neighbours of the best "
+    "laws, of the simplest as good, and of others as good: those that promise most when the tests are linearised about "
+    "the fits before. A law of degree n is the curve through n + 1 values at commands, of a positive parameter through their "
+    "logarithms, or direct, through the values themselves. Laws are fitted to cycles from the middle of all tests, and "
+    "of all but those of each split, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
@@ -57,6 +64,12 @@ class TriedLaws(Summarised):
     verdict: LawVerdict = "behind"
     not_predicted: tuple[str, ...] = ()
     model: str = ""
+    inside_percent: float | None = None
+    outside_percent: float | None = None
+    behind: float | None = None
+    behind_error: NotNegative | None = None
+    objection: str = ""
+    is_costly: bool = False
 
     _units: ClassVar[Mapping[str, str]] = {
         "fit_percent": "%",
@@ -74,44 +87,65 @@ class TriedLaws(Summarised):
         n_params: int,
         fit_percent: float,
         left_out: Sequence[Floats],
-        not_predicted: Sequence[str] = (),
+        splits: Splits,
+        not_predicted: tuple[str, ...] = (),
+        objection: str = "",
+        is_costly: bool = False,
     ) -> TriedLaws:
-        """Laws with the NRMSE of the tests of each fold that was left out."""
-        folds = np.array([float(np.exp(np.log(np.maximum(each, _EXACT)).mean())) for each in left_out])
+        """Laws with the NRMSE of the tests of each split."""
+        errors = splits.errors(left_out)
         single = np.concatenate(left_out)
+        inside, outside = splits.means(left_out)
         return cls(
             laws=laws,
             n_params=n_params,
             fit_percent=fit_percent,
-            left_out_percent=100.0 * (1.0 - float(folds.mean())),
-            left_out_error=error_of_mean(100.0 * folds),
-            left_out=tuple(folds.tolist()),
+            left_out_percent=100.0 * (1.0 - float(errors.mean())),
+            left_out_error=error_of_mean(100.0 * errors),
+            left_out=tuple(errors.tolist()),
             median_percent=100.0 * (1.0 - float(np.median(single))),
             worst_percent=100.0 * (1.0 - float(single.max())),
-            not_predicted=tuple(not_predicted),
+            not_predicted=not_predicted,
+            inside_percent=None if inside is None else 100.0 * (1.0 - inside),
+            outside_percent=None if outside is None else 100.0 * (1.0 - outside),
+            objection=objection,
+            is_costly=is_costly,
         )
+
+    @property
+    def remark(self) -> str:
+        """The verdict, and what speaks against these laws."""
+        verdict = "" if self.verdict == "behind" else self.verdict
+        return ", ".join(filter(None, (verdict, self.objection, "costly" if self.is_costly else "")))
 
     @property
     def in_words(self) -> str:
         """The laws in one line."""
-        return ", ".join(f"{name} {law}" for name, law in self.laws.items()) or "all constant"
+        return laws_in_words(self.laws)
 
 
-def _format_left_out(each: TriedLaws) -> str:
-    error = each.left_out_error
-    return f"{each.left_out_percent:.2f}" + ("" if error is None else f" ± {error:.2f}")
+def laws_in_words(laws: Mapping[str, LawName]) -> str:
+    """Laws in one line; "direct" are those through values themselves, not through their logarithms."""
+    words = {name: f"direct {law.partition(':')[0]}" if ":" in law else law for name, law in laws.items()}
+    return ", ".join(f"{name} {law}" for name, law in words.items()) or "all constant"
+
+
+def _format_behind(each: TriedLaws) -> str:
+    if each.behind is None:
+        return ""
+    return f"{each.behind:.2f}" + ("" if each.behind_error is None else f" ± {each.behind_error:.2f}")
 
 
 _MODEL = TableColumn(heading="model", cell=lambda each: each.model)
 _COLUMNS = (
     TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
     TableColumn(heading="fit %", cell=lambda each: f"{each.fit_percent:.2f}"),
-    TableColumn(heading="left-out fit %", cell=_format_left_out),
-    TableColumn(heading="median", cell=lambda each: f"{each.median_percent:.2f}"),
+    TableColumn(heading="left-out fit %", cell=lambda each: f"{each.left_out_percent:.2f}"),
+    TableColumn(heading="inside", cell=lambda each: format_fixed(each.inside_percent, 2)),
+    TableColumn(heading="beyond", cell=lambda each: format_fixed(each.outside_percent, 2)),
+    TableColumn(heading="behind, points", cell=_format_behind),
     TableColumn(heading="worst", cell=lambda each: f"{each.worst_percent:.2f}"),
-    TableColumn(
-        heading="remark", cell=lambda each: "" if each.verdict == "behind" else each.verdict, words=True
-    ),
+    TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
 )
 _LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 
@@ -154,6 +188,10 @@ class LawTable(WithAxes, Summarised, Related):
             "fit_percent": ("%", "fit to all tests"),
             "left_out_percent": ("%", "fit to what was left out"),
             "left_out_error": ("%", "standard error of the fit to what was left out"),
+            "inside_percent": ("%", "fit to what was left out inside the tests that remained"),
+            "outside_percent": ("%", "fit to what was left out beyond the tests that remained"),
+            "behind": ("%", "difference to the best in the fit to what was left out"),
+            "behind_error": ("%", "standard error of that difference"),
             "median_percent": ("%", "median fit of single tests left out"),
             "worst_percent": ("%", "worst fit of single tests left out"),
         }
@@ -218,41 +256,59 @@ class LawTable(WithAxes, Summarised, Related):
 
 
 def judge_laws(tried: Sequence[TriedLaws]) -> tuple[TriedLaws, ...]:
-    """The laws of all models, best first, with verdicts by the one-standard-error rule."""
+    """The laws of all models, best first, with verdicts by the one-standard-error rule.
+
+    Laws that something speaks against are neither the best nor chosen while others are left; of those that are as good
+    the ones that are not costly in a building are chosen, of these the simplest.
+    """
     order = sorted(tried, key=lambda laws: -laws.left_out_percent)
-    good = [laws for laws in order if is_as_good(laws.left_out, order[0].left_out)]
-    chosen = min(good, key=lambda laws: laws.n_params)
+    sound = [laws for laws in order if not laws.objection] or order
+    best = sound[0]
+    good = [laws for laws in sound if is_as_good(laws.left_out, best.left_out)]
+    chosen = min(good, key=lambda laws: (laws.is_costly, laws.n_params))
 
-    def verdict(laws: TriedLaws) -> LawVerdict:
-        if laws is chosen:
-            return "chosen"
-        return "as good" if laws in good else "behind"
+    def judged(laws: TriedLaws) -> TriedLaws:
+        verdict: LawVerdict = "behind" if laws in sound else "unusable"
+        if laws in good:
+            verdict = "chosen" if laws is chosen else "as good"
+        behind = 100.0 * (np.array(laws.left_out) - np.array(best.left_out))
+        error = None if laws is best else error_of_mean(behind)
+        return replace(laws, verdict=verdict, behind=float(behind.mean()), behind_error=error)
 
-    return tuple(replace(laws, verdict=verdict(laws)) for laws in order)
+    return tuple(map(judged, order))
 
 
 def sentence_on(table: LawTable) -> str:
     """What was chosen, how it predicts, and what lies behind."""
-    best, chosen, names = table.tried[0], table.chosen_laws, {each.model for each in table.tried}
-    error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+    chosen, names = table.chosen_laws, {each.model for each in table.tried}
+    best = next(each for each in table.tried if each.behind == 0.0)
     count = f"{len(table.tried)} sets of laws" + (f" of {len(names)} models" if len(names) > 1 else "")
     of_model = f" of {chosen.model}" if table.is_of_several else ""
     text = (
         f"Of {count}, the one{of_model} with {chosen.n_params} parameters is chosen ({chosen.in_words}): its mean "
-        f"left-out fit is {chosen.left_out_percent:.2f} % ({table.held_out}{error}), its median "
+        f"left-out fit is {chosen.left_out_percent:.2f} % ({table.held_out}), its median "
         f"{chosen.median_percent:.2f} %"
     )
+    if chosen.inside_percent is not None and chosen.outside_percent is not None:
+        text += f", {chosen.inside_percent:.2f} % inside the tests that remain and {chosen.outside_percent:.2f} % beyond"
     if best is not chosen:
-        behind = best.left_out_percent - chosen.left_out_percent
+        behind = _format_behind(chosen)
         of_model = f", of {best.model}," if table.is_of_several else ","
         text += (
-            f"; that is {behind:.2f} points behind the best{of_model} which has {best.n_params} parameters "
+            f"; that is {behind} points behind the best{of_model} which has {best.n_params} parameters "
             f"({best.in_words}), and within one standard error of it"
         )
     if chosen.not_predicted:
         text += (
             f"; {', '.join(chosen.not_predicted)} could not be simulated when left out, which counts as 0 %"
         )
+    if chosen.objection:
+        text += (
+            f"; it has the best predictions, but of all sets something speaks against it: {chosen.objection}"
+        )
+    elif behind_best := max(0.0, table.tried[0].left_out_percent - best.left_out_percent):
+        reason = table.tried[0].objection
+        text += f"; a set that predicts {behind_best:.2f} points better is left alone, because {reason}"
     if not table.complete:
         text += "; the choice was interrupted, and further laws were not tried"
         missing = [name for name in table.models if name not in names and name not in table.failed]

@@ -29,7 +29,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
-from mrwork.uncertainty.bands.prediction import Fold, held_out_words
+from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import ChoiceProgress, JournalOf, Steps, compared_models, refuse_unknown
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, judge_laws, sentence_on
@@ -134,7 +134,7 @@ class RunningLawChoice:
         if journal is not None:
             spec, _ = search.model(search.first_laws)
             facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
-            journal.agree("choice of laws", facts | {"leave_out": search.leave_out, "given": search.given})
+            journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": search.given})
         search.run(self.firsts[search.name])
 
     def _final_fit(
@@ -163,13 +163,13 @@ class RunningLawChoice:
             unit=search.unit,
             tried=tried,
             sentence="",
-            held_out=held_out_words(self.tests, search.leave_out),
-            n_folds=len(search.folds),
+            held_out=search.splits.in_words,
+            n_folds=len(search.splits.splits),
             given=dict(self.given),
             complete=complete,
             models=self.steps.models,
             failed=dict(self.steps.failed),
-            remarks=(*self.remarks, *same),
+            remarks=(*self.remarks, *search.splits.remarks, *same),
         )
         return replace(table, sentence=sentence_on(table))
 

@@ -105,7 +105,10 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
 DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
     "error. A family is as good as the best within one standard error of the paired difference, not more than that "
-    f"of the best itself, or within {NEGLIGIBLE:g} points; of those the one with the fewest parameters is chosen.",
+    f"of the best itself, or within {NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps "
+    "a sample in a building is chosen, and of these the one with the fewest parameters.",
+    "Unusable: a law vanishes or leaves its range within the tested commands, or no building can be simulated with the "
+    "fit. Such a family is not chosen while others are left.",
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
     "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen.",
     "Provisional: the family that would be chosen of those that predict what was left out, while one that failed there "
@@ -118,14 +121,15 @@ DEFINITIONS = (
     "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
 )
 
-RankVerdict = Literal["chosen", "provisional", "as good", "behind", "collapsed", "failed"]
+RankVerdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Results of one family; `left_out` has the mean NRMSE of each fold, empty where a prediction failed.
+    """Results of one family; `left_out` has the error of each unit left out, empty where a prediction failed.
 
-    `variance` is the mean square of the residuals in deviations of each test's force.
+    `variance` is the mean square of the residuals in deviations of each test's force; `objections` speak against the
+    choice of the family, and `cost` is that in a building.
     """
 
     model: str
@@ -139,6 +143,13 @@ class Evidence:
     variance: float | None = None
     leave_one_out: LeaveOneOut | None = None
     collapse: Collapse | None = None
+    objections: tuple[str, ...] = ()
+    cost: BuildingCost | None = None
+
+    @property
+    def is_costly(self) -> bool:
+        """Whether the family takes many steps in a building."""
+        return self.cost is not None and self.cost.is_high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,9 +230,10 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
 
     A family is as good as the best within the standard error of the paired difference over folds, limited to the
     standard error of the best itself (a family that fails on one test has a large error of its own), or within 0.1
-    percentage points. Of those as good, the one with the fewest parameters is chosen. A family that has collapsed to
-    one which predicts the tests left out is neither the best nor chosen. The choice is provisional where a family that
-    failed fits all tests far better. BIC is `n_eff ln(variance) + n_params
+    percentage points. Of those as good, one that is not costly in a building is chosen, and of these the one with the
+    fewest parameters. A family that has collapsed to one which predicts the tests left out is neither the best nor
+    chosen, nor is one that something speaks against while others are left. The choice is provisional where a family
+    that failed fits all tests far better. BIC is `n_eff ln(variance) + n_params
     ln(n_eff)`.
     """
     predicted = sorted(
@@ -232,9 +244,10 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
         raise SettingError(f"no family of models predicts what was left out of its fit ({reasons})")
     simpler = {each.model for each in predicted}
     distinct = [each for each in predicted if each.collapse is None or each.collapse.model not in simpler]
-    best = distinct[0]
-    as_good = [each for each in distinct if is_as_good(each.left_out, best.left_out)]
-    chosen = min(as_good, key=lambda each: each.n_params)
+    sound = [each for each in distinct if not each.objections] or distinct
+    best = sound[0]
+    as_good = [each for each in sound if is_as_good(each.left_out, best.left_out)]
+    chosen = min(as_good, key=lambda each: (each.is_costly, each.n_params))
     bic = {each.model: _bic(each, n_effective) for each in evidence}
     most_likely = max(
         (each for each in evidence if each.leave_one_out is not None),
@@ -244,12 +257,15 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     standings = []
     same = [each for each in predicted if each not in distinct]
     failed = [each for each in evidence if not each.left_out]
-    for each in [*distinct, *same, *failed]:
+    unusable = [each for each in distinct if each not in sound]
+    for each in [*sound, *unusable, *same, *failed]:
         verdict: RankVerdict = "failed" if not each.left_out else "collapsed" if each in same else "behind"
         if each is chosen:
             verdict = "provisional" if any(_is_far_better(other, chosen) for other in failed) else "chosen"
         elif each in as_good:
             verdict = "as good"
+        elif each in unusable:
+            verdict = "unusable"
         standings.append(_standing(each, verdict, best, most_likely, bic))
     return tuple(standings)
 
@@ -274,7 +290,7 @@ def _standing(
         n_params=own.n_params,
         verdict=verdict,
         status=own.status,
-        reason=own.reason if same is None else same.reason,
+        reason=(own.reason or "; ".join(own.objections)) if same is None else same.reason,
         seconds=own.seconds,
         fit_percent=own.fit_percent,
         same_as="" if same is None else same.model,
@@ -476,33 +492,22 @@ def ranking_of(
     )
 
 
-def cost_remark(
-    standings: Sequence[Standing],
-    left_out: Mapping[str, tuple[float, ...]],
-    costs: Mapping[str, BuildingCost],
-) -> tuple[str, ...]:
+def cost_remark(standings: Sequence[Standing], evidence: Mapping[str, Evidence]) -> tuple[str, ...]:
     """A sentence where the chosen family is costly in a building; it names the best one that is not."""
     chosen = next(each for each in standings if each.is_chosen)
-    if not costs[chosen.model].is_high:
+    cost = evidence[chosen.model].cost
+    if cost is None or not cost.is_high:
         return ()
-    text = f"the fit of {chosen.title} takes {costs[chosen.model].in_words}"
+    text = f"the fit of {chosen.title} takes {cost.in_words}"
     cheap = [
-        each
-        for each in standings
-        if each.model in costs and left_out.get(each.model) and not costs[each.model].is_high
+        each for each in standings if evidence[each.model].left_out and not evidence[each.model].is_costly
     ]
     if not cheap:
         return (f"{text}, and so does every other that predicts what was left out",)
-    best = min(cheap, key=lambda each: sum(left_out[each.model]))
-    errors_in_words = f"{best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} %"
-    steps = f"{costs[best.model].steps:.0f}"
-    if is_as_good(left_out[best.model], left_out[chosen.model]):
-        return (
-            f"{text}; {best.title} is as good ({errors_in_words} left out) and takes {steps}: use it in studies of the "
-            "tested range",
-        )
+    best = min(cheap, key=lambda each: sum(evidence[each.model].left_out))
     return (
-        f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({errors_in_words} left out)",
+        f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({best.left_out_percent:.2f} % "
+        f"against {chosen.left_out_percent:.2f} % left out)",
     )
 
 
@@ -534,10 +539,12 @@ def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) ->
     best = standings[0]
     if best is not chosen:
         more = best.n_params - chosen.n_params
-        text += (
-            f", {_points(chosen, best)} behind {best.title}, the best, which has {more} parameters more: "
-            "as good, and simpler"
+        reason = (
+            f"which has {more} parameters more: as good, and simpler"
+            if more > 0
+            else "as good, and it takes fewer steps in a building"
         )
+        text += f", {_points(chosen, best)} behind {best.title}, the best, {reason}"
     others = [each for each in standings if each.verdict == "as good" and each is not best]
     if others:
         text += f". As good with no fewer parameters: {', '.join(each.title for each in others)}"

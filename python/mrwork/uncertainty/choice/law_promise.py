@@ -1,0 +1,137 @@
+"""Errors that laws promise without being simulated, by the tests linearised about the fits of other laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import interpolate, law_named
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.residual import ObservedTest
+from mrwork.uncertainty.choice.folded_tests import FoldedTests, NormalEquations
+from mrwork.uncertainty.choice.splits import Splits
+
+# Steps of the linearised fits, their damping, relative to the sensitivity of each parameter, and the step in latent
+# coordinates by which the slopes of laws are found.
+_STEPS = 3
+_DAMPING = 1e-2
+_SMALL = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearisedTests:
+    """Tests linearised about laws, in the latent parameters of the plain model at each command.
+
+    Any laws are curves in these, shape (n_rows, n_commands, n_plain). `here` are those about which the tests are
+    linearised, a row for all tests and one without each split; `levels` has the number of the command of each test.
+    """
+
+    plain: DamperSpec
+    commands: Floats
+    levels: NDArray[np.intp]
+    shares: Floats
+    splits: Splits
+    here: Floats
+    normal: NormalEquations
+
+    @classmethod
+    def about(
+        cls,
+        spec: DamperSpec,
+        theta: Floats,
+        observed: Sequence[ObservedTest],
+        shares: Floats,
+        *,
+        commands: Floats,
+        levels: NDArray[np.intp],
+        splits: Splits,
+        threads: int,
+    ) -> LinearisedTests:
+        """Simulate tests `observed` with the plain model at the laws of each row of `theta`, with derivatives."""
+        plain = observed[0].spec
+        box = Box.of(plain)
+        here = _latent_curves(spec, theta, commands, box)
+        n_rows, n_plain = len(theta), here.shape[-1]
+        squared = np.empty((n_rows, len(observed)))
+        gradient, matrix = np.empty((*squared.shape, n_plain)), np.empty((*squared.shape, n_plain, n_plain))
+        for level in range(len(commands)):
+            own = np.flatnonzero(levels == level)
+            all_shares = np.ones((n_rows, own.size))
+            tests = FoldedTests(
+                observed=tuple(observed[index] for index in own), shares=all_shares, threads=threads
+            )
+            normal = tests.linearise(plain, box, here[:, level], all_shares)
+            squared[:, own], gradient[:, own], matrix[:, own] = normal.squared, normal.gradient, normal.matrix
+        return cls(
+            plain=plain,
+            commands=commands,
+            levels=levels,
+            shares=shares,
+            splits=splits,
+            here=here,
+            normal=NormalEquations(squared=squared, gradient=gradient, matrix=matrix),
+        )
+
+    def error_of(self, spec: DamperSpec, box: Box, starts: Floats) -> float:
+        """Mean error of the predictions by laws that are fitted from `starts`, shape (n_rows, n_params)."""
+        box_of_plain = Box.of(self.plain)
+        latent = np.asarray(box.latent_from_theta(starts))
+        n_rows, n_free = latent.shape
+        gradient, matrix = self._of_levels(self.normal.gradient), self._of_levels(self.normal.matrix)
+
+        def curves_at(rows: Floats) -> Floats:
+            theta = np.asarray(box.theta_from_latent(rows))
+            return _latent_curves(spec, theta, self.commands, box_of_plain)
+
+        curves = curves_at(latent)
+        for _ in range(_STEPS):
+            moved = latent[:, None] + _SMALL * np.eye(n_free)
+            shifted = curves_at(moved.reshape(-1, n_free)).reshape(n_rows, n_free, *curves.shape[1:])
+            slope = (shifted - curves[:, None]) / _SMALL
+            pull = gradient + np.einsum("rcpq,rcq->rcp", matrix, curves - self.here)
+            normal = np.einsum("rfcp,rcpq,rgcq->rfg", slope, matrix, slope, optimize=True)
+            down = np.einsum("rfcp,rcp->rf", slope, pull)
+            scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), np.finfo(float).tiny))
+            scaled = normal / scale[:, :, None] / scale[:, None] + _DAMPING * np.eye(n_free)
+            latent = latent - np.linalg.solve(scaled, (down / scale)[..., None])[..., 0] / scale
+            curves = curves_at(latent)
+        away = (curves - self.here)[:, self.levels]
+        squared = (
+            self.normal.squared
+            + 2.0 * np.einsum("rtp,rtp->rt", self.normal.gradient, away)
+            + np.einsum("rtp,rtpq,rtq->rt", away, self.normal.matrix, away)
+        )
+        nrmse = np.sqrt(np.clip(np.nan_to_num(squared, nan=1.0), 0.0, 1.0))
+        left_out = [nrmse[row, members] for row, members in enumerate(self.splits.members, start=1)]
+        return float(np.mean(self.splits.errors(left_out)))
+
+    def _of_levels(self, of_tests: Floats) -> Floats:
+        """Sums over the tests of each command that a row is fitted to, for values of tests, (n_rows, n_tests, ...)."""
+        shares = self.shares.reshape(self.shares.shape + (1,) * (of_tests.ndim - 2))
+        weighted = shares * of_tests
+        levels = range(len(self.commands))
+        return np.stack([weighted[:, self.levels == level].sum(axis=1) for level in levels], axis=1)
+
+
+def _latent_curves(spec: DamperSpec, theta: Floats, commands: Floats, box: Box) -> Floats:
+    """Latent plain parameters, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
+    assert spec.current is not None
+    laws = [law_named(law) for law in spec.current.laws]
+    ends = np.cumsum([law.n_coefficients for law in laws])
+    columns = []
+    for parameter, law, own in zip(spec.plain, laws, np.split(theta, ends, axis=1), strict=False):
+        log = parameter.scale == "log"
+        if law.degree == 0:
+            values = np.repeat(own, len(commands), axis=1)
+        elif law.nodes:
+            by_logarithms = log and law.takes_logarithms
+            values = interpolate(law.nodes, own.T, commands[:, None], log=by_logarithms).T
+        else:
+            values = np.array([law.values(row, commands, log=log) for row in own])
+        columns.append(np.clip(values, parameter.lower, parameter.upper))
+    return np.asarray(box.latent_from_theta(box.inside(np.stack(columns, axis=-1))))

@@ -1,0 +1,185 @@
+"""Splits of tests for a choice: what lies inside the tests that remain is predicted, and what lies beyond them.
+
+A motion that is left out mostly lies between others; a building goes beyond the tested ones. So the fastest, the
+slowest and the largest motions are left out as well, each with every test at or beyond it. The error of a choice is the
+mean of both kinds with equal weights: what share of its time a damper spends beyond its tests is not known, and of all
+weights equal ones have the least error in the worst case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
+from mrwork.dampers.command import command_level
+from mrwork.errors import SettingError, SimulationError
+from mrwork.records import DamperTest
+from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, IdentifyRest, folds_of, predict_test
+
+# Weight of what lies beyond the tests that remain, in the mean error.
+_OUTSIDE = 0.5
+# A split takes one in so many motions at most.
+_ONE_IN = 3
+# A test is at the end where its velocity or stroke is within this share of the least one there: rigs repeat motions so.
+_AT = 0.1
+# Floor of the NRMSE, for synthetic tests without noise.
+_EXACT = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Split:
+    """Indices of the tests that are left out together; `beyond` says of what they are the end, empty if of nothing."""
+
+    members: tuple[int, ...]
+    beyond: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Splits:
+    """Splits of one choice, each selection once, the unit of each test, and why splits were dropped.
+
+    The unit is the motion, because splits repeat motions and tests of one motion err alike; the fold, where there are
+    fewer than three motions.
+    """
+
+    splits: tuple[Split, ...]
+    units: tuple[int, ...]
+    fold: Fold
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def members(self) -> list[list[int]]:
+        """Tests of each split."""
+        return [list(each.members) for each in self.splits]
+
+    @property
+    def in_words(self) -> str:
+        """What is predicted, after the number of tests."""
+        ends = list_names([end for each in self.splits for end in each.beyond])
+        beyond = f", and the {ends} motions without every test at or beyond them" if ends else ""
+        return f"{len(self.units)} tests, {IN_WORDS[self.fold]}{beyond}"
+
+    def errors(self, nrmse: Sequence[Floats]) -> Floats:
+        """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from those of each split.
+
+        Of the tests of a unit in a split the NRMSE has its geometric mean, in which relative changes weigh the same.
+        """
+        inside, outside = self._kinds(nrmse)
+        weights = (1.0 - _OUTSIDE, _OUTSIDE) if inside and outside else (1.0, 1.0)
+        n_units = len(set(self.units))
+        total = np.zeros(n_units)
+        for kind, weight in zip((inside, outside), weights, strict=True):
+            for unit, error in kind.items():
+                total[unit] += weight * n_units / len(kind) * error
+        return total
+
+    def means(self, nrmse: Sequence[Floats]) -> tuple[float | None, float | None]:
+        """Mean errors inside and outside of the tests that remain, `None` where there is no such split."""
+        inside, outside = self._kinds(nrmse)
+        return (
+            float(np.mean([*inside.values()])) if inside else None,
+            float(np.mean([*outside.values()])) if outside else None,
+        )
+
+    def _kinds(self, nrmse: Sequence[Floats]) -> tuple[dict[int, float], dict[int, float]]:
+        """Error of each unit inside and outside of the tests that remain."""
+        kinds: tuple[dict[int, list[float]], dict[int, list[float]]] = ({}, {})
+        for split, errors in zip(self.splits, nrmse, strict=True):
+            units = np.array([self.units[index] for index in split.members])
+            kind = kinds[bool(split.beyond)]
+            for unit in sorted(set(units.tolist())):
+                mean = np.log(np.maximum(errors[units == unit], _EXACT)).mean()
+                kind.setdefault(unit, []).append(float(np.exp(mean)))
+        inside, outside = ({unit: float(np.mean(each)) for unit, each in kind.items()} for kind in kinds)
+        return inside, outside
+
+
+def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
+    """Splits of the tests by `fold`, and those beyond the rest, which keep a test at every command.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two folds.
+    """
+    folds = folds_of(tests, fold)
+    try:
+        motions = folds_of(tests, "motion")
+    except SettingError:
+        motions = []
+    if len(motions) < _ONE_IN:
+        return Splits(
+            splits=tuple(Split(members=tuple(sorted(each))) for each in folds),
+            units=_units(folds, len(tests)),
+            fold=fold,
+        )
+    levels = [_level_of(test) for test in tests]
+    ends: dict[tuple[int, ...], tuple[str, ...]] = {}
+    remarks = list[str]()
+    for end, size in _ENDS.items():
+        sizes = np.array([size(test) for test in tests])
+        most = max(float(np.median(sizes[each])) for each in motions)
+        extreme = next(each for each in motions if float(np.median(sizes[each])) == most)
+        least = sizes[extreme].min()
+        members = tuple(np.flatnonzero(sizes >= least - _AT * abs(least)).tolist())
+        touched = sum(any(index in members for index in each) for each in motions)
+        remaining = {level for index, level in enumerate(levels) if index not in members}
+        if touched * _ONE_IN > len(motions):
+            reason = f"that would take {touched} of {len(motions)} motions"
+        elif len(remaining) < len(set(levels)):
+            reason = "that would take every test at a command"
+        else:
+            ends[members] = (*ends.get(members, ()), end)
+            continue
+        remarks.append(f"the {end} motion is not left out with every test at or beyond it: {reason}")
+    inside = [members for each in folds if (members := tuple(sorted(each))) not in ends]
+    return Splits(
+        splits=(
+            *(Split(members=members) for members in inside),
+            *(Split(members=members, beyond=beyond) for members, beyond in ends.items()),
+        ),
+        units=_units(motions, len(tests)),
+        fold=fold,
+        remarks=tuple(remarks),
+    )
+
+
+def left_out_errors(
+    tests: Sequence[DamperTest], splits: Splits, identify_rest: IdentifyRest
+) -> tuple[float, ...]:
+    """Errors of the units of the splits, each identified without its tests, which are predicted."""
+    nrmse = []
+    for members in splits.members:
+        fit = identify_rest(tuple(test for index, test in enumerate(tests) if index not in members))
+        try:
+            nrmse.append(np.array([predict_test(fit, tests[index]).nrmse for index in members]))
+        except SimulationError as reason:
+            raise SimulationError(f"what was left out cannot be predicted: {reason}") from reason
+    return tuple(splits.errors(nrmse).tolist())
+
+
+def _units(groups: Sequence[Sequence[int]], n_tests: int) -> tuple[int, ...]:
+    unit_of = {index: unit for unit, members in enumerate(groups) for index in members}
+    return tuple(unit_of[index] for index in range(n_tests))
+
+
+def _level_of(test: DamperTest) -> object:
+    """Command of a test, equal for those of one level, and for all that vary."""
+    if test.has_varying_command:
+        return "varies"
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+
+
+def _peak_velocity(test: DamperTest) -> float:
+    return float(np.abs(test.velocity[test.counted]).max())
+
+
+_ENDS: dict[str, Callable[[DamperTest], float]] = {
+    "fastest": _peak_velocity,
+    "slowest": lambda test: -_peak_velocity(test),
+    "largest": lambda test: float(np.ptp(test.displacement[test.counted])),
+}
