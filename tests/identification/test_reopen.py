@@ -79,6 +79,37 @@ def test_a_reading_survives_json() -> None:
     assert Reading.of_record(json.loads(json.dumps(reading.as_record())), origin="fit.json") == reading
 
 
+def test_a_run_of_before_keeps_the_velocity_that_it_was_fitted_to(tmp_path: Path) -> None:
+    """Also where a later verb reads further files for it."""
+    time = np.arange(0.0, 2.0, 0.005)
+    x = 10.0 * np.sin(2.0 * np.pi * time)
+    v = np.append(0.0628, np.diff(x) / 5.0)
+    rows = "\n".join(
+        f"{t:.3f},{a:.6f},{b:.6f},{900.0 * np.tanh(20.0 * b):.3f}" for t, a, b in zip(time, x, v, strict=True)
+    )
+    file = tmp_path / "rig.csv"
+    file.write_text(f"t_s,x_mm,v_mps,F_N\n{rows}\n")
+    runs = {option: tmp_path / f"run{option}" for option in ("--keep-velocity", "")}
+    for option, folder in runs.items():
+        identified(file, *filter(None, [option]), "--out", folder)
+    for name in ("fit.json", "manifest.json"):
+        document = json.loads((runs["--keep-velocity"] / name).read_text())
+        settings = (document["provenance"] if name == "fit.json" else document)["settings"]
+        assert settings["reading"].pop("keep_velocity") is True
+        (runs["--keep-velocity"] / name).write_text(json.dumps(document))
+    for option, folder in runs.items():
+        (test,) = reopen(folder).tests
+        assert test.velocity_source == ("measured" if option else "derived")
+        predicted = json.loads(printed("predict", folder, file, "--json"))
+        told = {each["code"] for each in predicted["findings"]}
+        assert told & {"velocity_late", "velocity_difference"} == {
+            "velocity_late" if option else "velocity_difference"
+        }
+        assert predicted["files"][0]["fit_percent"] == pytest.approx(
+            reopen(folder).fit.quality[0].fit_percent
+        )
+
+
 def test_a_file_that_changed_is_refused_and_so_is_a_run_without_a_reading(
     run: Path, tmp_path: Path, refused: Refused
 ) -> None:

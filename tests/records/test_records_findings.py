@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
 import hypothesis.strategies as st
 import numpy as np
@@ -20,7 +21,9 @@ from mrwork.records import DamperTest, build_damper_test, repair
 OMEGA = 2.0 * np.pi * FREQUENCY
 
 
-def built(columns: Columns, current: NDArray[np.float64] | None = None) -> DamperTest:
+def built(
+    columns: Columns, current: NDArray[np.float64] | None = None, *, keep_velocity: bool = False
+) -> DamperTest:
     return build_damper_test(
         name="rig",
         time=columns["t_s"],
@@ -28,6 +31,7 @@ def built(columns: Columns, current: NDArray[np.float64] | None = None) -> Dampe
         velocity=columns.get("velocity_mps"),
         force=columns["force_n"],
         current=current,
+        keep_velocity=keep_velocity,
     )
 
 
@@ -294,10 +298,74 @@ def test_a_shifted_velocity_is_told_by_its_delay(late: float, code: str) -> None
     assert float(told[2]) == pytest.approx(abs(late), rel=0.02)
 
 
-def test_backward_differences_are_recognised() -> None:
+def with_difference(time: NDArray[np.float64], lag: float, noise: float = 2e-6) -> Columns:
+    """A record whose velocity is the difference of a noisy displacement over the recorded steps, before rounding."""
     columns = clean_columns()
-    columns["velocity_mps"] = np.diff(columns["displacement_m"], prepend=-AMPLITUDE * np.sin(OMEGA * DT)) / DT
-    assert "backward differences" in message(built(columns), "velocity_late")
+    random = np.random.default_rng(3).standard_normal(time.size)
+    displacement = AMPLITUDE * np.sin(OMEGA * time) + noise * random
+    slope = np.diff(displacement) / np.diff(time)
+    velocity = np.append(slope[0], slope) if lag > 0.0 else np.append(slope, slope[-1])
+    return columns | {"t_s": time, "displacement_m": displacement, "velocity_mps": velocity}
+
+
+TIME = clean_columns()["t_s"]
+STEPS = {
+    "uniform": TIME,
+    "rounded": TIME * (1.0 + 1.0 / 1024.0),
+    "varying": TIME + 0.2 * DT * np.random.default_rng(11).uniform(-1.0, 1.0, 400),
+}
+
+
+@pytest.mark.parametrize("lag", [0.5, -0.5])
+@pytest.mark.parametrize(("steps", "decimals"), [*product(STEPS, [(3, 4), (6, 6), (17, 17)])])
+def test_a_velocity_that_is_a_difference_is_derived_anew_unless_it_is_kept(
+    steps: str, decimals: tuple[int, int], lag: float
+) -> None:
+    columns = with_difference(STEPS[steps], lag)
+    columns["displacement_m"] = 1e-3 * np.round(1e3 * columns["displacement_m"], decimals[0])
+    columns["velocity_mps"] = np.round(columns["velocity_mps"], decimals[1])
+    if steps == "rounded":
+        columns["t_s"] = np.round(columns["t_s"], 4)
+    test = built(columns)
+    assert "velocity_difference" in codes(test)
+    assert ("lags" if lag > 0.0 else "leads") in message(test, "velocity_difference")
+    assert severity(test, "velocity_difference") == "note"
+    assert test.velocity_source == "derived"
+    without = {name: samples for name, samples in columns.items() if name != "velocity_mps"}
+    np.testing.assert_array_equal(test.velocity, built(without).velocity)
+    kept = built(columns, keep_velocity=True)
+    assert kept.velocity_source == "measured"
+    assert "backward differences" in message(kept, "velocity_late") or lag < 0.0
+    if steps == "uniform":
+        np.testing.assert_array_equal(kept.velocity, columns["velocity_mps"])
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 5e-4])
+@pytest.mark.parametrize("decimals", [3, 6])
+def test_a_measured_velocity_that_is_half_a_sample_late_is_used(noise: float, decimals: int) -> None:
+    columns = with_difference(TIME, 0.5, noise=1e-6)
+    columns["displacement_m"] = 1e-3 * np.round(1e3 * columns["displacement_m"], decimals)
+    late = AMPLITUDE * OMEGA * np.cos(OMEGA * (TIME - 0.5 * DT))
+    columns["velocity_mps"] = np.round(late + noise * np.random.default_rng(5).standard_normal(400), 4)
+    test = built(columns)
+    assert codes(test) == ["velocity_late"]
+    np.testing.assert_array_equal(test.velocity, columns["velocity_mps"])
+
+
+def test_central_differences_are_not_late() -> None:
+    columns = with_difference(TIME, 0.5)
+    columns["velocity_mps"] = np.gradient(columns["displacement_m"], DT)
+    assert built(columns).velocity_source == "measured"
+
+
+def test_a_difference_is_used_where_smoothing_would_cost_more_than_its_lag() -> None:
+    # A vibration of 1 % of the velocity, above the band of the motion; half a sample costs 0.3 %.
+    time, omega = 1e-3 * np.arange(4000), 2.0 * np.pi
+    displacement = AMPLITUDE * (np.sin(omega * time) + 5e-4 * np.sin(20.0 * omega * time))
+    velocity = np.gradient(displacement, 1e-3)
+    velocity[1:] = np.diff(displacement) / 1e-3
+    test = mr.test_from_arrays(time, displacement, 1e3 * velocity, velocity=velocity)
+    np.testing.assert_array_equal(test.velocity, velocity)
 
 
 @pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_late"]), (0.25, []), (1.0, [])])

@@ -35,11 +35,11 @@ def test_each_finding_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> No
     names = {test.name for test in utfsm}
     told = {
         code: {test.name for test in utfsm if code in codes(test)}
-        for code in ("velocity_late", "moving_average", "loop_drift")
+        for code in ("velocity_difference", "moving_average", "loop_drift")
     }
-    # The smoothed files contain backward differences; at 25 mm, 0.1 Hz half a sample is below the noise.
+    # The smoothed files contain backward differences; at 25 mm, 0.1 Hz smoothing would cost more than half a sample.
     smoothed = {name for name in names if not name.startswith("unfiltered")}
-    assert told["velocity_late"] == {name for name in smoothed if not name.startswith("25mm0x1Hz")}
+    assert told["velocity_difference"] == {name for name in smoothed if not name.startswith("25mm0x1Hz")}
     assert told["moving_average"] == smoothed
     # Without current the force is small and settles in the first cycles, in the smoothed and the original files.
     assert all("0A" in name for name in told["loop_drift"])

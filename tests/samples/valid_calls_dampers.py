@@ -107,8 +107,8 @@ def record_calls(files: Path) -> Calls:
         np.savetxt(path, columns, delimiter=",", header="t_s,displacement_m,force_N", comments="")
         return path
 
-    yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"})
-    yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"})
+    yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"}, keep_velocity=True)
+    yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"}, keep_velocity=True)
     yield call(
         records.build_damper_test,
         name="rig",
@@ -132,6 +132,7 @@ def record_calls(files: Path) -> Calls:
         force=test.force,
         command=np.full(test.n_time, 0.5),
         command_unit="A",
+        keep_velocity=True,
     )
     yield call(
         mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=np.full(test.n_time, 0.5)

@@ -96,7 +96,7 @@ def _predict_unseen(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
-    _, read = read_tests(options, "calibration")
+    _, read = read_tests(options, "calibration", fit)
     findings = told_findings("calibrate", read, options)
     tests = [observed(test, words) for test in read]
     for test in tests:

@@ -16,6 +16,7 @@ from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName
 from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, parse_column_option
@@ -75,6 +76,12 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         "KIND[=AMOUNT]",
         f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as "
         f"in delay=0.002: {AMOUNTS_IN_WORDS}; repeat for more",
+    )
+    records.add_argument(
+        "--keep-velocity",
+        action="store_true",
+        help="use a velocity column also where it is a difference of the displacement, half a sample off; otherwise it "
+        "is derived anew, and said",
     )
     add_number(
         records,
@@ -167,8 +174,11 @@ def end_parser(
     parser.set_defaults(run=run)
 
 
-def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
-    """The test files of the command line, and the settings for reading them; of tables, the rows for a use."""
+def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None = None) -> Reading:
+    """The test files of the command line, and the settings for reading them; of tables, the rows for a use.
+
+    A velocity that the tests of `fit` keep is kept.
+    """
     rows: list[ListedTest] = []
     for file in options.files:
         rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
@@ -185,12 +195,18 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse) -> Reading:
         every=options.every,
         repairs=dict(_repair(option) for option in options.repair),
         settle=options.settle,
+        keep_velocity=options.keep_velocity or (fit is not None and fit.keeps_velocity),
     )
 
 
-def read_tests(options: argparse.Namespace, use: Use) -> tuple[Reading, tuple[DamperTest, ...]]:
-    """Reading and tests of the command line, cut and then repaired; reports progress in a line."""
-    reading = reading_of(options, use)
+def read_tests(
+    options: argparse.Namespace, use: Use, fit: Fit | None = None
+) -> tuple[Reading, tuple[DamperTest, ...]]:
+    """Reading and tests of the command line, cut and then repaired; reports progress in a line.
+
+    Tests that `fit` is to predict are read with the velocity that its own have.
+    """
+    reading = reading_of(options, use, fit)
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reading, reading.tests(on_read=on_read)
 

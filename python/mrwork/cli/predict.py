@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
-    _, tests = read_tests(options, "test")
+    _, tests = read_tests(options, "test", fit)
     findings = told_findings("predict", tests, options)
     for test in (observed(test, words) for test in tests):
         with explain_failures(fit, test):

@@ -480,6 +480,11 @@ class Fit(WithAxes, Summarised, Related):
         """
         return Reading.of_record(self.provenance.settings.get(_READING), origin=origin)
 
+    @property
+    def keeps_velocity(self) -> bool:
+        """Whether its tests have a recorded velocity also where that is a difference of the displacement."""
+        return _READING in self.provenance.settings and self.reading().keep_velocity
+
     @checked
     def with_command(self, command: str, reading: Reading) -> Fit:
         """The fit with a record of its command line, and of how that read the tests."""

@@ -1,6 +1,7 @@
 """Detectors of channels that contradict each other or themselves: they stand still, jump, drift, or repeat a part.
 
-A measured velocity contradicts the displacement where it differs from its derivative; one that is noisier is not used.
+A measured velocity contradicts the displacement where it differs from its derivative. One that is noisier is not used,
+nor is one that is computed as a difference of the displacement, which is half a sample off.
 """
 
 from __future__ import annotations
@@ -299,18 +300,84 @@ def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Find
     return (Finding.note("velocity_noisy", message, measured=Measured(value=own, unit="m/s")),)
 
 
+# A difference lies within the last digits of both channels at this share of the samples at least, and within this share
+# of the distance from the central difference. Its steps are the recorded ones or, where these vary, their mean, with a
+# gain near one, because times that are rounded do not tell it better.
+_WITHIN_DIGITS: Final = 0.99
+_NEARER: Final = 0.5
+_SLACK: Final = 1.001
+_SLACK_OF_GAIN: Final = 1.1
+_GAIN: Final = 0.01
+_UNIFORM: Final = 1e-6
+_MOST_DIGITS: Final = 8
+_SINGLE: Final = 2.0**-24
+_INCH: Final = FACTORS["displacement"]["in"]
+
+
+def lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
+    """Lag, in samples, of a velocity column that is a difference of the displacement column, as both are written.
+
+    It is 0.5 for backward and -0.5 for forward differences, and 0 for any other column: a measured velocity has noise
+    of its own, and does not repeat that of the displacement. Where the last digits hide half a sample it is 0, too.
+    """
+    recorded, changes = np.diff(time), np.diff(displacement)
+    mean = np.full_like(recorded, np.mean(recorded))
+    is_uniform = np.ptp(recorded) <= _UNIFORM * mean[0]
+    for lag, column in ((0.5, velocity[1:]), (-0.5, velocity[:-1])):
+        for steps, free_gain in ((recorded, False), *(() if is_uniform else ((mean, True),))):
+            difference = changes / steps
+            power = float(difference @ difference)
+            gain = float(column @ difference) / max(power, np.finfo(float).tiny)
+            if abs(abs(gain) - 1.0) > _GAIN:
+                continue
+            difference *= gain if free_gain else np.sign(gain)
+            central = 0.5 * (difference[1:] + difference[:-1])
+            inner = slice(None, -1) if lag > 0.0 else slice(1, None)
+            left = np.abs(column - difference)
+            if np.sum(left[inner] ** 2) >= _NEARER**2 * np.sum((column[inner] - central) ** 2):
+                continue
+            rounding = _half_digit(displacement)
+            allowed = _half_digit(column) + (rounding[1:] + rounding[:-1]) / steps
+            if np.mean(left <= (_SLACK_OF_GAIN if free_gain else _SLACK) * allowed) >= _WITHIN_DIGITS:
+                return lag
+    return 0.0
+
+
+def _half_digit(samples: Floats) -> Floats:
+    """Half a unit of the last digit of each sample, in SI or inches, with a fixed number of decimals or of digits.
+
+    Samples with more than 8 digits are taken for numbers of single precision at least.
+    """
+    half = _SINGLE * np.abs(samples)
+    for unit in (1.0, _INCH):
+        written = samples / unit
+        size = np.maximum(np.abs(written), np.finfo(float).tiny)
+        decades = np.floor(np.log10(size * (1.0 + 1e-12)))
+        for decade in (decades, np.full_like(decades, decades.max())):
+            for digits in range(_MOST_DIGITS):
+                step = 10.0 ** (decade - digits)
+                rest = np.abs(written - step * np.rint(written / step))
+                if np.mean(rest <= 8.0 * np.finfo(float).eps * size) >= _WITHIN_DIGITS:
+                    half = np.maximum(half, 0.5 * unit * step)
+                    break
+    return half
+
+
 def velocity_agrees(
     velocity: Floats,
     displacement: Floats,
     motion: SmoothMotion,
     uncompared: Sequence[tuple[int, int]] = (),
+    *,
+    lag: float = 0.0,
 ) -> tuple[Floats, VelocitySource, tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement; return the one to use.
 
     Both are smoothed alike, and the difference expected from their noise is subtracted, up to half of the signal.
     A velocity that agrees after a change of sign gets that sign. Other differences are only reported, with the delay or
     the factor that explains them; tests with the factor of two units are refused by `refuse_velocity` where they are
-    fitted or predicted. A velocity of the same motion that is far noisier than the derivative is replaced by it.
+    fitted or predicted. A velocity of the same motion that is far noisier than the derivative is replaced by it, and so
+    is one with the `lag` [samples] of a difference, unless the derivative loses more by smoothing than the lag costs.
 
     `velocity`, `displacement`: shape (n_time,) [m/s, m]. `motion`: smoothed motion. A delay below 0.02 rad at its
     dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
@@ -325,7 +392,7 @@ def velocity_agrees(
         message = (
             "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
         )
-        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared)
+        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared, lag=lag)
         return turned, source, (Finding.note("velocity_sign_flipped", message), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
@@ -337,11 +404,20 @@ def velocity_agrees(
     delay = late.value
     time = smoother.dt * np.arange(velocity.size)[kept]
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
+    replaced: tuple[Finding, ...] = ()
     if difference <= _MISFIT:
         noise = smoother.noise((displacement - motion.displacement)[kept])
-        noisy = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
-        if noisy:
-            return motion.velocity, "derived", noisy
+        replaced = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
+    if lag and not replaced:
+        central, counts = np.gradient(displacement, smoother.dt), np.zeros_like(displacement)
+        counts[kept] = 1.0
+        # The difference of a first or last sample has no neighbour, and is what its author put there.
+        counts[[0, -1]] = 0.0
+        lost, late_by = (counts @ (each - central) ** 2 for each in (motion.velocity, velocity))
+        replaced = (_of_difference(lag, smoother.dt),) if lost < late_by else ()
+    if replaced:
+        return motion.velocity, "derived", replaced
+    if difference <= _MISFIT:
         half_sample = 0.4 < delay / smoother.dt < 0.6
         if not delay_explains or not (half_sample or 2.0 * np.pi * motion.frequency * abs(delay) >= _PHASE):
             return velocity, "measured", ()
@@ -355,6 +431,16 @@ def velocity_agrees(
         return velocity, "measured", (_inconsistent(message, _CHECK, late),)
     message = f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms)"
     return velocity, "measured", (_inconsistent(message, "check that both columns belong to this test"),)
+
+
+def _of_difference(lag: float, dt: float) -> Finding:
+    kind, does = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
+    message = (
+        f"the velocity is the {kind} difference of the displacement, to the last digit, and {does} by half a sample "
+        f"({1e3 * abs(lag) * dt:.3g} ms); it is not used, and the velocity is derived from the displacement as if none "
+        "were given; --keep-velocity keeps the column"
+    )
+    return Finding.note("velocity_difference", message, measured=Measured(value=lag * dt, unit="s"))
 
 
 _CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"

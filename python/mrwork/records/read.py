@@ -43,6 +43,7 @@ from mrwork.records.command import command_of, motion_matches_name, nominal_from
 from mrwork.records.contradictions import (
     drift_of_displacement_finding,
     jump_finding,
+    lag_of_difference,
     repeated_part,
     still_findings,
     velocity_agrees,
@@ -105,6 +106,7 @@ def test_from_arrays(
     amplitude: NotNegative | None = None,
     frequency: NotNegative | None = None,
     synthetic: bool = False,
+    keep_velocity: bool = False,
     path: str = "",
     sha256: str | None = None,
     locate: Callable[[int], str] | None = None,
@@ -130,6 +132,9 @@ def test_from_arrays(
         Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
     synthetic
         Whether the test was simulated.
+    keep_velocity
+        Whether a velocity that is a backward or forward difference of the displacement is used, which is half a sample
+        off; by default it is derived from the displacement anew, with a note among the findings.
     path, sha256
         File and its hash; without a hash, that of the bytes of the arrays.
     locate
@@ -193,8 +198,11 @@ def test_from_arrays(
     about_velocity: tuple[Finding, ...] = (Finding.note("velocity_derived", message),)
     moving, velocity_source = motion.velocity, _DERIVED
     if signals.velocity is not None:
+        lag = 0.0
+        if complete.velocity is not None and not keep_velocity:
+            lag = lag_of_difference(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
-            signals.velocity, displaced, motion, uncompared
+            signals.velocity, displaced, motion, uncompared, lag=lag
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
     for varying in signals.commands:
@@ -305,7 +313,9 @@ _MOST_NAMED: Final = 8
 
 
 @checked
-def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
+def read_damper_test(
+    path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None, keep_velocity: bool = False
+) -> DamperTest:
     """Read one test from a text, .mat, .tdms, .xlsx or Parquet file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
@@ -323,6 +333,8 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file tells the unit, for columns whose names do not state it; the
         name may leave out a unit at its end. ``command`` is a column of current or voltage, or a number with its unit,
         as ``"0.5 A"``, which goes before the columns of the file.
+    keep_velocity
+        As for `test_from_arrays`.
 
     Returns
     -------
@@ -370,6 +382,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         command_unit=None if scalar is None else scalar.unit,
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
+        keep_velocity=keep_velocity,
         path=source,
         sha256=table.sha256,
         locate=table.locate,
@@ -434,6 +447,7 @@ def read_damper_tests(
     *,
     columns: Mapping[str, str] | None = None,
     use: Use | EveryUse = EVERY_USE,
+    keep_velocity: bool = False,
 ) -> tuple[DamperTest, ...]:
     """Read several tests: files, folders and tables of tests in their order, or a glob pattern in name order.
 
@@ -446,6 +460,8 @@ def read_damper_tests(
     use
         Of tables, read the tests for this use only: ``fit``, ``calibration`` or ``test``. The default, ``every``, reads
         all that have a use, held-out tests included: identify from those for ``fit``.
+    keep_velocity
+        As for `test_from_arrays`.
 
     Raises
     ------
@@ -461,7 +477,10 @@ def read_damper_tests(
     beside = {
         folder: Finding.note("files_not_read", sentence) for folder, sentence in files_not_read(given).items()
     }
-    tests = [read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows]
+    tests = [
+        read_damper_test(row.file, columns={**(columns or {}), **row.columns}, keep_velocity=keep_velocity)
+        for row in rows
+    ]
     return tuple(
         replace(test, findings=(*test.findings, beside[folder]))
         if (folder := Path(test.path).parent) in beside

@@ -112,7 +112,8 @@ class Reading:
 
     `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
     `columns_of` are those of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
-    `settle` in seconds. Relative `files` are relative to `folder`, or to the current folder.
+    `settle` in seconds; `keep_velocity` is as in `read_damper_test`. Relative `files` are relative to `folder`, or to
+    the current folder.
     """
 
     files: tuple[str, ...]
@@ -124,6 +125,7 @@ class Reading:
     repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
     settle: float | None = None
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    keep_velocity: bool = False
 
     def as_record(self) -> dict[str, Any]:
         """Plain values, for `fit.json`."""
@@ -134,6 +136,9 @@ class Reading:
         """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
+        if isinstance(record, Mapping):
+            # Before readers replaced differences of the displacement, every run used them.
+            record = {"keep_velocity": True, **record}
         reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
         return reading
 
@@ -153,7 +158,7 @@ class Reading:
         else:
             columns = {**self.columns, **self.columns_of.get(file, {})}
             try:
-                test = read_damper_test(self._path(file), columns=columns)
+                test = read_damper_test(self._path(file), columns=columns, keep_velocity=self.keep_velocity)
             except MrworkError as error:
                 if len(self.files) == 1 or not error.of_columns:
                     raise
