@@ -188,8 +188,8 @@ def _measured(folder: Path, pattern: str, damper: str, motion: str) -> tuple[Tes
 
 
 def by_current(folder: Path, pattern: str) -> list[DamperTest]:
-    """The tests of files, lowest current first."""
-    return sorted(mr.read_damper_tests(folder / pattern), key=_current)
+    """The tests of files, lowest current first, with the velocity that stands in them."""
+    return sorted(mr.read_damper_tests(folder / pattern, keep_velocity=True), key=_current)
 
 
 def _current(test: DamperTest) -> float:

@@ -12,7 +12,7 @@ PER_CYCLE = 250
 def sinusoids() -> tuple[DamperTest, ...]:
     """The smoothed sinusoids, none where the records are absent.
 
-    Where `mrwork check` sees that a velocity column is late, it is derived anew.
+    Their velocity is derived anew, also that of the slowest, whose column readers use.
     """
     paths = sorted(str(path) for path in damper_tests().glob("[0-9]*.csv"))
     return tuple(repair(test, ["velocity"])[0] for test in read_damper_tests(paths)) if paths else ()

@@ -72,7 +72,7 @@ def record(name: str) -> DamperTest:
     """
     path = damper_tests() / f"{name}.csv"
     if path.is_file():
-        test = cut(read_damper_test(path), start=_START, every=_EVERY)
+        test = cut(read_damper_test(path, keep_velocity=True), start=_START, every=_EVERY)
     else:
         test = cut(synthetic_test(_SYNTHETIC), every=2)
     if test.n_time < N_TIME:

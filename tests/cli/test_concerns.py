@@ -81,9 +81,9 @@ def test_the_table_has_every_code_of_the_checks() -> None:
     assert found | OF_CHANNELS == set(CONCERNS)
 
 
-# Codes that have a name in their modules, or one for each channel.
+# Codes that have a name in their modules, or one for each channel or way to be late.
 NAMED = {"FORCE_OFFSET": "force_offset", "OFF_BY_FACTOR": "velocity_factor"}
-OF_CHANNELS = {"displacement_still", "force_still"}
+OF_CHANNELS = {"displacement_still", "force_still", "velocity_difference", "velocity_held"}
 
 
 def recorded(frequency: float, *, amplitude: float = 0.01, n_time: int = 400, rng: int = 0) -> Columns:

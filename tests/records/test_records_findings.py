@@ -352,6 +352,20 @@ def test_a_measured_velocity_that_is_half_a_sample_late_is_used(noise: float, de
     np.testing.assert_array_equal(test.velocity, columns["velocity_mps"])
 
 
+@pytest.mark.parametrize("held", [4, 8])
+def test_a_velocity_that_is_held_is_derived_from_a_displacement_that_is_not(held: int) -> None:
+    time, omega = 1e-3 * np.arange(4000), 2.0 * np.pi
+    moving = AMPLITUDE * omega * np.cos(omega * time)
+    columns = {"displacement_m": AMPLITUDE * np.sin(omega * time), "force_n": 500.0 * moving}
+    columns |= {"t_s": time, "velocity_mps": np.repeat(moving[::held], held)}
+    test = built(columns)
+    assert codes(test) == ["velocity_held"]
+    assert test.velocity_source == "derived"
+    assert "held_samples" in codes(built(columns, keep_velocity=True))
+    columns["displacement_m"] = np.repeat(columns["displacement_m"][::held], held)
+    assert "velocity_held" not in codes(built(columns))
+
+
 def test_central_differences_are_not_late() -> None:
     columns = with_difference(TIME, 0.5)
     columns["velocity_mps"] = np.gradient(columns["displacement_m"], DT)

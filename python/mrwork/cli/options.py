@@ -80,8 +80,8 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
     records.add_argument(
         "--keep-velocity",
         action="store_true",
-        help="use a velocity column also where it is a difference of the displacement, half a sample off; otherwise it "
-        "is derived anew, and said",
+        help="use a velocity column also where it is a difference of the displacement, half a sample off, or held over "
+        "several samples; otherwise the velocity is derived from the displacement, and said",
     )
     add_number(
         records,

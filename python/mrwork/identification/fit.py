@@ -482,7 +482,7 @@ class Fit(WithAxes, Summarised, Related):
 
     @property
     def keeps_velocity(self) -> bool:
-        """Whether its tests have a recorded velocity also where that is a difference of the displacement."""
+        """Whether its tests were read with velocity columns that are late by their making."""
         return _READING in self.provenance.settings and self.reading().keep_velocity
 
     @checked

@@ -1,7 +1,7 @@
 """Detectors of channels that contradict each other or themselves: they stand still, jump, drift, or repeat a part.
 
 A measured velocity contradicts the displacement where it differs from its derivative. One that is noisier is not used,
-nor is one that is computed as a difference of the displacement, which is half a sample off.
+nor is one that is late by its making: computed as a difference of the displacement, or held over several samples.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
+from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
 from mrwork.records.motion import Smoother, SmoothMotion, regular_cycles
 
@@ -314,7 +315,26 @@ _SINGLE: Final = 2.0**-24
 _INCH: Final = FACTORS["displacement"]["in"]
 
 
-def lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
+def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tuple[Finding, ...]:
+    """Note a velocity column that is held while the displacement is not, or a difference of the displacement column."""
+    held = held_samples(velocity)
+    if held > 1 and held_samples(displacement) == 1:
+        lag, code, does = 0.5 * (held - 1), "velocity_held", "lags in the mean"
+        what = f"has a new value in one of {held} samples, the displacement in each"
+    elif lag := _lag_of_difference(time, displacement, velocity):
+        kind, does = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
+        code, what = "velocity_difference", f"is the {kind} difference of the displacement, to the last digit"
+    else:
+        return ()
+    late = Measured(value=lag * float(np.mean(np.diff(time))), unit="s")
+    message = (
+        f"the velocity {what}, and {does} by {1e3 * abs(late.value):.3g} ms ({abs(lag):g} samples); it is not used, "
+        "and the velocity is derived from the displacement as if none were given; --keep-velocity keeps the column"
+    )
+    return (Finding.note(code, message, measured=late),)
+
+
+def _lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
     """Lag, in samples, of a velocity column that is a difference of the displacement column, as both are written.
 
     It is 0.5 for backward and -0.5 for forward differences, and 0 for any other column: a measured velocity has noise
@@ -369,7 +389,7 @@ def velocity_agrees(
     motion: SmoothMotion,
     uncompared: Sequence[tuple[int, int]] = (),
     *,
-    lag: float = 0.0,
+    late: tuple[Finding, ...] = (),
 ) -> tuple[Floats, VelocitySource, tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement; return the one to use.
 
@@ -377,7 +397,7 @@ def velocity_agrees(
     A velocity that agrees after a change of sign gets that sign. Other differences are only reported, with the delay or
     the factor that explains them; tests with the factor of two units are refused by `refuse_velocity` where they are
     fitted or predicted. A velocity of the same motion that is far noisier than the derivative is replaced by it, and so
-    is one with the `lag` [samples] of a difference, unless the derivative loses more by smoothing than the lag costs.
+    is one that is `late` by its making, unless the derivative loses more by smoothing than that costs.
 
     `velocity`, `displacement`: shape (n_time,) [m/s, m]. `motion`: smoothed motion. A delay below 0.02 rad at its
     dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
@@ -392,7 +412,7 @@ def velocity_agrees(
         message = (
             "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
         )
-        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared, lag=lag)
+        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared, late=late)
         return turned, source, (Finding.note("velocity_sign_flipped", message), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
@@ -400,21 +420,21 @@ def velocity_agrees(
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
             return velocity, "measured", (_off_by(factor),)
 
-    late = comparison.delay(motion.acceleration[kept], smoother)
-    delay = late.value
+    delayed = comparison.delay(motion.acceleration[kept], smoother)
+    delay = delayed.value
     time = smoother.dt * np.arange(velocity.size)[kept]
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     replaced: tuple[Finding, ...] = ()
     if difference <= _MISFIT:
         noise = smoother.noise((displacement - motion.displacement)[kept])
         replaced = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
-    if lag and not replaced:
+    if late and not replaced:
         central, counts = np.gradient(displacement, smoother.dt), np.zeros_like(displacement)
         counts[kept] = 1.0
         # The difference of a first or last sample has no neighbour, and is what its author put there.
         counts[[0, -1]] = 0.0
-        lost, late_by = (counts @ (each - central) ** 2 for each in (motion.velocity, velocity))
-        replaced = (_of_difference(lag, smoother.dt),) if lost < late_by else ()
+        lost, costs = (counts @ (each - central) ** 2 for each in (motion.velocity, velocity))
+        replaced = late if lost < costs else ()
     if replaced:
         return motion.velocity, "derived", replaced
     if difference <= _MISFIT:
@@ -424,23 +444,13 @@ def velocity_agrees(
         message = f"the velocity {_shift(delay, smoother.dt)}"
         if half_sample:
             message += ", as backward differences do"
-        return velocity, "measured", (Finding.note("velocity_late", message, measured=late),)
+        return velocity, "measured", (Finding.note("velocity_late", message, measured=delayed),)
 
     if delay_explains:
         message = f"the velocity {_shift(delay, smoother.dt)}, a difference of {100 * difference:.0f} % (rms)"
-        return velocity, "measured", (_inconsistent(message, _CHECK, late),)
+        return velocity, "measured", (_inconsistent(message, _CHECK, delayed),)
     message = f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms)"
     return velocity, "measured", (_inconsistent(message, "check that both columns belong to this test"),)
-
-
-def _of_difference(lag: float, dt: float) -> Finding:
-    kind, does = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
-    message = (
-        f"the velocity is the {kind} difference of the displacement, to the last digit, and {does} by half a sample "
-        f"({1e3 * abs(lag) * dt:.3g} ms); it is not used, and the velocity is derived from the displacement as if none "
-        "were given; --keep-velocity keeps the column"
-    )
-    return Finding.note("velocity_difference", message, measured=Measured(value=lag * dt, unit="s"))
 
 
 _CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"

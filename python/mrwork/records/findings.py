@@ -272,6 +272,7 @@ CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
     "velocity_noisy": _EVERY,
     "velocity_late": _EVERY,
     "velocity_difference": _EVERY,
+    "velocity_held": _EVERY,
     "velocity_derived": _TOLD_ONCE,
     "rest_before_motion": _TOLD_ONCE,
     # The force, with which every simulation is compared.

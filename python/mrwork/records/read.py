@@ -43,7 +43,7 @@ from mrwork.records.command import command_of, motion_matches_name, nominal_from
 from mrwork.records.contradictions import (
     drift_of_displacement_finding,
     jump_finding,
-    lag_of_difference,
+    late_by_making,
     repeated_part,
     still_findings,
     velocity_agrees,
@@ -133,8 +133,8 @@ def test_from_arrays(
     synthetic
         Whether the test was simulated.
     keep_velocity
-        Whether a velocity that is a backward or forward difference of the displacement is used, which is half a sample
-        off; by default it is derived from the displacement anew, with a note among the findings.
+        Whether a velocity is used that is a backward or forward difference of the displacement, half a sample off, or
+        held over several samples; by default it is derived from the displacement, with a note among the findings.
     path, sha256
         File and its hash; without a hash, that of the bytes of the arrays.
     locate
@@ -198,11 +198,11 @@ def test_from_arrays(
     about_velocity: tuple[Finding, ...] = (Finding.note("velocity_derived", message),)
     moving, velocity_source = motion.velocity, _DERIVED
     if signals.velocity is not None:
-        lag = 0.0
+        late: tuple[Finding, ...] = ()
         if complete.velocity is not None and not keep_velocity:
-            lag = lag_of_difference(complete.time, complete.displacement, complete.velocity)
+            late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
-            signals.velocity, displaced, motion, uncompared, lag=lag
+            signals.velocity, displaced, motion, uncompared, late=late
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
     for varying in signals.commands:

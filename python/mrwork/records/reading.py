@@ -137,7 +137,7 @@ class Reading:
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
         if isinstance(record, Mapping):
-            # Before readers replaced differences of the displacement, every run used them.
+            # Before readers replaced a velocity that is late by its making, every run used it.
             record = {"keep_velocity": True, **record}
         reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
         return reading
