@@ -362,6 +362,8 @@ def test_a_velocity_that_is_held_is_derived_from_a_displacement_that_is_not(held
     assert codes(test) == ["velocity_held"]
     assert test.velocity_source == "derived"
     assert "held_samples" in codes(built(columns, keep_velocity=True))
+    other = np.repeat(np.cos(1.7 * omega * time)[::held], held)
+    assert codes(built(columns | {"velocity_mps": other}))[0] == "velocity_inconsistent"
     columns["displacement_m"] = np.repeat(columns["displacement_m"][::held], held)
     assert "velocity_held" not in codes(built(columns))
 

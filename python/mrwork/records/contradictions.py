@@ -258,6 +258,8 @@ def _equal_at_end(samples: Floats, lag: int) -> NDArray[np.bool_]:
 _MISFIT: Final = 0.10
 _NOISE_SHARE: Final = 0.5
 _PHASE: Final = 0.02
+# What a column late by several samples loses of its regression coefficient on the derivative, at most.
+_SAME_MOTION: Final = 0.5
 _SMALLEST_FACTOR: Final = 1e-9
 # Ratios of the units of a velocity: the unit of its readings, and that which they were taken for.
 _CONFUSED: Final = {
@@ -428,7 +430,7 @@ def velocity_agrees(
     if difference <= _MISFIT:
         noise = smoother.noise((displacement - motion.displacement)[kept])
         replaced = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
-    if late and not replaced:
+    if late and not replaced and abs(factor - 1.0) < _SAME_MOTION:
         central, counts = np.gradient(displacement, smoother.dt), np.zeros_like(displacement)
         counts[kept] = 1.0
         # The difference of a first or last sample has no neighbour, and is what its author put there.
