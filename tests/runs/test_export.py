@@ -29,6 +29,7 @@ from mrwork.runs.export import matlab_names
 
 MODEL = "normalised_bouc_wen"
 KNOWN = {"c": 2000.0, "k": 2500.0, "x0": 0.03, "k_w": 500.0, "rho": 8000.0, "sigma": 0.6, "n": 2.0}
+MODEL_NAMES = mr.damper(MODEL).names
 HELD = {name: (KNOWN[name], KNOWN[name]) for name in ("k", "x0", "rho", "sigma", "n")}
 
 
@@ -309,12 +310,21 @@ def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit,
 # Refusals
 
 
-def on_bound(fit: Fit) -> Fit:
+def on_bound(fit: Fit, name: str, value: float, **bounds: float) -> Fit:
+    """The fit with a parameter on its upper bound."""
     estimates = [
-        replace(each, remark="at upper bound", value=each.upper) if each.name == "c" else each
+        replace(each, remark="at upper bound", value=value, **bounds) if each.name == name else each
         for each in fit.estimates
     ]
     return replace(fit, estimates=tuple(estimates))
+
+
+def test_a_bound_of_the_model_is_exported_as_it_is(plain: Fit, tmp_path: Path) -> None:
+    steep = mr.damper(MODEL).parameters[MODEL_NAMES.index("n")].upper
+    at_bound = on_bound(plain, "n", steep, upper=steep, lower=1.0)
+    text = mr.export(at_bound, "opensees", tmp_path / "damper.tcl", error=0.05).read_text()
+    assert f"# n is on the upper bound of the model, {steep:g}\n" in text
+    assert mr.export(at_bound, "csv", tmp_path / "damper.csv").read_text().startswith("velocity")
 
 
 def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path, refused: Refused) -> None:
@@ -323,8 +333,12 @@ def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path
     def export(source: Any, to: Any, **options: Any) -> Callable[[], Path]:
         return lambda: mr.export(source, to, out, **options)
 
-    refused(export(on_bound(plain), "opensees"))
-    refused(export(on_bound(plain), "csv"))
+    refused(export(on_bound(plain, "c", 2000.0, upper=2000.0), "opensees"))
+    refused(export(on_bound(plain, "c", 2000.0, upper=2000.0), "csv"))
+    # A coefficient has a range of search where none was given.
+    refused(export(on_bound(fit, "c.1", 5e4), "opensees", command="0.5 A"))
+    stiff = [replace(each, value=1e4) if each.name == "sigma" else each for each in plain.estimates]
+    refused(export(replace(plain, estimates=tuple(stiff)), "opensees"))
     refused(export(plain, "opensees", command="0.5 A"))
     refused(export(fit, "opensees"))
     refused(export(fit, "opensees", command="0.5 V"))

@@ -22,11 +22,13 @@ from mrwork.dampers.conversions import (
     opensees_from_bouc_wen,
     require_bounded_loop,
 )
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import damper, law_limits, plain_parameters
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
+from mrwork.identification.result import remark_of
 from mrwork.records.columns import StatedCommand
 
 _SPEEDS = 20
@@ -94,13 +96,27 @@ def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
 
 
 def refuse_bounds(fit: Fit) -> None:
-    """Refuse a fit whose parameters lie on their bounds: a better one may lie beyond."""
-    for each in fit.estimates:
-        if each.remark in ("at lower bound", "at upper bound"):
-            raise SettingError(
-                f"{each.name} is {each.remark.replace('at', 'at its')}, {of_unit(each.value, each.unit)}, and a better "
-                "fit may lie beyond; fit again with a wider bound, or hold the parameter fixed, and export that"
-            )
+    """Refuse a fit with a parameter on a bound that was given, or on the end of the range of its search.
+
+    A better fit may lie beyond such a bound, and not beyond the model's own.
+    """
+    admissible = Box.of(fit.spec)
+    for index, (each, own) in enumerate(zip(fit.estimates, fit.spec.parameters, strict=True)):
+        if each.remark not in ("at lower bound", "at upper bound"):
+            continue
+        end = each.remark.removeprefix("at ")
+        given, widest = (each.lower, own.lower) if end == "lower bound" else (each.upper, own.upper)
+        if given != widest:
+            is_at = f"the {end} that was given"
+        elif own.coefficient is not None and not remark_of(admissible, index, each.value):
+            is_at = "the end of the range in which its law was searched"
+        else:
+            continue
+        raise SettingError(
+            f"{each.name} is at {of_unit(each.value, each.unit)}, {is_at}, and a better fit may lie beyond; fit again "
+            f"with a wider --bound {each.name}=LOWER:UPPER, the model admits {own.lower:g} to {own.upper:g}, or with "
+            f"--fix {each.name}={each.value:.6g}, and export that"
+        )
 
 
 def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
@@ -217,7 +233,7 @@ def opensees_damper(
     refuse_bounds(fit)
     theta, command = parameters_at(fit, stated)
     normalised = _NORMALISED[fit.model](theta)
-    c, k, x0, k_w, rho, _, _ = normalised.tolist()
+    c, k, x0, k_w, rho, sigma, _ = normalised.tolist()
     loop = normalised * np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
     material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
     wanted = USUAL_OPENSEES_ERROR if error is None else error
@@ -233,7 +249,12 @@ def opensees_damper(
         f"let the strain change by at most {step:.3g} m in a step: the error of OpenSees is proportional to it",
     ]
     if fit.tested.velocity > 0.0:
-        facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP))
+        facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP, sigma))
+    facts += [
+        f"{each.name} is on the {each.remark.removeprefix('at ')} of the model, {of_unit(each.value, each.unit)}"
+        for each in fit.estimates
+        if each.remark in ("at lower bound", "at upper bound")
+    ]
     if k and x0:
         facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")
     parts: list[tuple[str, tuple[float | _Tag, ...]]] = [("BoucWen", astuple(material))]
@@ -251,13 +272,19 @@ def opensees_damper(
     return OpenSeesDamper(facts=tuple(facts), materials=(*materials, whole))
 
 
-def _substeps_in_words(velocity: float, step: float, time_step: float) -> str:
-    """How many parts of a time step a velocity [m/s] needs for a strain step [m]; refused where they are too many."""
+def _substeps_in_words(velocity: float, step: float, time_step: float, sigma: float) -> str:
+    """How many parts of a time step a velocity [m/s] needs for a strain step [m]; refused where they are too many.
+
+    They grow with sigma, the steepness of unloading.
+    """
     count = ceil(velocity * time_step / step)
     if count > _MOST_SUBSTEPS:
+        less = ", or identify normalised_bouc_wen with --fix sigma=0.5, which unloads less steeply" * (
+            sigma > 1.0
+        )
         raise SettingError(
             f"OpenSees would need {count} sub-steps of {time_step:g} s at the largest tested velocity, {velocity:.3g} "
-            f"m/s, and {_MOST_SUBSTEPS} are the most; give a larger error or a shorter time step"
+            f"m/s, and {_MOST_SUBSTEPS} are the most; give a larger error or a shorter time step{less}"
         )
     return (
         f"at the largest tested velocity, {velocity:.3g} m/s, these are {count} sub-steps of {time_step:g} s"

@@ -84,7 +84,7 @@ def export(
     ------
     SettingError
         Where the target does not take the run, as OpenSees a damper other than Bouc-Wen, or a fit with a parameter on
-        its bound.
+        a bound that was given; the bounds of the model are part of it.
     OutputError
         Where the file is there already, is no ordinary one, belongs to a run, or cannot be written.
 
