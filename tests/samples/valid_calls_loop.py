@@ -325,7 +325,7 @@ def loop_calls(_: Path) -> Calls:
 def studies_calls(_: Path) -> Calls:
     """Studies and their results."""
     found = results()
-    yield call(mr.read_study, path="missing.toml", seed=0, on_python=print)
+    yield call(mr.read_study, path="missing.toml", seed=0, on_python=print, on_progress=print)
     yield call(mr.study.read_results, folder="missing")
     yield call(mr.tuning.read_tuning, folder="missing")
     yield call(mr.load, run="missing", kind=mr.StoredRun)

@@ -31,8 +31,8 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(tmp_path: Path) -> No
     silent = mr.run_study(given, threads=1, check_step=True)
     for name, array in silent.labelled.numbers.items():
         assert np.array_equal(array, told.labelled.numbers[name], equal_nan=True), name
-    # All of its time is known after the trials, and why it is long is said once.
-    assert [bool(progress.reasons) for progress in seen].count(True) == 1
+    # All of its time is known after the trials, and why it is long.
+    assert all(progress.reasons for progress in seen[1:])
     assert all(progress.left is not None for progress in seen[1:])
     within = [progress.label for progress in seen if " of " in progress.label]
     assert any("realisations 64 of " in label for label in within)
@@ -47,6 +47,40 @@ def test_blocks_of_any_size_have_equal_bits(tmp_path: Path, monkeypatch: pytest.
     whole = mr.run_study(given, threads=1)
     for name, array in whole.labelled.numbers.items():
         assert np.array_equal(array, small.labelled.numbers[name], equal_nan=True), name
+
+
+STIFF = """
+[building]
+n_storeys = 2
+masses = [300]
+stiffnesses = [400e3]
+modal_damping = { ratios = [0.01] }
+[[damper]]
+storey = 1
+model = "normalised_bouc_wen"
+largest_command = 1
+parameters = { c = [300, 800], k = 0, x0 = 0, k_w = [100, 800], rho = 1e5, sigma = 1e3, n = 1 }
+[[controller]]
+law = "clipped_optimal"
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 1
+pga = 2
+"""
+
+
+def test_reading_tells_the_time_that_settings_take_and_the_stiff_damper_that_is_why(tmp_path: Path) -> None:
+    path, seen = tmp_path / "study.toml", []
+    path.write_text(STIFF)
+    told = mr.read_study(path, on_progress=seen.append)
+    assert told.arrangements[-1].taken == mr.read_study(path).arrangements[-1].taken
+    # Those at i = 0 and at the largest command, and 13 candidates.
+    assert {progress.total for progress in seen} == {15}
+    assert all(progress.left is not None for progress in seen[1:])
+    (reasons,) = {progress.reasons for progress in seen[1:]}
+    assert "settings of clipped_optimal" in reasons[0]
+    assert "n = 1 on a bound of the model" in reasons[1]
+    assert "a model without states" in reasons[1]
 
 
 def test_rows_share_an_observer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet
-from mrwork.cli.terminal import note, show
+from mrwork.cli.terminal import show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import STUDY_RUN
 
@@ -23,10 +22,6 @@ if TYPE_CHECKING:
     from mrwork.study.course import StudyProgress
     from mrwork.study.results import StudyResults
     from mrwork.study.study import Study
-
-
-# Seconds beyond which the expected time is told before.
-_LONG = 10.0
 
 
 def add_options(parser: CommandParser) -> None:
@@ -92,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
     from mrwork.cli.frame import command_line
-    from mrwork.cli.study_text import StudyVerb, study_text
+    from mrwork.cli.study_text import StudyVerb, study_text, telling_why
     from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.run_result import Histories
 
@@ -101,18 +96,12 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
 
-        def report(progress: StudyProgress) -> None:
-            expected = 0.0 if progress.left is None else progress.seconds + progress.left
-            if progress.reasons and expected > _LONG:
-                note(f"this will take about {duration_in_words(expected)}: {'; '.join(progress.reasons)}")
-            line(progress)
-
         return run_study(
             study,
             journal=journal,
             kept=histories.is_stored,
             keep=histories.keep,
-            on_progress=None if is_quiet(options) else report,
+            on_progress=None if is_quiet(options) else telling_why(line),
             check_step=options.check_step,
             threads=options.threads,
         )

@@ -38,6 +38,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
+from mrwork.study.course import StudyProgress
 from mrwork.study.results import (
     OFF_BALANCE,
     ON_OFF,
@@ -59,8 +60,8 @@ from mrwork.tuning.results import TuningResults
 
 Results = TypeVar("Results", StudyResults, TuningResults)
 
-# Seconds until progress is shown.
-_SOON = 0.5
+# Seconds until progress is shown; seconds beyond which the expected time is told.
+_SOON, _LONG = 0.5, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +94,22 @@ class _Reading(ProgressReport):
         return _Reading(seconds=self.seconds + seconds)
 
 
+def telling_why(line: ProgressLine[Any]) -> Callable[[StudyProgress], None]:
+    """Shows progress in a line, and says once what takes long, and why, as soon as it is expected."""
+    told = False
+
+    def report(progress: StudyProgress) -> None:
+        nonlocal told
+        left = progress.left or 0.0
+        if not told and progress.reasons and left > _LONG / 2.0 and progress.seconds + left > _LONG:
+            told = True
+            expected = duration_in_words(progress.seconds + left)
+            note(f"this will take about {expected}: {'; '.join(progress.reasons)}")
+        line(progress)
+
+    return report
+
+
 def run_on_study(
     options: argparse.Namespace,
     kind: RunKind,
@@ -109,7 +126,8 @@ def run_on_study(
     began = time.perf_counter()
     with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(_Reading())
-        study = read_study(options.study, seed=options.seed, on_python=note)
+        report = None if is_quiet(options) else telling_why(line)
+        study = read_study(options.study, seed=options.seed, on_python=note, on_progress=report)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
     with run_journal(frame.destination, resume=options.resume, note=note) as journal:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -92,6 +92,14 @@ class Box:
                 )
             lower[index], upper[index] = low, high
         return replace(self, lower=tuple(lower), upper=tuple(upper))
+
+    def bound_at(self, index: int, value: float) -> Literal["", "lower", "upper"]:
+        """The bound on which a value of the parameter lies; empty where it lies between them."""
+        lower, upper = self.lower[index], self.upper[index]
+        if self.log[index]:
+            lower, upper, value = np.log(lower), np.log(upper), np.log(value)
+        unit = (value - lower) / (upper - lower)
+        return "lower" if unit < ON_BOUND else "upper" if unit > 1.0 - ON_BOUND else ""
 
     def _check(self, name: str, values: Array, n_columns: int) -> None:
         if values.ndim < 1 or values.shape[-1] != n_columns:

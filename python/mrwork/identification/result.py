@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import stiffness_shares
 from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.dampers.tested_range import OperatingRange
@@ -184,13 +184,8 @@ def remark_of(box: Box, index: int, value: float) -> Remark:
     """Remark on a parameter that is fixed or on a bound of the box; empty for others."""
     if index not in box.free:
         return "fixed"
-    lower, upper = box.lower[index], box.upper[index]
-    if box.log[index]:
-        lower, upper, value = np.log(lower), np.log(upper), np.log(value)
-    unit = (value - lower) / (upper - lower)
-    if unit < ON_BOUND:
-        return "at lower bound"
-    return "at upper bound" if unit > 1.0 - ON_BOUND else ""
+    bound = box.bound_at(index, value)
+    return f"at {bound} bound" if bound else ""
 
 
 def fit_at(

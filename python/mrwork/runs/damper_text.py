@@ -28,7 +28,6 @@ from mrwork.dampers.spec import damper, law_limits, plain_parameters
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.identification.result import remark_of
 from mrwork.records.columns import StatedCommand
 
 _SPEEDS = 20
@@ -108,7 +107,7 @@ def refuse_bounds(fit: Fit) -> None:
         given, widest = (each.lower, own.lower) if end == "lower bound" else (each.upper, own.upper)
         if given != widest:
             is_at = f"the {end} that was given"
-        elif own.coefficient is not None and not remark_of(admissible, index, each.value):
+        elif own.coefficient is not None and not admissible.bound_at(index, each.value):
             is_at = "the end of the range in which its law was searched"
         else:
             continue

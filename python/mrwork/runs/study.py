@@ -11,6 +11,7 @@ from mrwork.base.arguments import Seed, checked
 from mrwork.base.values import Floats
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.study import reading
+from mrwork.study.course import StudyProgress
 from mrwork.study.dampers import Identified
 from mrwork.study.study import Study
 
@@ -41,6 +42,7 @@ def read_study(
     *,
     seed: Seed = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
+    on_progress: Callable[[StudyProgress], None] | None = None,
 ) -> Study:
     """Read a study.
 
@@ -54,6 +56,8 @@ def read_study(
         Seed of noise and synthetic motions.
     on_python
         Called with a sentence that names the file of each law in Python, before any of these files runs.
+    on_progress
+        Called with the progress of the runs from which settings are taken that laws of the study leave out.
 
     Raises
     ------
@@ -62,4 +66,4 @@ def read_study(
     SettingError
         If anything in it is wrong; the message has file and line.
     """
-    return reading.read_study(path, identified, seed=seed, on_python=on_python)
+    return reading.read_study(path, identified, seed=seed, on_python=on_python, on_progress=on_progress)

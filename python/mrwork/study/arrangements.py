@@ -9,6 +9,7 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,7 +28,7 @@ from mrwork.base.keys import (
     suggestion,
     toml_value,
 )
-from mrwork.base.places import Place
+from mrwork.base.places import Place, Unread
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -44,7 +45,8 @@ from mrwork.errors import SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.study.named_laws import Trials, without_defaults
+from mrwork.study.course import StudyProgress
+from mrwork.study.named_laws import Trials, course_of_trials, missing_settings, without_defaults
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,
@@ -216,6 +218,7 @@ def arrangements(
     folder: Path,
     hardware: Hardware,
     settings: Sequence[Callable[[], _GivenSettings | None]],
+    on_progress: Callable[[StudyProgress], None] | None,
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
     building, devices = problem.building, tuple(problem.devices)
@@ -228,7 +231,14 @@ def arrangements(
         arrangements_of_study.append(
             make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
         )
-    trials = Trials(bare=bare, problem=problem, hardware=hardware)
+    lacking: list[str] = []
+    for controller, settings_of in zip(table.controller, settings, strict=True):
+        with suppress(Unread):
+            given = settings_of()
+            if given is not None and missing_settings(controller.law, given.values):
+                lacking.append(controller.law)
+    course = course_of_trials(bare, problem, hardware, lacking, on_progress)
+    trials = Trials(bare=bare, problem=problem, hardware=hardware, course=course)
     others = [
         *(each.place.attempt(_baseline, each, table, bare, folder) for each in table.baseline),
         *(

@@ -8,25 +8,32 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from mrwork.base.numbers import duration_in_words
+from mrwork.base.numbers import duration_in_words, of_unit
 from mrwork.base.progress import ProgressReport, share_of_time
+from mrwork.base.summary import list_names
+from mrwork.buildings import Building
+from mrwork.buildings.matrices import Device
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.dampers.coordinates import Box
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
 
-Kind = Literal["levels", "runs", "half", "realisations"]
+Kind = Literal["settings", "levels", "runs", "half", "realisations"]
 PartKey = tuple[int, Kind]
-"""Row, and what is simulated of it: constant commands to choose from, its runs, the same with half the step, its
-realisations."""
+"""Row, and what is simulated of it: candidates from which a law's settings are taken (numbers of laws, not of rows),
+constant commands to choose from, its runs, the same with half the step, its realisations."""
 
 # Share of a part that its trials may cost, and the longest of them [s].
 _COST, _LONGEST = 0.02, 1.0
+# Steps of a sample from which on that share is larger, since a short excerpt wants half the steps of a motion.
+_STIFF, _STIFF_COST = 16, 0.08
 # A part that takes less needs no further trial [s].
 _SHORT = 0.3
 _FIRST_SHARE, _GROWTH = 1e-3, 16.0
@@ -40,8 +47,8 @@ _COMPARED, _LARGEST_FACTOR = 10_000, 4.0
 class StudyProgress(ProgressReport):
     """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s].
 
-    `left` is the time that is left [s], `None` where it is not known. `reasons` say, in the first report that has it,
-    why a study takes long.
+    `left` is the time that is left [s], `None` where it is not known. `reasons` say, in every report that has it, why
+    a study takes long.
     """
 
     done: int
@@ -99,6 +106,7 @@ class Course:
         self._parts, self._on_progress, self._total, self._reasons = parts, on_progress, total, reasons
         self._began = self._part_began = time.perf_counter()
         self._expected: dict[PartKey, float] | None = None
+        self._why: tuple[str, ...] = ()
         self._present: PartKey | None = None
         # Number of parts that have begun.
         self._begun = 0
@@ -114,19 +122,18 @@ class Course:
         self._label, self._done, self._present = label, done, key
         if key is not None:
             self._begun = [*self._parts].index(key) + 1
-        reasons: tuple[str, ...] = ()
         if self._expected is None and key is not None and not recalling:
             self._report(None)
-            reasons = self._try_parts()
+            self._why = self._try_parts()
         self._part_began = time.perf_counter()
-        self._report(self._left(0.0), reasons=reasons)
+        self._report(self._left(0.0))
 
     def advance(self, done: int, total: int) -> None:
         """Report how many runs of the present part are done."""
         if self._on_progress is not None and done < total:
             self._report(self._left(done / total), within=f" {done:,} of {total:,}")
 
-    def _report(self, left: float | None, *, within: str = "", reasons: tuple[str, ...] = ()) -> None:
+    def _report(self, left: float | None, *, within: str = "") -> None:
         assert self._on_progress is not None
         self._on_progress(
             StudyProgress(
@@ -135,7 +142,7 @@ class Course:
                 label=f"{self._label}{within}",
                 seconds=time.perf_counter() - self._began,
                 left=left,
-                reasons=reasons,
+                reasons=() if left is None else self._why,
             )
         )
 
@@ -187,13 +194,47 @@ def _seconds_of(part: Part) -> tuple[float, int]:
                 rate = max(taken - before, 0.0) / max(tried - least, least)
                 once = before + rate * (1.0 - least)
                 seconds = part.times * part.repeats * once
-                most = min(_COST * part.repeats, _LONGEST / max(once, 1e-9), 1.0)
+                cost = _COST if steps < _STIFF else _STIFF_COST
+                most = min(cost * part.repeats, _LONGEST / max(once, 1e-9), 1.0)
                 if share >= most or tried >= 1.0 or (seconds < _SHORT and share >= 0.5 * most):
                     return seconds, steps
                 share = min(_GROWTH * share, most)
     except MrworkError:
         # The simulation says so where it comes to that.
         return 0.0, 0
+
+
+def excerpts_of(
+    grounds: Sequence[GroundMotion], share: float, sample_time: float, building: Building
+) -> tuple[list[GroundMotion], float]:
+    """Excerpt of each motion, which moves the building as far, and the share of their total duration."""
+    frequency = float(building.frequencies[0])
+    period = 1.0 / frequency if frequency > 0.0 else 1.0
+    every = max(grounds, key=lambda ground: ground.peak)
+    factor = factor_of(every, excerpt_of(every, share, sample_time), period)
+    cut = [excerpt_of(ground, share, sample_time, factor) for ground in grounds]
+    return cut, sum(ground.duration for ground in cut) / sum(ground.duration for ground in grounds)
+
+
+def stiffness_in_words(devices: Sequence[Device], building: Building, hardware: Hardware, steps: int) -> str:
+    """Why a sample takes so many steps, and what takes fewer; empty where it takes hardly more than asked."""
+    if steps <= 2 * hardware.steps:
+        return ""
+    specs = {device.spec.name: device.spec for device in devices}
+    takes = f"{list_names([*specs]) or building.name} takes {steps} integration steps per sample"
+    asked = f"and the hardware asks for {hardware.steps}"
+    if not any(spec.n_states for spec in specs.values()):
+        return f"{takes}, {asked}"
+    at_bound = [
+        f"{parameter.name} = {of_unit(value, parameter.unit)}"
+        for device in devices
+        for index, (parameter, value) in enumerate(
+            zip(device.spec.parameters, device.draws[0].tolist(), strict=True)
+        )
+        if parameter.coefficient is None and Box.of(device.spec).bound_at(index, value)
+    ]
+    causes = f", with {list_names(list(dict.fromkeys(at_bound)))} on a bound of the model" if at_bound else ""
+    return f"{takes}{causes}, {asked}: a model without states that fits as well takes fewer"
 
 
 def excerpt_of(ground: GroundMotion, share: float, sample_time: float, factor: float = 1.0) -> GroundMotion:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import Field, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from mrwork.buildings import Building
 from mrwork.closed_loop.evaluation import SCORE, ratio
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import in_command_unit
+from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
@@ -29,6 +30,14 @@ from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settin
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.study.course import (
+    Course,
+    Part,
+    PartKey,
+    StudyProgress,
+    excerpts_of,
+    stiffness_in_words,
+)
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.run_result import LabelledRuns
 from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
@@ -99,6 +108,53 @@ class _Response:
     magnitudes: Magnitudes
 
 
+def missing_settings(law: str, given: Mapping[str, Any]) -> list[Field[Any]]:
+    """Settings that a law needs beside those `given`."""
+    kind = SETTINGS[law]
+    missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in given]
+    if kind.is_regulator and not {_WEIGHT, "gain"} & given.keys():
+        missing += [entry for entry in keys_of(kind) if entry.name == _WEIGHT]
+    return missing
+
+
+_RESPONSE: PartKey = (-1, "settings")
+
+
+def _part_of(law: str) -> PartKey:
+    return [*SETTINGS].index(law), "settings"
+
+
+def course_of_trials(
+    bare: Building,
+    problem: DesignProblem,
+    hardware: Hardware,
+    laws: Sequence[str],
+    on_progress: Callable[[StudyProgress], None] | None,
+) -> Course:
+    """Course of the runs from which settings of these laws are taken; constant commands are tried in their place."""
+    devices = tuple(problem.devices)
+
+    def part(count: int, times: int) -> Part:
+        def trial(share: float) -> tuple[float, int]:
+            cut, tried = excerpts_of(problem.motions, share, hardware.sample_time, bare)
+            levels = np.linspace(0.0, min(device.largest_command for device in devices), count)
+            commands = np.repeat(levels[:, None], len(devices), axis=1)
+            law = ControlLaw(name="passive", gains={"command": commands})
+            responses = simulate_loop(problem.building, devices, law, cut, hardware)
+            return tried, int(responses.steps.max())
+
+        return Part(n_runs=count * len(problem.motions) * times, trial=trial, times=times)
+
+    parts = {_RESPONSE: part(2, 1)} | {_part_of(law): part(_STEPS, laws.count(law)) for law in laws}
+
+    def reasons(n_runs: int, steps: int) -> tuple[str, ...]:
+        taken = f"{n_runs:,} runs, from which settings of {list_names(list(dict.fromkeys(laws)))} are taken"
+        stiff = stiffness_in_words(devices, problem.building, hardware, steps)
+        return (taken, *filter(None, [stiff]))
+
+    return Course(parts, on_progress, total=sum(each.n_runs for each in parts.values()), reasons=reasons)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
     """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
@@ -109,6 +165,7 @@ class Trials:
     bare: Building
     problem: DesignProblem
     hardware: Hardware
+    course: Course
     _known: list[_Response] = field(default_factory=list, init=False, repr=False, compare=False)
     _shaken: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
 
@@ -150,9 +207,7 @@ class Trials:
         `shape` gives a law its dead zone and slope, `beside` says what else was taken for it.
         """
         kind = SETTINGS[law]
-        missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in given]
-        if kind.is_regulator and not {_WEIGHT, "gain"} & given.keys():
-            missing += [entry for entry in keys_of(kind) if entry.name == _WEIGHT]
+        missing = missing_settings(law, given)
         if not missing:
             return None if not beside else TakenSettings(settings={}, origin=(beside,), remedy="")
         taken, says = self._weights(kind, given, [entry.name for entry in missing])
@@ -212,6 +267,7 @@ class Trials:
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
         response, scores = self._response(), np.full(count, math.inf)
+        self.course.begin(_part_of(law), f"settings of {law}", 0)
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self._run(problem, shape(designed.law))
@@ -249,6 +305,7 @@ class Trials:
         if not self._known:
             problem = self.problem.whole
             command = min(device.largest_command for device in problem.devices)
+            self.course.begin(_RESPONSE, "dampers at i = 0 and at the largest command", 0)
             off, on = (
                 self._run(
                     problem,
@@ -273,6 +330,7 @@ class Trials:
             self.hardware,
             nominal(devices),
             bare=self.bare,
+            on_block=self.course.advance,
         )
 
 

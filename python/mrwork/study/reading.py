@@ -52,6 +52,7 @@ from mrwork.study.arrangements import (
     running_in_words,
     settings_of_law,
 )
+from mrwork.study.course import StudyProgress
 from mrwork.study.dampers import (
     ChosenDamper,
     Identified,
@@ -293,6 +294,7 @@ def read_study(
     *,
     seed: int = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
+    on_progress: Callable[[StudyProgress], None] | None = None,
 ) -> Study:
     """Read a study; `identified` reads a damper from a run folder, see `mr.read_study`."""
     path = Path(path)
@@ -300,7 +302,8 @@ def read_study(
     document, lines = parse(file.text, str(path))
     with Place(origin=str(path), lines=lines).collecting() as place:
         refuse_loose_settings(document, place)
-        return _study_of(read_table(StudyTable, document, place), file, place, identified, seed, on_python)
+        table = read_table(StudyTable, document, place)
+        return _study_of(table, file, place, identified, seed, on_python, on_progress)
 
 
 def _study_of(
@@ -310,6 +313,7 @@ def _study_of(
     identified: Identified,
     seed: int,
     on_python: Callable[[str], None],
+    on_progress: Callable[[StudyProgress], None] | None,
 ) -> Study:
     """The study of a table, whose parts are read by themselves: a mistake in one hides none in others."""
     folder = Path(place.origin).parent / table.folder
@@ -354,7 +358,7 @@ def _study_of(
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
 
     problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
-    compared = arrangements(table, bare, problem, folder, hardware, settings())
+    compared = arrangements(table, bare, problem, folder, hardware, settings(), on_progress)
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
         for arrangement in compared:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -26,7 +26,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import constant_command, constant_commands
-from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpt_of, factor_of
+from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
 from mrwork.study.results import DevicePlace, Key, MotionFacts, StudyResults
 from mrwork.study.run_result import (
@@ -310,17 +310,8 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
     half: dict[PartKey, Part] = {}
     last: dict[PartKey, Part] = {}
 
-    @cache
-    def period() -> float:
-        frequency = float(study.building.frequencies[0])
-        return 1.0 / frequency if frequency > 0.0 else 1.0
-
     def excerpts(grounds: Sequence[GroundMotion], share: float) -> tuple[list[GroundMotion], float]:
-        """Excerpt of each motion, and the share of their total duration."""
-        every, sample_time = max(grounds, key=lambda ground: ground.peak), study.hardware.sample_time
-        factor = factor_of(every, excerpt_of(every, share, sample_time), period())
-        cut = [excerpt_of(ground, share, sample_time, factor) for ground in grounds]
-        return cut, sum(ground.duration for ground in cut) / sum(ground.duration for ground in grounds)
+        return excerpts_of(grounds, share, study.hardware.sample_time, study.building)
 
     for row, arrangement in enumerate(study.arrangements):
         fixed, grounds = arrangement, study.grounds
@@ -399,12 +390,8 @@ def _reasons(study: Study, n_runs: int, steps: int) -> tuple[str, ...]:
     # In single precision.
     stored = 0.5 * sum(_bytes_per_second(study, arrangement) for arrangement in study.arrangements) * kept
     reasons = [f"{n_runs:,} runs"]
-    if steps > 2 * hardware.steps:
-        models = list_names(list(dict.fromkeys(device.spec.name for device in study.devices)))
-        reasons.append(
-            f"{models or study.building.name} takes {steps} integration steps per sample, and the hardware asks for "
-            f"{hardware.steps}"
-        )
+    if stiff := stiffness_in_words(study.devices, study.building, hardware, steps):
+        reasons.append(stiff)
     if n >= _MANY_COORDINATES:
         reasons.append(f"the building has {n:,} coordinates")
     if samples >= _MANY_SAMPLES:
