@@ -184,8 +184,8 @@ def remark_of(box: Box, index: int, value: float) -> Remark:
     """Remark on a parameter that is fixed or on a bound of the box; empty for others."""
     if index not in box.free:
         return "fixed"
-    bound = box.bound_at(index, value)
-    return f"at {bound} bound" if bound else ""
+    remarks: dict[str, Remark] = {"": "", "lower": "at lower bound", "upper": "at upper bound"}
+    return remarks[box.bound_at(index, value)]
 
 
 def fit_at(
