@@ -150,6 +150,7 @@ def _refuse_few_commands(
     compared: Sequence[Family], tests: tuple[DamperTest, ...], splits: Splits | None
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
+    unit = "test" if splits is None else splits.fold
     inside = [] if splits is None else [split.members for split in splits.splits if not split.beyond]
     rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
     for spec in (family.spec for family in compared if family.spec.current is not None):
@@ -158,8 +159,8 @@ def _refuse_few_commands(
         remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
         if remaining < needed:
             raise SettingError(
-                f"the current laws of {spec.name} need tests at {needed} commands, and without one "
-                f"{splits.fold if splits else 'test'} only {remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
+                f"the current laws of {spec.name} need tests at {needed} commands, and without one {unit} only "
+                f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
                 "add tests at other commands"
             )
 

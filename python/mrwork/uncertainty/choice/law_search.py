@@ -18,7 +18,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, law_named, law_through, polynomial_laws
+from mrwork.dampers.parameters import LawName, Scale, law_named, law_through, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
@@ -128,18 +128,20 @@ class LawSearch:
 
     @property
     def first_laws(self) -> Laws:
-        """Every parameter but offsets of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
+        """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
+        return self._laws_of("log")
+
+    def _laws_of(self, *scales: Scale) -> Laws:
         law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
-        return {
-            each.name: law
-            for each in self.plain.parameters
-            if each.name in self.free and each.scale != "offset"
-        }
+        names = sorted(each.name for each in self.plain.parameters if each.scale in scales)
+        return {name: law for name in names if name in self.free}
 
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.splits.splits), axis=0)
-        self._fit_laws(self.first_laws, starts)
+        of_first = self._fit_laws(self.first_laws, starts)
+        if (wider := self._laws_of("log", "linear")) != self.first_laws:
+            self._move_to(of_first, wider)
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
             left = [each for each in self.frontier() if each.laws not in expanded]

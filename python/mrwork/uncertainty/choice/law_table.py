@@ -26,20 +26,20 @@ LawVerdict = Literal["chosen", "as good", "behind", "unusable"]
 
 LAW_DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of whole tests that the fit has not seen, the mean of two kinds with "
-    "equal weights. Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each "
-    "left out with every test at or beyond it. Both are means over motions of the geometric mean of the NRMSE of their "
-    "tests. A test that cannot be predicted counts as 0 %.",
+    "equal weights. Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest "
+    "motions, each left out with every test at or beyond it. Both are means over motions of the geometric mean of the "
+    "NRMSE of their tests. A test that cannot be predicted counts as 0 %.",
     "Behind: the difference to the best, paired motion by motion, with its standard error. Laws are as good as the "
-    f"best within one standard error of it, no more than that of the best itself, or within {NEGLIGIBLE:g} points; of those "
-    f"one that takes fewer than {MANY} integration steps a sample in a building is chosen, of these the one with the "
-    "fewest parameters.",
+    f"best within one standard error of it, no more than that of the best itself, or within {NEGLIGIBLE:g} points; of "
+    f"those one that takes fewer than {MANY} integration steps a sample in a building is chosen, of these the one with "
+    "the fewest parameters.",
     "Unusable: a law vanishes or leaves its range within the tested commands, or no building can be simulated with it. "
     "Such laws are not chosen while others are left.",
-    "The search starts with every parameter but offsets quadratic in the command, and tries neighbours of the best "
-    "laws, of the simplest as good, and of others as good: those that promise most when the tests are linearised about "
-    "the fits before. A law of degree n is the curve through n + 1 values at commands, of a positive parameter through their "
-    "logarithms, or direct, through the values themselves. Laws are fitted to cycles from the middle of all tests, and "
-    "of all but those of each split, from the fits of the laws before.",
+    "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
+    "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
+    "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, of "
+    "a positive parameter through their logarithms, or direct, through the values themselves. Laws are fitted to "
+    "cycles from the middle of all tests, and of all but those of each split, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
@@ -290,7 +290,8 @@ def sentence_on(table: LawTable) -> str:
         f"{chosen.median_percent:.2f} %"
     )
     if chosen.inside_percent is not None and chosen.outside_percent is not None:
-        text += f", {chosen.inside_percent:.2f} % inside the tests that remain and {chosen.outside_percent:.2f} % beyond"
+        inside, outside = chosen.inside_percent, chosen.outside_percent
+        text += f", {inside:.2f} % inside the tests that remain and {outside:.2f} % beyond them"
     if best is not chosen:
         behind = _format_behind(chosen)
         of_model = f", of {best.model}," if table.is_of_several else ","
