@@ -63,7 +63,7 @@ class LinearisedTests:
             own = np.flatnonzero(levels == level)
             all_shares = np.ones((n_rows, own.size))
             tests = FoldedTests(
-                observed=tuple(observed[index] for index in own), shares=all_shares, threads=threads
+                observed=tuple(observed[index] for index in own.tolist()), shares=all_shares, threads=threads
             )
             normal = tests.linearise(plain, box, here[:, level], all_shares)
             squared[:, own], gradient[:, own], matrix[:, own] = normal.squared, normal.gradient, normal.matrix
