@@ -448,8 +448,9 @@ def choose_model(
 
     Each family is identified from all tests, and again without each test in turn (or motion, or command), which is then
     predicted; and without the fastest, the slowest and the largest motions, each with every test at or beyond it. Both
-    kinds, inside and beyond the tests that remain, have equal weights. From a single test it is identified on the first half of the cycles and predicts the second. PSIS-LOO
-    over blocks of cycles and BIC are given as well. A family that fails is a row of the ranking.
+    kinds, inside and beyond the tests that remain, have equal weights. From a single test it is identified on the first
+    half of the cycles and predicts the second. PSIS-LOO over blocks of cycles and BIC are given as well. A family that
+    fails is a row of the ranking.
 
     Parameters
     ----------
