@@ -57,8 +57,10 @@ def test_an_average_of_the_displacement_alone_leaves_the_force(smoothed: DamperT
 
 def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
     test = replace(smoothed, frequency=2.0)
-    found = observed(test, as_words(["average=0.25T", "delay=-0.002", "offset=-20"]))
-    assert found.observation == Observation(average_seconds=0.125, delay_seconds=-0.002, offset=-20.0)
+    found = observed(test, as_words(["average=0.25T", "lag=0.01", "delay=-0.002", "offset=-20"]))
+    assert found.observation == Observation(
+        average_seconds=0.125, lag_seconds=0.01, delay_seconds=-0.002, offset=-20.0
+    )
     assert observed(test, as_words(["detect", "gain=1.1"])).observation == Observation(
         average_seconds=WINDOW * smoothed.dt, gain=1.1
     )
@@ -91,7 +93,7 @@ def test_a_filter_above_what_the_samples_hold_is_refused(smoothed: DamperTest, r
 def test_an_average_or_a_delay_longer_than_the_record_is_refused(
     smoothed: DamperTest, refused: Refused
 ) -> None:
-    for word in ("average=10", "average=100T", "delay=10", "delay=-10"):
+    for word in ("average=10", "average=100T", "lag=10", "delay=10", "delay=-10"):
         short = replace(smoothed.part(0, 100), frequency=1.0)
         refused(observed, short, [word])
 
@@ -177,6 +179,22 @@ def test_a_delay_moves_a_sine(delay: float) -> None:
     amplitude, phase = amplitude_and_phase(Observation(delay_seconds=delay).observe(SINE, DT))
     assert amplitude == pytest.approx(1.0, abs=3e-5)
     assert phase == pytest.approx(-2.0 * np.pi * FREQUENCY * delay, abs=1e-4)
+
+
+def test_a_lag_has_the_amplitude_and_the_phase_of_first_order() -> None:
+    lag = 0.012
+    amplitude, phase = amplitude_and_phase(Observation(lag_seconds=lag).observe(SINE, DT))
+    turn = 2.0 * np.pi * FREQUENCY * lag
+    # The sine is straight between samples.
+    assert amplitude == pytest.approx(1.0 / np.hypot(1.0, turn), rel=1e-3)
+    assert phase == pytest.approx(-np.arctan(turn), abs=1e-3)
+
+
+def test_an_observation_without_a_lag_is_written_as_before_there_was_one() -> None:
+    assert "lag" not in repr(Observation(delay_seconds=0.1))
+    assert eval(repr(Observation(lag_seconds=0.1)), {"Observation": Observation}) == Observation(
+        lag_seconds=0.1
+    )
 
 
 def test_a_low_pass_halves_the_power_at_its_corner() -> None:

@@ -142,7 +142,13 @@ def record_calls(files: Path) -> Calls:
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
     yield call(records.observed, test=test, observe=["average=0.02", "gain=1.1"])
     yield call(
-        records.Observation, delay_seconds=0.01, lowpass_hz=20.0, average_seconds=0.02, gain=1.1, offset=3.0
+        records.Observation,
+        delay_seconds=0.01,
+        lowpass_hz=20.0,
+        average_seconds=0.02,
+        gain=1.1,
+        offset=3.0,
+        lag_seconds=0.003,
     )
     yield call(
         records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0).observe,

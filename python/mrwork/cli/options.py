@@ -102,8 +102,8 @@ def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: 
         "WHAT=VALUE",
         "observation model: effect of the measurement on the force, which is applied to the model force before "
         "the comparison: detect applies a moving average that is found in the record, none has no effect; average=S "
-        f"(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N: {VALUES_IN_WORDS}; repeat for more; "
-        f"default: {default}",
+        f"(or 0.1T, a share of the period), lowpass=HZ, lag=S (of first order), delay=S, gain=G, offset=N: "
+        f"{VALUES_IN_WORDS}; repeat for more; default: {default}",
     )
     measurement.add_argument(
         "--nuisance",

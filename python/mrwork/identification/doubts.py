@@ -21,10 +21,11 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
+from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.multistart import StartingPoints, linear_warning
 from mrwork.identification.minimise.polish import Polished, missing_lag
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
@@ -43,6 +44,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),
+        *force_lag_warnings(problem, excerpts, polished.slopes, polished.standard_errors),
         *motion_noise_warning(polished.slopes, polished.standard_errors, problem.spec.names),
     )
 
@@ -70,15 +72,10 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     ]
     if not with_average:
         return ()
-    without = objective.on(
-        objective.spec,
-        tuple(
-            replace(test, observation=replace(test.observation, average_seconds=0.0))
-            if index in with_average
-            else test
-            for index, test in enumerate(objective.tests)
-        ),
-    )
+    own = [test.observation for test in objective.tests]
+    for index in with_average:
+        own[index] = replace(own[index], average_seconds=0.0)
+    without = observe_tests_by(objective, own)
     refitted = theta
     if len(objective.tests) == 1:
         refitted = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS).theta[0]

@@ -77,8 +77,8 @@ def identify(
     observe
         Observation model of the tests that have none of their own: "detect" applies a moving average that was found in
         the record also to the model's force, and has no effect where none was found; "none" compares the model's force
-        as it is; "average=0.1T", "lowpass=50", "delay=0.002", "gain=1.02" and "offset=-20" give values [s, Hz, N; T is
-        the dominant period].
+        as it is; "average=0.1T", "lowpass=50", "lag=0.012", "delay=0.002", "gain=1.02" and "offset=-20" give values
+        [s, Hz, N; T is the dominant period].
     starts
         Starts of the final fit, by parameter name, in addition to those of the search; `start_from` takes them from an
         earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is

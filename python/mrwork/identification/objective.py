@@ -20,7 +20,7 @@ from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.identification.ties import Ties
-from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.records import AS_IT_IS, DamperTest, Observation
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 
@@ -58,6 +58,15 @@ def _observe_tests(
     shares = shares_of(compared, settings)
     ties = ties_of(spec, settings)
     return tuple(replace(each, share=share, ties=ties) for each, share in zip(compared, shares, strict=True))
+
+
+def observe_tests_by(objective: Objective, observations: Sequence[Observation]) -> Objective:
+    """The same misfit with these observation models of the tests."""
+    compared = [
+        replace(each, test=replace(each.test, observation=own))
+        for each, own in zip(objective.compared, observations, strict=True)
+    ]
+    return replace(objective, compared=tuple(compared))
 
 
 def ties_of(spec: DamperSpec, settings: FitSettings) -> Ties | None:

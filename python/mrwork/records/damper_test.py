@@ -6,7 +6,7 @@ The observation model states how the recorded force follows from the force of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from math import ceil
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"),
+    "lag_seconds": (0.0, 1e6, "s"),
     "lowpass_hz": (1e-3, 1e6, "Hz"),
     "average_seconds": (0.0, 1e6, "s"),
     "gain": (-1e6, 1e6, ""),
@@ -49,9 +50,9 @@ RANGES: Final = {
 class Observation:
     """Effects of rig and processing on the recorded force, in this order; the default has no effect.
 
-    Delay of `delay_seconds`; causal second-order Butterworth low-pass filter at `lowpass_hz` (0 for none); centred
-    moving average over `average_seconds`; factor `gain`; `offset` [N]. The model is applied to simulated forces
-    before the comparison, never to the record.
+    Delay of `delay_seconds`; first-order lag of the time constant `lag_seconds`; causal second-order Butterworth
+    low-pass filter at `lowpass_hz` (0 for none); centred moving average over `average_seconds`; factor `gain`; `offset`
+    [N]. The model is applied to simulated forces before the comparison, never to the record.
     """
 
     delay_seconds: float = 0.0
@@ -59,6 +60,12 @@ class Observation:
     average_seconds: float = 0.0
     gain: float = 1.0
     offset: float = 0.0
+    lag_seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        """As before there was a lag where there is none: journals and their digests state it."""
+        stated = (each.name for each in fields(self) if each.name != "lag_seconds" or self.lag_seconds)
+        return f"Observation({', '.join(f'{name}={getattr(self, name)!r}' for name in stated)})"
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -75,6 +82,7 @@ class Observation:
         """Description in words; empty for the default."""
         parts = [
             (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
+            (self.lag_seconds, f"lagging by {self.lag_seconds:.3g} s"),
             (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
             (self.average_seconds, f"averaged over {self.average_seconds:.3g} s"),
             (self.gain - 1.0, f"times {self.gain:.4g}"),
@@ -100,6 +108,8 @@ class Observation:
         observed = force
         if self.delay_seconds != 0.0:
             observed = delay_signal(observed, self.delay_seconds / dt)
+        if self.lag_seconds > 0.0:
+            observed = _lagged(observed, self.lag_seconds / dt)
         if self.lowpass_hz > 0.0:
             observed = _low_passed(observed, self.lowpass_hz, dt)
         if self.average_seconds > 0.0:
@@ -158,6 +168,17 @@ def average_signal(signal: Floats, samples: float) -> Floats:
     average -= integral_at(start)
     average /= end - start
     return average
+
+
+def _lagged(signal: Floats, samples: float) -> Floats:
+    """Response of `samples y' + y = signal`, exact for a signal that is linear between samples and constant before."""
+    from scipy.signal import lfilter  # slow to load and rarely needed
+
+    decay = np.exp(-1.0 / samples)
+    mean = -np.expm1(-1.0 / samples) * samples
+    return np.asarray(
+        lfilter([1.0 - mean, mean - decay], [1.0, -decay], signal, axis=-1, zi=mean * signal[..., :1])[0]
+    )
 
 
 def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:

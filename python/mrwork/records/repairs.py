@@ -191,6 +191,7 @@ NONE: Final = "none"
 _FIELDS: Final = {
     "average": "average_seconds",
     "lowpass": "lowpass_hz",
+    "lag": "lag_seconds",
     "delay": "delay_seconds",
     "gain": "gain",
     "offset": "offset",
@@ -201,7 +202,7 @@ VALUES_IN_WORDS: Final = "; ".join(
 )
 """The range of each value, for help."""
 # Quantities that may be given as a share of the dominant period.
-_OF_PERIOD: Final = ("average", "delay")
+_OF_PERIOD: Final = ("average", "lag", "delay")
 
 
 def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
@@ -251,7 +252,7 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
 
 
 def _check_fits(test: DamperTest, observation: Observation, said: Mapping[str, str]) -> None:
-    """Refuse an average or a delay longer than the record, and a filter above what its samples hold."""
+    """Refuse an average, lag or delay longer than the record, and a filter above what its samples hold."""
     for name in (_FIELDS[each] for each in _OF_PERIOD):
         value, duration = getattr(observation, name), (test.n_time - 1) * test.dt
         if abs(value) >= duration:
