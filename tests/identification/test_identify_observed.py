@@ -87,12 +87,14 @@ def test_an_average_without_which_the_fit_is_better_is_named_and_kept() -> None:
 
 def test_several_tests_name_the_one_that_is_better_without_its_average() -> None:
     fit = identify([recorded(slice(None, 1000)), fooled(CLEAN.part(900, CLEAN.n_time))])
-    assert ["fooled: without the moving average" in each for each in fit.warnings] == [True]
+    averages = [each for each in fit.warnings if "moving average" in each]
+    assert ["fooled: without the moving average" in each for each in averages] == [True]
 
 
 def test_an_average_that_is_in_the_record_or_was_given_is_not_doubted() -> None:
     assert not identify(recorded()).warnings
-    assert not identify(fooled(CLEAN), observe="average=0.05").warnings
+    given = identify(fooled(CLEAN), observe="average=0.05")
+    assert not any("moving average" in each for each in given.warnings)
 
 
 def test_a_fit_with_an_average_replays_from_its_journal(tmp_path: Path) -> None:

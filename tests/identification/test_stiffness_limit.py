@@ -7,11 +7,12 @@ from functools import cache
 
 import numpy as np
 
+import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective, find_minima, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.reading import synthetic_test
 
 MODEL = damper("normalised_modified_bouc_wen")
@@ -77,3 +78,61 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
     np.testing.assert_array_equal(moved[[0, 2]], [below, far_above])
     assert np.isfinite(objective(moved[:2])).all()
     assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.histories[0])[0] <= 1.0
+
+
+def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> DamperTest:
+    """Two seconds at 2 Hz and 20 mm, simulated at steps of an eighth of `dt`."""
+    time = dt / 8 * np.arange(round(16.0 / dt) + 1)
+    displacement, velocity = 0.02 * np.sin(4.0 * np.pi * time), 0.08 * np.pi * np.cos(4.0 * np.pi * time)
+    loading = Loading(dt=dt / 8, displacement=displacement, velocity=velocity)
+    force = simulate_force(mr.damper(model), theta, loading, substep_factor=2)[::8]
+    force = force + noise * np.std(force) * np.random.default_rng(0).standard_normal(force.size)
+    return build_damper_test(
+        name=model,
+        time=time[::8],
+        displacement=displacement[::8],
+        velocity=velocity[::8],
+        force=force,
+        synthetic=True,
+    )
+
+
+NORMALISED = damper("normalised_bouc_wen")
+
+
+def steps_of(fit: mr.Fit) -> float:
+    """Sub-steps of a sample of 1 ms that the fit wants."""
+    (test,) = fit.tests
+    history = Objective.of(fit.spec, fit.tests).histories[0]
+    return float(256.0 * stiffness_shares(fit.spec, np.array([fit.theta]), history)[0] * 1e-3 / test.dt)
+
+
+def test_stiffness_that_gains_nothing_is_not_fitted_and_said() -> None:
+    # Friction without a loop, in noise that hides how steep the model's loop is.
+    test = sinusoid("bingham", (900.0, 0.01, 800.0, 0.0), noise=0.1)
+    fit = mr.identify(NORMALISED, test, threads=1)
+    assert steps_of(fit) <= 4.0
+    assert fit.status_in_words == "converged"
+    (warning,) = [each for each in fit.warnings if "friction element" in each]
+    assert warning.startswith("normalised_bouc_wen becomes a friction element by its rho")
+
+
+def test_stiffness_that_the_tests_show_is_fitted() -> None:
+    theta = (800.0, 500.0, 0.0, 900.0, 2e4, 0.5, 2.0)
+    fit = mr.identify(NORMALISED, sinusoid("normalised_bouc_wen", theta, noise=0.002), threads=1)
+    assert steps_of(fit) > 4.0
+    assert not any("friction element" in each for each in fit.warnings)
+    np.testing.assert_allclose(fit.theta[4:], theta[4:], rtol=0.05)
+
+
+def test_a_limited_objective_has_the_same_bits_below_its_limit_at_any_sampling() -> None:
+    theta = np.array([(800.0, 500.0, 0.0, 900.0, rho, 0.5, 2.0) for rho in (1e3, 8e3, 1.2e4, 1e5)])
+    for dt in (4e-3, 1e-3):
+        objective = Objective.of(
+            NORMALISED, (sinusoid("normalised_bouc_wen", tuple(theta[0]), noise=0.0, dt=dt),)
+        )
+        limited = objective.limited(True)
+        np.testing.assert_array_equal(limited(theta)[:2], objective(theta)[:2])
+        assert np.isinf(limited(theta)[2:]).all()
+        assert np.isfinite(objective(theta)).all()
+        assert limited.on(NORMALISED, limited.tests).is_limited

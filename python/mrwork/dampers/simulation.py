@@ -23,6 +23,9 @@ from mrwork.dampers.command import Command
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError, SettingError, SimulationError
 
+MOST_SUBSTEPS = 256
+"""Sub-steps per sample above which a candidate is not simulated."""
+
 
 class Outcome(IntEnum):
     """How the simulation of one candidate ended."""

@@ -78,7 +78,12 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     without = observe_tests_by(objective, own)
     refitted = theta
     if len(objective.tests) == 1:
-        refitted = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS).theta[0]
+        refit = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS)
+        if without.is_limited and refit.misfit[0] < _BETTER * float(objective(theta[None])[0]):
+            # Its loop may be one that the limit of stiffness cuts off.
+            whole = without.limited(False)
+            refit = find_minima(whole, box, refit.theta, max_iterations=_MOST_ITERATIONS)
+        refitted = refit.theta[0]
     sentences = []
     for index in with_average:
         test = objective.tests[index]

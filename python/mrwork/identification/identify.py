@@ -287,7 +287,9 @@ class _Ending:
 
     def finish_fit(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""
-        problem, reporter = replace(self.problem, form=points.form), self.reporter
+        objective = self.problem.objective.limited(points.objective.is_limited)
+        problem = replace(self.problem, form=points.form, objective=objective)
+        reporter = self.reporter
         best = points.theta[0]
 
         def on_start(minimum: LocalMinimum, share: float) -> None:

@@ -18,7 +18,13 @@ from mrwork import _rust
 from mrwork.base.hints import SMALLEST
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_sensitivities
+from mrwork.dampers.simulation import (
+    MOST_SUBSTEPS,
+    Outcome,
+    simulate_forces,
+    simulate_sensitivities,
+    stiffness_shares,
+)
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.ties import Ties
@@ -291,7 +297,8 @@ class ObservedTest:
     `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
     candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
-    Candidates have their tied parameters by the `ties`, whatever they had for them.
+    Candidates have their tied parameters by the `ties`, whatever they had for them. Those that want more sub-steps a
+    second than `stiffness_limit` [1/s] are none of a minimisation.
     `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
     [N^2]: found once, because every simulation needs them.
     """
@@ -304,6 +311,7 @@ class ObservedTest:
     weights: Floats | None = None
     loss: Loss | None = None
     ties: Ties | None = None
+    stiffness_limit: float = np.inf
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -314,6 +322,11 @@ class ObservedTest:
         object.__setattr__(self, "counted", counted)
         object.__setattr__(self, "measured", measured)
         object.__setattr__(self, "variance", float(np.var(measured)))
+
+    def stiffness(self, theta: Floats) -> Floats:
+        """Sub-steps that each row of `theta` wants, as a share of the most that it may have, shape (n_batch,)."""
+        most = min(self.stiffness_limit * self.test.dt / MOST_SUBSTEPS, 1.0)
+        return stiffness_shares(self.spec, self.tie(theta), self.history) / most
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.simulation import stiffness_shares
+from mrwork.dampers.simulation import MOST_SUBSTEPS, stiffness_shares
 from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SimulationError
@@ -265,9 +265,8 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-# Sample time of the loop [s] and its integration steps, as studies have by default; the most steps of a sample of a
-# test, of which the stiffness of a candidate is a share; and the most doublings in the loop.
-_SAMPLE, _FEWEST, _MOST_IN_TEST, _MOST_FACTOR = 1e-3, 2, 256, 256
+# Sample time of the loop [s] and its integration steps, as studies have by default, and the most doublings in the loop.
+_SAMPLE, _FEWEST, _MOST_FACTOR = 1e-3, 2, 256
 MANY = 16
 """Steps a sample from which on a study takes so much longer that a fit says so."""
 
@@ -282,7 +281,7 @@ class BuildingCost:
     def of(cls, spec: DamperSpec, theta: ArrayLike, tests: Sequence[DamperTest]) -> BuildingCost:
         """The cost by the stiffest test; the loop finds its steps by the same rule from the motion of the building."""
         wanted = [
-            _MOST_IN_TEST
+            MOST_SUBSTEPS
             * float(stiffness_shares(spec, np.atleast_2d(theta), loading_of(test, spec).history())[0])
             * (_SAMPLE / test.dt)
             for test in tests

@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Count
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.simulation import stiffness_shares
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
+# Distance within which a minimum is at the limit.
+_AT_LIMIT = 0.1
 # Step in latent coordinates of the differences.
 _SMALL = 1e-4
 # Most tests whose limits a step may meet at once.
@@ -51,13 +52,13 @@ def within_stiffness(
     `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free).
     """
     ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
-    stiffness = _log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
     beyond = np.any(stiffness > 0.0, axis=2)
     if not beyond.any():
         return step
     step = step.copy()
     for row in np.flatnonzero(np.any(beyond, axis=1)):
-        value, slope = _stiffness_and_slope(tests, box, latent[row])
+        value, slope = stiffness_and_slope(tests, box, latent[row])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             continue
         room = np.maximum(-_MARGIN - value, 0.0)
@@ -72,11 +73,12 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
     A minimum on some tests, or on parts of them, may lie where others are not simulated.
     """
     nearest = theta.copy()
-    excess = _log_stiffness(tests, theta).max(axis=1)
-    for row in np.flatnonzero((excess > 0.0) & (excess < _NOT_FAR_ABOVE)):
+    excess = log_stiffness(tests, theta).max(axis=1)
+    most = _NOT_FAR_ABOVE if np.isinf(tests[0].stiffness_limit) else np.inf
+    for row in np.flatnonzero((excess > 0.0) & (excess < most)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
         for _ in range(_STEPS_BELOW):
-            value, slope = _stiffness_and_slope(tests, box, latent)
+            value, slope = stiffness_and_slope(tests, box, latent)
             if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
                 break
             latent = latent + _minimise_within(
@@ -86,18 +88,22 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
     return nearest
 
 
-def _stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
+def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArray[np.bool_]:
+    """Whether minimisations that end at `theta`, shape (n_points, n_params), have slid along the limit."""
+    return np.asarray(log_stiffness(tests, theta).max(axis=1) > -_AT_LIMIT)
+
+
+def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
     """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
     nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
-    value, *moved = _log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+    value, *moved = log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
     return value, (np.array(moved) - value).T / _SMALL
 
 
-def _log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
+def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = [stiffness_shares(each.spec, each.tie(theta), each.history) for each in tests]
-        stiffness = np.log(np.stack(shares, axis=1))
+        stiffness = np.log(np.stack([each.stiffness(theta) for each in tests], axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 
@@ -125,8 +131,10 @@ def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floa
     return np.asarray(step)
 
 
-# Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
+# Convergence: relative decrease of the squared misfit in a step, also at the limit of a limited objective; for SciPy
+# the relative length of the step too.
 TOLERANCE = 1e-7
+_TOLERANCE_AT_LIMIT = 3e-5
 # Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
 _FIRST_STEP = 0.3
 # Of the batch: number of Jacobians in memory at once.
@@ -431,7 +439,14 @@ def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: floa
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
     decrease = 1.0 - (misfit[active] / before) ** 2
-    arrived[active] = np.where(better, decrease < tolerance, damping[active] > _MOST_DAMPING)
+    enough = np.full(active.size, tolerance)
+    if objective.is_limited:
+        # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
+        at_limit = is_at_stiffness_limit(
+            objective.compared, np.asarray(box.theta_from_latent(latent[active]))
+        )
+        enough[at_limit] = max(tolerance, _TOLERANCE_AT_LIMIT)
+    arrived[active] = np.where(better, decrease < enough, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return new
 

@@ -31,8 +31,14 @@ from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form, bounds_of, half_ranges, identifiable_form, search_box
-from mrwork.identification.fit import SearchTrace
-from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
+from mrwork.identification.fit import NEGLIGIBLE, SearchTrace
+from mrwork.identification.minimise.levenberg_marquardt import (
+    Hopeless,
+    LocalMinima,
+    find_minima,
+    is_at_stiffness_limit,
+    stiffness_and_slope,
+)
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart, Start
@@ -398,8 +404,7 @@ class _Rounds:
 
     def is_on_bound(self, box: Box) -> bool:
         """Whether a free parameter of the best minimum is on its bound."""
-        unit = np.asarray(box.unit_from_theta(self.best_minimum))
-        return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
+        return bool(np.any(_on_bound(np.asarray(box.unit_from_theta(self.best_minimum)))))
 
     def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
         """Crossover of the best minimum with random samples, shape (n_crossed, n_params)."""
@@ -545,7 +550,8 @@ class StartingPoints:
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
 
-        A parameter that a start does not name has the value of the best point.
+        A parameter that a start does not name has the value of the best point. A start above the limit of stiffness
+        lifts it.
         """
         box = self.form.box
         best = np.asarray(self.form.to_model(self.theta[0]))
@@ -554,14 +560,90 @@ class StartingPoints:
             for start in given
         ]
         inside = [box.inside(np.clip(self.form.from_model(theta), box.lower, box.upper)) for theta in whole]
-        return replace(self, theta=np.array([*self.theta, *inside]))
+        theta = np.array([*self.theta, *inside])
+        limited = self.objective.is_limited and bool(np.isfinite(self.objective(theta)).all())
+        return replace(self, objective=self.objective.limited(limited), theta=theta)
+
+
+# Minima at the limit of stiffness start again off the bounds, by this share of the ranges. Without the limit they are
+# better if their misfit falls by this share in so many iterations.
+_OFF_BOUNDS = 0.05
+_MEASURABLE = 0.02
+_BEYOND_LIMIT = 10
+
+
+def examine_limit(objective: Objective, form: Form, theta: Floats) -> tuple[Objective, Floats]:
+    """Starts of the final fit where minima, (n_minima, n_params), are at the limit of stiffness, and their objective.
+
+    On a bound parameters have no slope: what the limit leaves to them is found from off it. The objective has no limit
+    where its misfit falls measurably beyond: by `_MEASURABLE` or by more than `NEGLIGIBLE`.
+    """
+    box = form.box
+    if not is_at_stiffness_limit(objective.compared, theta[:1])[0]:
+        return objective, theta
+    unit = np.asarray(box.unit_from_theta(theta))
+    free = objective.limited(False)
+    beyond = find_minima(free, box, theta, max_iterations=_BEYOND_LIMIT)
+    within, least = float(objective(theta).min()), float(beyond.misfit.min())
+    if within - least <= min(NEGLIGIBLE / 100.0, _MEASURABLE * within):
+        inner = np.where(_on_bound(unit), np.clip(unit, _OFF_BOUNDS, 1.0 - _OFF_BOUNDS), unit)
+        return objective, np.concatenate([theta, np.asarray(box.theta_from_unit(inner))])
+    return free, minima_from(free, box, beyond.theta, mirrored=form.mirrored)
+
+
+# A parameter takes part in the stiffness if it changes it by this share of what the others do.
+_TAKES_PART = 0.01
+
+
+def friction_warning(
+    objective: Objective, form: Form, theta: Floats, nested: NestedFit | None
+) -> tuple[str, ...]:
+    """Sentence on starts, (n_starts, n_params), best first, that are at the limit of stiffness; empty elsewhere."""
+    if not (objective.is_limited and is_at_stiffness_limit(objective.compared, theta[:1])[0]):
+        return ()
+    latent = np.asarray(form.box.latent_from_theta(form.box.inside(theta[:1])))[0]
+    slope = np.abs(stiffness_and_slope(objective.compared, form.box, latent)[1]).max(axis=0)
+    names = [
+        form.box.names[index]
+        for index in np.take(form.box.free, np.flatnonzero(slope > _TAKES_PART * slope.max()))
+    ]
+    beside = ""
+    if nested is not None and nested.misfit < math.inf:
+        both = [100.0 * (1.0 - misfit) for misfit in (nested.misfit, float(objective(theta[:1])[0]))]
+        beside = (
+            f" ({nested.model}, which it contains, fits {both[0]:.2f} % of the excerpts, it {both[1]:.2f} %)"
+        )
+    return (
+        f"{form.spec.name} becomes a friction element by its {list_names(names)}: a loop that yields or unloads faster "
+        f"would gain less than {NEGLIGIBLE:g} points and was not searched; use a model that costs less where it fits "
+        f"as well{beside}: compare models without states (--model A,B)",
+    )
+
+
+def _on_bound(unit: Floats) -> NDArray[np.bool_]:
+    return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))
 
 
 def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
-    """The best minima of a multistart search."""
-    form, rng = problem.form, problem.settings.rng
+    """The best minima of a multistart search among candidates below the limit of stiffness.
+
+    There is no limit where no candidate is below it, or where stiffer ones describe the tests measurably better.
+    """
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
-    objective = problem.objective.on(form.spec, tuple(excerpt(test) for test in problem.objective.tests))
+    excerpts = tuple(excerpt(test) for test in problem.objective.tests)
+    objective = problem.objective.on(problem.form.spec, excerpts)
+    for limited in (objective.limited(True), objective):
+        points = _search_points(problem, limited, search, on_search)
+        if points is not None:
+            return points
+    raise no_simulation(problem.form.spec, objective.tally.simulations)
+
+
+def _search_points(
+    problem: Problem, objective: Objective, search: Multistart, on_search: OnSearch
+) -> StartingPoints | None:
+    """The best minima that a multistart search finds on the excerpts of `objective`; `None` where there are none."""
+    form, rng = problem.form, problem.settings.rng
 
     def on_iteration(simpler: str, minima: MultistartResult, share: float) -> None:
         fitted = f"{simpler} on {EXCERPTS}" if simpler else EXCERPTS
@@ -593,14 +675,19 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
             raise Interrupted(None, "search") from interrupt
         raise make_interrupt(minima.theta[0], objective, form, trace_of(minima)) from interrupt
     if not len(minima.theta):
-        raise no_simulation(form.spec, minima.evaluations[-1])
+        return None
+    theta = distinct_minima(form.box, minima.theta, minima.misfit)
+    try:
+        objective, theta = examine_limit(objective, form, theta)
+    except KeyboardInterrupt as interrupt:
+        raise make_interrupt(theta[0], objective, form, trace_of(minima)) from interrupt
     return StartingPoints(
         objective=objective,
         form=form,
-        theta=distinct_minima(form.box, minima.theta, minima.misfit),
+        theta=theta,
         trace=trace_of(minima),
         minima=True,
-        warnings=doubts_about(minima, nested, search),
+        warnings=(*doubts_about(minima, nested, search), *friction_warning(objective, form, theta, nested)),
     )
 
 

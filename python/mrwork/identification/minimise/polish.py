@@ -16,6 +16,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import (
+    Hopeless,
     LocalMinimum,
     find_minima,
     find_minimum,
@@ -33,6 +34,9 @@ _FINAL_EVALUATIONS = 100
 _FIRST_SCREENING = 15
 _SECOND_SCREENING = 60
 _SCREENED_TWICE = 4
+
+# Of minima that are fitted together, one that would not reach the best that has converged is given up.
+_BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 
 # Called with the best minimum so far and the share of the screening that is done.
 OnStart = Callable[[LocalMinimum, float], None]
@@ -87,6 +91,7 @@ def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinim
         problem.form.box,
         nearest_below_stiffness(problem.objective.compared, problem.form.box, starts),
         max_iterations=_FINAL_EVALUATIONS,
+        hopeless=_BEHIND,
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
     best = int(np.argmin(minima.misfit))
