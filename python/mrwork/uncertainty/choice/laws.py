@@ -203,12 +203,12 @@ def choose_laws(
     The first laws, with every positive parameter quadratic in the command, are identified from all tests by a global
     search. From there on neighbours of the best laws are tried, of the simplest as good, and of others as good: those
     that promise most when the tests are linearised. Laws are given by values at commands, as many as a polynomial of
-    the degree has coefficients, with logarithms between them or direct. All are fitted to all tests and to all but those of
-    each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish within the
-    tested commands are not chosen while others are left. Of all that are as good as the best within one standard error,
-    those with the fewest parameters are chosen, first of those that are not costly in a building, and fitted to the
-    whole tests. The laws of several models stand in one table and are judged alike; a model that cannot be fitted is
-    named there.
+    the degree has coefficients, with logarithms between them or direct. All are fitted to all tests and to all but
+    those of each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish
+    within the tested commands are not chosen while others are left. Of all that are as good as the best within one
+    standard error, those with the fewest parameters are chosen, first of those that are not costly in a building, and
+    fitted to the whole tests. The laws of several models stand in one table and are judged alike; a model that cannot
+    be fitted is named there.
 
     Parameters
     ----------
