@@ -411,7 +411,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     """Parameters whose law leaves its admissible range, or vanishes, between the smallest and the largest command.
 
     There the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an equation
-    too stiff to be solved.
+    too stiff to be solved. A number without a unit is a shape, which does not vanish.
     """
     if spec.current is None:
         return ()
@@ -420,7 +420,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     for parameter, value in law_values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
-        if parameter.lower > 0.0:
+        if parameter.lower > 0.0 and parameter.unit != "1":
             beyond[(beyond == 0.0) & (value < _VANISHED * value.max())] = np.finfo(float).tiny
         outside = np.flatnonzero(beyond)
         if outside.size:

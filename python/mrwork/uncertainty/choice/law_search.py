@@ -21,7 +21,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, Scale, law_named, law_through, polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
+from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.level_search import (
     PER_CYCLE,
@@ -43,7 +43,7 @@ from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
 from mrwork.uncertainty.choice.law_promise import LinearisedTests
 from mrwork.uncertainty.choice.law_table import TriedLaws, laws_in_words
-from mrwork.uncertainty.choice.objections import objections_to
+from mrwork.uncertainty.choice.objections import dying_laws, objections_to
 from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
@@ -54,7 +54,9 @@ Laws = dict[str, LawName]
 _FIRST_DEGREE = 2
 # Sets that are as good as the best and whose neighbours are tried, and the largest number of sets that are fitted.
 _FRONTIER = 5
-_MOST_TRIED = 40
+_MOST_TRIED = 30
+# Where all first laws die, the multiple of the lower end of the search at which parameters of others start at least.
+_ALIVE = 10.0
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
 # NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
@@ -80,7 +82,7 @@ class _Predictions:
     nrmse: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedLaws:
     """A set of laws with its fits to all tests and without each split, and its row of the table."""
 
@@ -142,6 +144,8 @@ class LawSearch:
         of_first = self._fit_laws(self.first_laws, starts)
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(of_first, wider)
+        if all(each.tried.objection for each in self.fitted):
+            self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
             left = [each for each in self.frontier() if each.laws not in expanded]
@@ -150,6 +154,25 @@ class LawSearch:
             expanded.append(left[0].laws)
             for laws in self._proposals(left[0]):
                 self._move_to(left[0], laws)
+
+    def _revive(self, dead: FittedLaws) -> None:
+        """Fit laws of parameters that scale with the force alone, until none of them dies.
+
+        Where a shape follows the command, too, it may take over what a damping does at the tested velocities.
+        """
+        names = [each.name for each in self.plain.parameters if each.scales_with_force]
+        laws = {name: law for name, law in self.first_laws.items() if name in names}
+        least = _ALIVE * np.array(search_box(self.plain, Box.of(self.plain), self.tests).lower)
+        while laws:
+            spec, box = self.model(laws)
+            place = [self.plain.names.index(each.plain_name) for each in spec.parameters]
+            starts = self.transfer_starts(dead, spec, box)
+            starts = np.where(box.log, np.maximum(starts, least[place]), starts)
+            alive = self._fit_laws(laws, np.asarray(box.inside(np.minimum(starts, box.upper))))
+            dying = {each.parameter for each in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
+            if not dying & set(laws):
+                return
+            laws = {name: law for name, law in laws.items() if name not in dying}
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""

@@ -3,25 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.dampers.spec import DamperSpec, law_limits
+from mrwork.dampers.command import command_level
+from mrwork.dampers.simulation import Outcome, simulate_forces
+from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import range_of_tests
+from mrwork.records.damper_test import loading_of, range_of_tests
+
+# Up to this multiple of the tested velocities the force may fall by this share at most.
+_FASTER = 2.0
+_FALLS = 0.02
 
 
 def objections_to(
     spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest], cost: BuildingCost
 ) -> tuple[str, ...]:
-    """Why the parameters, shape (n_params,), are not to be chosen while others are left; a sentence each.
+    """Why the parameters, shape (n_params,), are not to be chosen while others are left; a clause each.
 
-    A positive parameter whose law leaves its range or vanishes within the tested commands: beyond the tested velocities
-    such a law has no damping or stiffness left. And a damper that no building can be simulated with. That an exponent
-    is on its bound, as n = 1 of a Bouc-Wen loop, is none.
+    A positive parameter whose law leaves its range or vanishes within the tested commands; a force that falls when the
+    fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be simulated
+    with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
+    found = [each.in_words for each in dying_laws(spec, theta, tests)]
+    if falling := _falling_force(spec, theta, tests):
+        found.append(falling)
+    if not cost.is_possible:
+        found.append(f"it takes {cost.in_words}")
+    return tuple(found)
+
+
+def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> tuple[LawLimit, ...]:
+    """Laws of positive parameters that leave their range or vanish within the tested commands."""
     tested = range_of_tests(tests, None if spec.current is None else spec.current.unit)
     limits = law_limits(spec, theta, tested.command) if tested.command is not None else ()
     positive = {each.name for each in spec.plain if each.scale == "log"}
-    dying = tuple(each.in_words for each in limits if each.parameter in positive)
-    return dying if cost.is_possible else (*dying, f"it takes {cost.in_words}")
+    return tuple(each for each in limits if each.parameter in positive)
+
+
+def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> str:
+    """That the force falls beyond the tested velocities, at the command where it falls most; else empty."""
+    fastest: dict[float, DamperTest] = {}
+    for test in tests:
+        command = loading_of(test, spec).command
+        if isinstance(command, np.ndarray):
+            continue
+        unit = "A" if spec.current is None else spec.current.unit
+        level = 0.0 if command is None else command_level(float(command), unit)
+        known = fastest.get(level)
+        if known is None or np.abs(test.velocity).max() > np.abs(known.velocity).max():
+            fastest[level] = test
+    worst, sentence = -_FALLS, ""
+    for test in fastest.values():
+        loading = loading_of(test, spec)
+        faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
+        runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
+        if any(run.outcome[0] != Outcome.FINISHED for run in runs):
+            continue
+        own, beyond = (float(np.std(run.force[0])) for run in runs)
+        if own > 0.0 and beyond / own - 1.0 < worst:
+            worst = beyond / own - 1.0
+            peak = 1e3 * float(np.abs(test.velocity).max())
+            sentence = (
+                f"its force falls by {-100.0 * worst:.2g} % from {peak:.3g} to {_FASTER * peak:.3g} mm/s "
+                f"in the motion of {test.name}"
+            )
+    return sentence
