@@ -39,7 +39,7 @@ from mrwork.cli.output import as_plain, in_words
 from mrwork.cli.terminal import note
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.identification.fit_file import read_fit
+from mrwork.identification.fit_file import others_content, read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
 from mrwork.identification.progress import IdentificationInWords
@@ -54,7 +54,7 @@ from mrwork.identification.settings import (
 )
 from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for
-from mrwork.store.run_folder import FIT, LAWS, MODELS, RANKING
+from mrwork.store.run_folder import AS_GOOD, FIT, LAWS, MODELS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
 from mrwork.uncertainty.bands.prediction import Fold
 
@@ -366,6 +366,14 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             *_choice_lines(table.table, table.sentence, table.notes),
             "",
             f"Laws: {verb.folder / LAWS}",
+            *(
+                [
+                    f"Other sets of laws that are as good: {len(choice.others)}, in {verb.folder / AS_GOOD}; `mrwork "
+                    "predict` and `respond` say how far they are apart where the tests end"
+                ]
+                if choice.others
+                else []
+            ),
             "",
             text_of(fit, verb.tests),
         ]
@@ -376,7 +384,8 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             discard=journals.discard if status == 0 else None,
             text="\n".join(lines),
             document=summary_of(fit, verb.tests, verb.folder) | {"choice_of_laws": asdict(table)},
-            documents={LAWS: asdict(table)},
+            documents={LAWS: asdict(table)}
+            | ({AS_GOOD: others_content(choice.others, fit)} if choice.others else {}),
             laws=table,
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,10 @@ from mrwork.cli.options import (
 )
 from mrwork.cli.output import print_json, told_findings
 from mrwork.cli.terminal import show
+from mrwork.dampers.law_sets import SetsApart
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.dampers.tested_range import Exceedance, worst_of
-from mrwork.identification.fit_file import read_fit
+from mrwork.identification.fit_file import read_fit, read_others
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explain_failures, free_run
@@ -33,7 +35,7 @@ from mrwork.records.likeness import likenesses_in_words
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.prediction import Prediction, apart_on_test, forces_of_others
 
 _AS_FITTED = "as in the identification"
 
@@ -55,7 +57,8 @@ def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen."
+        "Tests with the motion and command of a fitted one are named as seen. Where --law auto has found other sets of "
+        "laws that are as good, a sentence says how far they are apart where the tests end."
     )
     parser.epilog = examples(
         "mrwork predict out/rig rig --level 0.9",
@@ -95,6 +98,8 @@ def run(options: argparse.Namespace) -> int:
     calibrated_on: list[Likeness] = []
     exceeded: list[tuple[str, Exceedance]] = []
     limited: list[LawLimit] = []
+    others = read_others(Path(options.run_folder), fit) or ()
+    apart: list[tuple[str, SetsApart]] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     _, tests = read_tests(options, "test", fit)
@@ -107,6 +112,9 @@ def run(options: argparse.Namespace) -> int:
         seen, condition, outside = fit.seen(test), fit.other_condition(test), fit.outside(test, force)
         exceeded += [(test.label, each) for each in outside.exceedances]
         limited += outside.laws
+        forces = forces_of_others(others, test, nuisances=nuisances)
+        sets = apart_on_test(fit, test, force, forces)
+        apart += [] if sets is None else [(test.label, sets)]
         rows.append(
             {
                 "file": test.label,
@@ -122,6 +130,7 @@ def run(options: argparse.Namespace) -> int:
                 "nuisance": asdict(quality.nuisance) if nuisances else None,
                 "outside_tested_range": list(outside.names) if outside.known else None,
                 "warnings": list(outside.sentences),
+                "sets_apart_percent": None if sets is None else sets.percent,
             }
         )
         known += [] if seen is None else [seen]
@@ -159,6 +168,7 @@ def run(options: argparse.Namespace) -> int:
             "warnings": warnings,
             "findings": findings,
         }
+        document |= {"sets_apart": _apart_in_words(apart)} if apart else {}
         document |= {"spread": asdict(spread)} if spread is not None else {}
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
         print_json(document | ({"basis": basis} if basis else {}))
@@ -170,6 +180,8 @@ def run(options: argparse.Namespace) -> int:
         show(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
     for warning in warnings:
         show(f"warning: {warning}")
+    if apart:
+        show(f"{_apart_in_words(apart)}.")
     if basis:
         show(f"Bands of {100.0 * options.level:g} %, {basis}.")
         beyond = sum(bool(row["outside_tested_range"]) for row in rows)
@@ -186,6 +198,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _spread(rows: list[dict[str, Any]]) -> FitSpread:
     return FitSpread.of([row["file"] for row in rows], [row["fit_percent"] for row in rows])
+
+
+def _apart_in_words(apart: list[tuple[str, SetsApart]]) -> str:
+    """The test on which sets of laws are farthest apart, and on how many they reach the end of the tests."""
+    label, worst = max(apart, key=lambda each: each[1].percent)
+    files = f"; the farthest of {len(apart)} files" if len(apart) > 1 else ""
+    return f"{worst.in_words}, {label}{files}"
 
 
 def _warnings(exceeded: list[tuple[str, Exceedance]], limited: list[LawLimit], n_files: int) -> list[str]:

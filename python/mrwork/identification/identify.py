@@ -223,6 +223,7 @@ def identify_from(
     threads: int = 0,
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
+    examines: bool = True,
 ) -> Fit:
     """The final fit of `identify` inside `box` from the first start of the settings; `trace` has led to it."""
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
@@ -233,7 +234,8 @@ def identify_from(
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    return _Ending(problem=problem, reporter=reporter, journal=journal).finish_fit(points)
+    ending = _Ending(problem=problem, reporter=reporter, journal=journal, examines=examines)
+    return ending.finish_fit(points)
 
 
 def _begin(

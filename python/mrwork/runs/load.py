@@ -12,7 +12,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import RecordError, escape_text
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
-from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.identification.fit_file import read_addition, read_fit, read_others
 from mrwork.store.codec import read_document
 from mrwork.store.run_folder import (
     FIT,
@@ -47,7 +47,7 @@ class StoredRun(Summarised):
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
     `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
-    `mrwork identify --law auto`.
+    `mrwork identify --law auto`, and `others` the fits of sets of laws that are as good as those of the `fit`.
     """
 
     _made_by: ClassVar[str] = "mr.load(run)"
@@ -60,6 +60,7 @@ class StoredRun(Summarised):
     plan: CheckedPlan | None = None
     ranking: Ranking | None = None
     laws: LawTable | None = None
+    others: tuple[Fit, ...] | None = None
 
     @property
     def calibration(self) -> Calibration | None:
@@ -169,6 +170,7 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
         plan=read_addition(CheckedPlan, place / PLAN, fit, name="plan", verb="plan"),
         ranking=ranking,
         laws=laws,
+        others=read_others(place, fit),
     )
 
 

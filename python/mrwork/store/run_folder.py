@@ -37,12 +37,16 @@ RANKING = "ranking.json"
 MODELS = "models"
 # Added by a choice of current laws: the laws that were tried.
 LAWS = "laws.json"
+# And the fits of other sets of laws that are as good as the chosen one.
+AS_GOOD = "as_good.json"
 # Written by a study of buildings.
 RESULTS = "results.json"
 STUDY = "study.toml"
 HISTORIES = "histories"
 CRITERIA_TABLE = "criteria.csv"
 PROFILES_TABLE = "profiles.csv"
+# With --ensemble: its verdicts and criteria for each set of laws.
+ENSEMBLE = "ensemble.json"
 # Written by a tuning.
 CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
@@ -77,7 +81,7 @@ class RunKind:
 FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, f"{MODELS}/*/{FIT}"}),
+    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, AS_GOOD, f"{MODELS}/*/{FIT}"}),
     added=ADDITIONS | {FIGURES},
     redrawn=frozenset({REPORT}),
 )
@@ -85,7 +89,17 @@ STUDY_RUN: Final = RunKind(
     verb="respond",
     kind="study",
     written=frozenset(
-        {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE, f"{HISTORIES}/*.npz"}
+        {
+            MANIFEST,
+            JOURNAL,
+            REPORT,
+            RESULTS,
+            STUDY,
+            CRITERIA_TABLE,
+            PROFILES_TABLE,
+            ENSEMBLE,
+            f"{HISTORIES}/*.npz",
+        }
     ),
 )
 TUNING_RUN: Final = RunKind(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 from warnings import warn
@@ -14,6 +15,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
@@ -58,7 +60,9 @@ class Prediction(WithAxes, Summarised):
 
     `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
     only then is the error that of a test which the fit has not seen. `outside` is what of the test lies outside the
-    tested ranges of the fit. Properties are of the counted samples, shape (n_counted,).
+    tested ranges of the fit. `other_forces` are those of other sets of laws [N], shape (n_sets, n_time), and
+    `sets_apart` how far they are apart where the tests of the fit end, `None` where the test does not reach there.
+    Properties are of the counted samples, shape (n_counted,).
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, test)"
@@ -67,6 +71,8 @@ class Prediction(WithAxes, Summarised):
     model_force: Floats
     seen: Likeness | None = None
     outside: Outside = field(default=Outside(known=False), repr=False)
+    other_forces: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    sets_apart: SetsApart | None = None
 
     @property
     def force(self) -> Floats:
@@ -145,18 +151,30 @@ class Prediction(WithAxes, Summarised):
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),
-            notes=[f"warning: {each}" for each in self.outside.sentences],
+            notes=[
+                *(f"warning: {each}" for each in self.outside.sentences),
+                *([] if self.sets_apart is None else [self.sets_apart.in_words]),
+            ],
         )
 
 
 @checked
-def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
+def predict(
+    fit: Fit,
+    test: DamperTest,
+    *,
+    nuisances: tuple[NuisanceName, ...] | None = None,
+    others: Sequence[Fit] | None = None,
+) -> Prediction:
     """Simulate a fitted damper on a test, with the test's observation model applied, or else that of the fit.
 
     Parameters
     ----------
     nuisances
         Nuisance parameters that are estimated from the test; default those of the fit.
+    others
+        Fits of other sets of laws that are as good, `others` of a run that is loaded: the prediction says how far they
+        are apart where the tests of the fit end.
 
     Raises
     ------
@@ -174,7 +192,37 @@ def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] |
     >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
-    return predict_tests(fit, (test,), nuisances=nuisances)[0]
+    (prediction,) = predict_tests(fit, (test,), nuisances=nuisances)
+    if not others:
+        return prediction
+    forces = forces_of_others(others, prediction.test, nuisances=nuisances)
+    apart = apart_on_test(fit, prediction.test, prediction.model_force, forces)
+    return replace(prediction, other_forces=forces, sets_apart=apart)
+
+
+def forces_of_others(
+    others: Sequence[Fit], test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None
+) -> Floats:
+    """Forces of other sets of laws on an observed test [N], shape (n_sets, n_time), without those that fail."""
+    forces = [np.empty((0, test.n_time))]
+    for other in others:
+        observed = ObservedTest.of(other.spec, test, other.nuisances if nuisances is None else nuisances)
+        with suppress(SimulationError):
+            forces.append(observed.predict_force(np.array(other.theta))[0][None])
+    return np.concatenate(forces)
+
+
+def apart_on_test(fit: Fit, test: DamperTest, model_force: Floats, other_forces: Floats) -> SetsApart | None:
+    """How far the sets of laws are apart over the samples of a test that count, where the tests of the fit end."""
+    counted = test.counted
+    command = test.command_in(fit.tested.command_unit)
+    return sets_apart(
+        fit.tested,
+        test.displacement[counted],
+        test.velocity[counted],
+        command[counted] if isinstance(command, np.ndarray) else command,
+        np.concatenate([model_force[None], other_forces])[:, counted],
+    )
 
 
 def predict_tests(

@@ -17,7 +17,10 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
+from mrwork.dampers.law_sets import farthest_apart
 from mrwork.dampers.parameters import LawName
+from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
@@ -27,22 +30,33 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
-from mrwork.records.damper_test import as_tests
+from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import ChoiceProgress, JournalOf, Steps, compared_models, refuse_unknown
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
-from mrwork.uncertainty.choice.law_table import LawTable, judge_laws, sentence_on
+from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws, judge_laws, sentence_on
 
 T = TypeVar("T")
+
+# Most sets of laws beside the chosen one that are fitted to the whole tests, and by how much the forces of any two
+# differ at least, per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
+_MOST_OTHERS = 4
+_LEAST_APART = 0.001
+_BEYOND = 1.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LawChoice(WithAxes, Summarised):
-    """The laws that were tried, the fit of the chosen ones to all tests, and the seconds that all took."""
+    """The laws that were tried, the fit of the chosen ones to all tests, and the seconds that all took.
+
+    `others` are fits of up to four sets that are as good, those that differ most beyond the tests, best predictions
+    first.
+    """
 
     table: LawTable
     fit: Fit
+    others: tuple[Fit, ...] = ()
     seconds: float
 
     def _named_arrays(self) -> NamedArrays:
@@ -90,7 +104,7 @@ class RunningLawChoice:
                 except Interrupted as interrupt:
                     done = LawChoice(table=table, fit=interrupt.result, seconds=self.steps.seconds)
                     raise Interrupted(done, "choice of laws") from interrupt
-                return LawChoice(table=table, fit=fit, seconds=self.steps.seconds)
+                return self._with_others(LawChoice(table=table, fit=fit, seconds=self.steps.seconds))
             search.fitted.clear()
         reasons = "; ".join(f"{name}: {reason}" for name, reason in self.steps.failed.items())
         raise SettingError(f"none of the models could be fitted ({reasons})")
@@ -137,8 +151,67 @@ class RunningLawChoice:
             journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": search.given})
         search.run(self.firsts[search.name])
 
+    def _with_others(self, choice: LawChoice) -> LawChoice:
+        """The choice with the fits of other sets that are as good to the whole tests, without those that fail."""
+        others, done = self._choose_others(choice.table), list[Fit]()
+        try:
+            for number, (search, tried) in enumerate(others, start=1):
+                candidate, start = search.make_start(tried)
+                refit = partial(
+                    self._final_fit,
+                    search,
+                    candidate,
+                    replace(search.settings, starts=(start,)),
+                    task=f"all tests, {number} of {len(others)} other sets of laws that are as good",
+                    examines=False,
+                )
+                name = f"{search.name}/as_good_{number}"
+                with self.steps.recording_failure(name):
+                    done.append(self.steps.run(name, refit))
+        except KeyboardInterrupt as interrupt:
+            so_far = replace(choice, others=tuple(done), seconds=self.steps.seconds)
+            raise Interrupted(so_far, "choice of laws") from interrupt
+        return replace(choice, others=tuple(done), seconds=self.steps.seconds)
+
+    def _choose_others(self, table: LawTable) -> list[tuple[LawSearch, TriedLaws]]:
+        """Of the sets that are as good, those whose forces differ most beyond the tests, best predictions first.
+
+        They are compared under the fastest motion at each command, enlarged.
+        """
+        by_name = {search.name: search for search in self.compared}
+        as_good = [each for each in table.tried if each.verdict == "as good"]
+        sets, rows = list[tuple[LawSearch, TriedLaws]](), list[Floats]()
+        for tried in (table.chosen_laws, *as_good):
+            search = by_name[tried.model]
+            candidate, _ = search.make_start(tried)
+            fastest = {
+                test.command_in(search.unit): test
+                for test in sorted(search.tests, key=lambda test: float(np.abs(test.velocity).max()))
+            }
+            forces = []
+            for test in fastest.values():
+                motion = loading_of(test, candidate.spec)
+                beyond = replace(
+                    motion, displacement=_BEYOND * test.displacement, velocity=_BEYOND * test.velocity
+                )
+                run = simulate_forces(candidate.spec, candidate.fit.theta[:1], beyond.history())
+                forces.append(run.force[0] / np.std(test.force))
+            row = np.concatenate(forces)
+            if np.isfinite(row).all() or not rows:
+                sets.append((search, tried))
+                rows.append(row)
+        kept = farthest_apart(np.nan_to_num(rows), _MOST_OTHERS, _LEAST_APART)
+        return [sets[row] for row in sorted(kept)]
+
     def _final_fit(
-        self, search: LawSearch, candidate: FittedLaws, settings: FitSettings, journal: Journal | None
+        self,
+        search: LawSearch,
+        candidate: FittedLaws,
+        settings: FitSettings,
+        journal: Journal | None,
+        *,
+        task: str = "all tests",
+        examines: bool = True,
     ) -> Fit:
         return identify_from(
             candidate.spec,
@@ -147,8 +220,9 @@ class RunningLawChoice:
             box=candidate.box,
             trace=self.firsts[search.name].trace,
             threads=self.threads,
-            on_progress=partial(self._report, search, "all tests"),
+            on_progress=partial(self._report, search, task),
             journal=journal,
+            examines=examines,
         )
 
     def _table(self, *, complete: bool) -> LawTable:
@@ -207,8 +281,8 @@ def choose_laws(
     those of each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish
     within the tested commands are not chosen while others are left. Of all that are as good as the best within one
     standard error, those with the fewest parameters are chosen, first of those that are not costly in a building, and
-    fitted to the whole tests. The laws of several models stand in one table and are judged alike; a model that cannot
-    be fitted is named there.
+    fitted to the whole tests. So are up to four others, which predict nearly as well and differ most beyond the tests.
+    The laws of several models stand in one table and are judged alike; a model that cannot be fitted is named there.
 
     Parameters
     ----------

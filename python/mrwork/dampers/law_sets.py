@@ -1,0 +1,85 @@
+"""How far the forces of several sets of laws are apart where the tests of a damper end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrwork.base.arguments import Count, NotNegative
+from mrwork.base.numbers import of_unit
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats
+from mrwork.dampers.tested_range import OperatingRange
+
+# Share of a tested peak from which on a sample is where the tests end; share of the command beyond which it is.
+_AT_END, _BEYOND = 0.95, 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SetsApart(Summarised):
+    """How far sets of laws that are as good are apart where the tests end.
+
+    `percent` is the root mean square over these samples of the largest minus the least force of the `n_sets`, per that
+    of the force of the chosen set there; `velocity` [m/s] is their peak, and `share` is theirs of all samples. A sample
+    is where the tests end if its velocity or its displacement from the middle reaches 95 % of the tested peak, or its
+    command is outside the tested ones by 5 % of the largest.
+    """
+
+    _made_by: ClassVar[str] = "mr.predict(fit, test, others=others)"
+
+    n_sets: Count
+    percent: NotNegative
+    velocity: NotNegative
+    share: NotNegative
+
+    @property
+    def in_words(self) -> str:
+        """Text such as "5 sets of laws that are as good differ by 14 % of the force at 122 mm/s"."""
+        return (
+            f"{self.n_sets} sets of laws that are as good differ by {self.percent:.2g} % of the force at "
+            f"{of_unit(1e3 * self.velocity, 'mm/s', 3)}"
+        )
+
+    def _summary(self) -> Summary:
+        return Summary(title=self.in_words)
+
+
+def sets_apart(
+    tested: OperatingRange, displacement: Floats, velocity: Floats, command: ArrayLike | None, forces: Floats
+) -> SetsApart | None:
+    """How far the `forces` [N], shape (n_sets, n_time), of which the first is the chosen one, are apart.
+
+    `None` for one set, and where no sample of the motion reaches the end of the tests.
+    """
+    away = np.abs(displacement - 0.5 * (displacement.max() + displacement.min()))
+    ends = (np.abs(velocity) >= _AT_END * tested.velocity) | (away >= _AT_END * tested.stroke)
+    if command is not None and tested.command is not None:
+        lowest, highest = tested.command
+        ends |= np.abs(np.asarray(command) - 0.5 * (lowest + highest)) > 0.5 * (
+            highest - lowest
+        ) + _BEYOND * abs(highest)
+    scale = float(np.linalg.norm(forces[0, ends]))
+    if len(forces) < 2 or scale == 0.0:
+        return None
+    return SetsApart(
+        n_sets=len(forces),
+        percent=100.0 * float(np.linalg.norm(np.ptp(forces[:, ends], axis=0))) / scale,
+        velocity=float(np.abs(velocity[ends]).max()),
+        share=float(ends.mean()),
+    )
+
+
+def farthest_apart(forces: Floats, most: int, least: float) -> list[int]:
+    """Rows of `forces`, shape (n_rows, n_values), beside the first: each the farthest from the first and those before.
+
+    At most `most`, and none whose root mean square distance from another is below `least`.
+    """
+    kept = list[int]()
+    distance = np.sqrt(np.mean(np.square(forces - forces[0]), axis=1))
+    while len(kept) < most and distance.max() >= least:
+        kept.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.sqrt(np.mean(np.square(forces - forces[kept[-1]]), axis=1)))
+    return kept
