@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet
 from mrwork.cli.terminal import show
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
     from mrwork.study.course import StudyProgress
+    from mrwork.study.ensemble import Ensemble
     from mrwork.study.results import StudyResults
     from mrwork.study.study import Study
 
@@ -52,13 +54,19 @@ def add_options(parser: CommandParser) -> None:
         action="store_true",
         help="repeat every run with half the integration step and compare",
     )
+    study.add_argument(
+        "--ensemble",
+        action="store_true",
+        help="run the study once more for each other set of laws that is as good, of a damper from a run of identify "
+        "--law auto, with its control laws designed anew; say which verdict changes, and the spread of each criterion",
+    )
     add_threads(parser)
     add_out(parser, "folder of the results, default out/STUDY")
     end_parser(
         parser,
         run,
-        resume="resume a study that was killed or interrupted; all other options but --threads and --check-step as in "
-        "that study",
+        resume="resume a study that was killed or interrupted; all other options but --threads, --check-step and "
+        "--ensemble as in that study",
     )
 
 
@@ -88,15 +96,23 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     """The responses of a study, with the histories that it stores."""
     from mrwork.cli.frame import command_line
     from mrwork.cli.study_text import StudyVerb, study_text, telling_why
+    from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.run_result import Histories
 
+    if options.ensemble and not study.other_sets:
+        raise SettingError(
+            "--ensemble runs the study for each set of laws that is as good, and no run folder of its dampers has "
+            "others than the chosen one; leave it out, or identify the damper with --law auto"
+        )
     histories = Histories(place, study, resume=options.resume)
+    apart: list[str] = []
+    ensembles: list[Ensemble] = []
 
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
 
-        return run_study(
+        results = run_study(
             study,
             journal=journal,
             kept=histories.is_stored,
@@ -105,6 +121,13 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             check_step=options.check_step,
             threads=options.threads,
         )
+        try:
+            apart.append(dampers_apart(study, results, threads=options.threads))
+            if options.ensemble:
+                ensembles.append(_run_ensemble(options, study, results, journal, line))
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted(results, "study with other sets of laws") from interrupt
+        return results
 
     def page(results: StudyResults, seconds: float) -> str:
         # Matplotlib is slow to load.
@@ -120,22 +143,70 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         )
 
     def document(results: StudyResults) -> dict[str, Any]:
-        return study_document(results) | design_document(study)
+        return (
+            study_document(results)
+            | design_document(study)
+            | ({"sets_apart": apart[0]} if any(apart) else {})
+            | ({"ensemble": asdict(ensembles[0])} if ensembles else {})
+        )
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
         notes = [
             "\n".join([heading, *(f"  {sentence}" for sentence in sentences), ""])
             for heading, sentences in study.design_notes
         ]
-        return "\n".join([*notes, study_text(results, place if drawn or not written else None)])
+        further = [f"{apart[0]}.", ""] if any(apart) else []
+        for each in ensembles:
+            further += [f"The study with {len(each.sets)} sets of laws that are as good:"]
+            further += [
+                *(f"  {sentence}" for sentence in each.in_words),
+                *each.table.lines("  ", width=120),
+                "",
+            ]
+        return "\n".join([*notes, *further, study_text(results, place if drawn or not written else None)])
 
     return StudyVerb(
         compute=compute,
         page=page,
-        write=partial(write_study, histories=histories),
+        write=partial(write_study, histories=histories, ensemble=lambda: next(iter(ensembles), None)),
         document=document,
         text=text,
     )
+
+
+def _run_ensemble(
+    options: argparse.Namespace,
+    study: Study,
+    results: StudyResults,
+    journal: Journal,
+    line: ProgressLine[StudyProgress],
+) -> Ensemble:
+    """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
+    from mrwork.runs.study import read_study
+    from mrwork.study.ensemble import damper_in_words, ensemble_of
+    from mrwork.study.run import run_study
+
+    every, sets = [results], [damper_in_words(study.devices[0].spec)]
+    for number, other in enumerate(study.other_sets, start=2):
+        name = f"set {number} of {1 + len(study.other_sets)}"
+
+        def report(progress: StudyProgress, name: str = name) -> None:
+            line(replace(progress, label=f"{name} of the laws, {progress.label}"))
+
+        read = read_study(options.study, other.fitted.__getitem__, seed=options.seed)
+        alone = read if options.motions == "all" else read.of_use(options.motions)
+        # Neither histories, realisations nor a non-causal optimum, which no verdict is from.
+        alone = replace(alone, histories=(), realisations=None, clairvoyant=None)
+        every.append(
+            run_study(
+                alone,
+                journal=journal,
+                on_progress=None if is_quiet(options) else report,
+                threads=options.threads,
+            )
+        )
+        sets.append(damper_in_words(other.dampers[0].spec))
+    return ensemble_of(sets, every)
 
 
 def _listing(options: argparse.Namespace) -> str:

@@ -224,13 +224,15 @@ class Outside(Summarised):
 class FittedDamper:
     """Model and parameters of an identified damper, and the ranges of its tests, `None` if unknown.
 
-    `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none.
+    `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none. `others` are the same
+    damper with other sets of laws that are as good.
     """
 
     spec: DamperSpec
     theta: tuple[float, ...]
     tested: OperatingRange | None = None
     draws: Callable[[], Floats | None] = lambda: None
+    others: tuple[FittedDamper, ...] = ()
 
 
 def outside_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from mrwork.study.study import Study
 def fitted_damper(run: Path) -> FittedDamper:
     """The fit of a run folder as a study takes it."""
     # Most studies name no run, and the wing of identification takes half as long again to load.
-    from mrwork.identification.fit_file import read_fit
+    from mrwork.identification.fit_file import read_fit, read_others
     from mrwork.uncertainty.posterior.draws import read_draws
 
     fit = read_fit(run)
@@ -32,7 +33,17 @@ def fitted_damper(run: Path) -> FittedDamper:
             else np.asarray(stored_draws.chains.reshape(-1, stored_draws.chains.shape[-1]))
         )
 
-    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
+    others = tuple(
+        FittedDamper(
+            spec=each.spec,
+            theta=each.theta,
+            tested=fit.tested,
+            # Draws of the chosen set only are known.
+            draws=partial(np.atleast_2d, np.array(each.theta)),
+        )
+        for each in read_others(run, fit) or ()
+    )
+    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws, others=others)
 
 
 @checked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from math import inf
@@ -240,6 +241,32 @@ def choose_dampers(tables: Sequence[DamperTable], folder: Path, identified: Iden
     """The dampers of the tables, each read by itself."""
     chosen = [table.place.attempt(chosen_damper, table, folder, identified) for table in tables]
     return [each() for each in chosen]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSet:
+    """Another set of laws that is as good as the chosen one: fitted dampers by run, and the dampers of the tables."""
+
+    fitted: Mapping[Path, FittedDamper]
+    dampers: tuple[ChosenDamper, ...]
+
+
+def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
+    """The sets that every run of the tables has, and that the tables do not refuse."""
+    runs = {folder / each.run: identified(folder / each.run) for each in tables if each.run is not None}
+    sets = []
+    for wanted in next((run.others for run in runs.values() if run.others), ()):
+        fitted = {
+            path: other
+            for path, run in runs.items()
+            for other in ((wanted,) if wanted in run.others else run.others)
+            if other.spec == wanted.spec
+        }
+        with suppress(SettingError, KeyError):
+            dampers = tuple(chosen_damper(each, folder, fitted.__getitem__) for each in tables)
+            if all(each.spec == dampers[0].spec for each in dampers):
+                sets.append(OtherSet(fitted=fitted, dampers=dampers))
+    return tuple(sets)
 
 
 def equip_building(

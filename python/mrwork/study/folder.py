@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -23,6 +23,7 @@ from mrwork.store.input_file import exists, is_there, make_stored_kind
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
+    ENSEMBLE,
     HISTORIES,
     JOURNAL,
     MANIFEST,
@@ -43,6 +44,7 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
+from mrwork.study.ensemble import Ensemble
 from mrwork.study.results import (
     Key,
     MotionFacts,
@@ -340,10 +342,12 @@ class StoredStudy(StudyCriteria):
 
     Rows of an interrupted study without a run are among `rows` with the kind "controller". `details` are what
     the file says of each run beside its quantities: bands, demand on the dampers, changes with half the step.
+    `ensemble` is the study with each set of laws that is as good, `None` where it was run without `--ensemble`.
     """
 
     details: Mapping[Key, StoredStudyRun]
     damper_warnings: tuple[str, ...] = ()
+    ensemble: Ensemble | None = None
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -406,6 +410,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         floor_names=document.floors,
         storey_names=document.storeys,
         details=runs,
+        ensemble=read_document(Ensemble, place / ENSEMBLE, name="ensemble", verb="respond --ensemble"),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
@@ -419,6 +424,7 @@ def write_study(
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
+    ensemble: Callable[[], Ensemble | None] = lambda: None,
 ) -> None:
     """Write the folder of a study, in place of an earlier one."""
     tables = {
@@ -428,6 +434,8 @@ def write_study(
     }
     if page is not None:
         tables[REPORT] = page
+    if (found := ensemble()) is not None:
+        tables[ENSEMBLE] = json_document(asdict(found))
     write_folder(
         destination,
         {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},

@@ -59,6 +59,7 @@ from mrwork.study.dampers import (
     choose_dampers,
     chosen_damper,
     equip_building,
+    other_sets,
 )
 from mrwork.study.schema import (
     PASSIVE_OFF,
@@ -303,7 +304,7 @@ def read_study(
     with Place(origin=str(path), lines=lines).collecting() as place:
         refuse_loose_settings(document, place)
         table = read_table(StudyTable, document, place)
-        return _study_of(table, file, place, identified, seed, on_python, on_progress)
+        return _study_of(table, file, place, cache(identified), seed, on_python, on_progress)
 
 
 def _study_of(
@@ -403,6 +404,7 @@ def _study_of(
         tunes=tunes(),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
+        other_sets=other_sets(table.damper, folder, identified),
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))

@@ -211,7 +211,8 @@ def run_study(
                     keep(
                         row,
                         motion,
-                        fresh.pop(motion, None) or _history(study, arrangements[row], motion, threads),
+                        fresh.pop(motion, None)
+                        or simulate_history(study, arrangements[row], motion, threads),
                     )
         if study.clairvoyant is not None:
             row = len(arrangements)
@@ -403,7 +404,8 @@ def _reasons(study: Study, n_runs: int, steps: int) -> tuple[str, ...]:
     return tuple(reasons)
 
 
-def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
+def simulate_history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
+    """The history of an arrangement under a motion, by its index."""
     responses = _simulate(
         arrangement, study.grounds[motion : motion + 1], study, histories=True, threads=threads
     )

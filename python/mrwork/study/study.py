@@ -28,6 +28,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
+from mrwork.study.dampers import OtherSet
 from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
 
 
@@ -244,7 +245,8 @@ class Study(Summarised):
     motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
-    `clairvoyant`, the non-causal optimum is searched for under every motion.
+    `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
+    sets of laws that are as good.
     """
 
     _made_by: ClassVar[str] = "mr.read_study(path)"
@@ -267,6 +269,7 @@ class Study(Summarised):
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None
     clairvoyant: ClairvoyantRow | None = None
+    other_sets: tuple[OtherSet, ...] = ()
 
     @property
     def rows(self) -> tuple[Row, ...]:

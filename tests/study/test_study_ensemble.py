@@ -1,0 +1,176 @@
+"""Sets of laws that are as good: kept with a run, how far they are apart, and a study with each of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import printed
+from record_files import write_test
+from sentences import Refused
+from sinusoidal_tests import sinusoidal_test
+
+import mrwork as mr
+from mrwork.identification.fit_file import others_content
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import AS_GOOD
+
+COMMANDS = (0.0, 0.5, 1.0)
+MOTIONS = ((0.004, 1.0), (0.004, 2.0), (0.002, 3.0))
+SMALL = ("--generations", "10", "--threads", "1")
+STUDY = """\
+[building]
+published = "uts"
+
+[[damper]]
+storey = 1
+run = "run"
+
+[[controller]]
+law = "passive_on"
+label = "on"
+
+[[controller]]
+law = "clipped_optimal"
+settings = { drifts = 1, control_weight = 1e-13 }
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 4
+pga = "0.3 g"
+
+[report]
+histories = "none"
+"""
+
+
+def made(motion: tuple[float, float], command: float, seed: int) -> mr.DamperTest:
+    theta = (800.0, 200.0 + 960.0 * command - 480.0 * command**2, 2000.0, 20.0)
+    return sinusoidal_test("viscous_dahl", theta, motion, noise=0.02, rng=seed, command=command)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with the laws of auto, a test beyond its tests, and a study with its damper."""
+    place = tmp_path_factory.mktemp("sets")
+    files = [
+        write_test(place / f"test{number}.csv", made(motion, command, number))
+        for number, (motion, command) in enumerate(product(MOTIONS, COMMANDS))
+    ]
+    write_test(place / "fast.csv", made((0.006, 2.0), 1.0, 99))
+    laws = ("--model", "viscous_dahl", "--law", "auto")
+    printed("identify", *files, *laws, *SMALL, "--out", place / "run", "--json")
+    (place / "study.toml").write_text(STUDY)
+    return place
+
+
+@pytest.fixture(scope="module")
+def apart(folder: Path) -> Path:
+    """The same, with sets of which the dampers are half and twice as strong, so that a verdict changes."""
+    place = Path(shutil.copytree(folder, folder.parent / "apart"))
+    fit = mr.load(place / "run", mr.StoredRun).fit
+    (place / "run" / AS_GOOD).write_bytes(
+        json_document(others_content([scaled(fit, 0.5), scaled(fit, 2.0)], fit)).encode()
+    )
+    return place
+
+
+def scaled(fit: mr.Fit, factor: float) -> mr.Fit:
+    """The fit with another yield force."""
+    return replace(
+        fit,
+        estimates=tuple(
+            replace(each, value=factor * each.value, lower=0.0, upper=1e9)
+            if each.name.startswith("k_w")
+            else each
+            for each in fit.estimates
+        ),
+    )
+
+
+def respond(folder: Path, *words: str) -> Mapping[str, Any]:
+    found = json.loads(printed("respond", folder / "study.toml", *words, "--quiet", "--json"))
+    assert isinstance(found, Mapping)
+    return found
+
+
+def test_sets_that_are_as_good_are_fitted_to_all_tests_and_kept(folder: Path) -> None:
+    run = mr.load(folder / "run", mr.StoredRun)
+    assert run.laws is not None
+    as_good = [each.laws for each in run.laws.tried if each.verdict == "as good"]
+    assert run.others
+    for other in run.others:
+        assert other.provenance.inputs == run.fit.provenance.inputs
+        assert other.fit_percent == pytest.approx(run.fit.fit_percent, abs=0.2)
+        assert other.spec != run.fit.spec
+        assert tuple(sorted(other.spec.following)) in {tuple(sorted(laws)) for laws in as_good}
+
+
+def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path) -> None:
+    run = mr.load(apart / "run", mr.StoredRun)
+    test = mr.read_damper_test(apart / "fast.csv")
+    prediction = mr.predict(run.fit, test, others=run.others)
+    forces = np.concatenate([prediction.model_force[None], prediction.other_forces])
+    ends = np.abs(test.velocity) >= 0.95 * run.fit.tested.velocity
+    ends |= np.abs(test.displacement) >= 0.95 * run.fit.tested.stroke
+    ends[: test.n_settle] = False
+    spread = np.linalg.norm(np.ptp(forces[:, ends], axis=0)) / np.linalg.norm(forces[0, ends])
+    assert prediction.sets_apart is not None
+    assert prediction.sets_apart.percent == pytest.approx(100.0 * spread, rel=0.02)
+    (row,) = json.loads(printed("predict", apart / "run", apart / "fast.csv", "--json"))["files"]
+    assert row["sets_apart_percent"] == pytest.approx(prediction.sets_apart.percent)
+    assert "3 sets of laws that are as good differ by" in printed(
+        "predict", apart / "run", apart / "fast.csv"
+    )
+    slow = mr.predict(run.fit, made((0.002, 1.0), 1.0, 3), others=run.others)
+    assert slow.sets_apart is None
+
+
+def test_an_ensemble_says_which_verdict_changes_and_is_read_back(apart: Path, tmp_path: Path) -> None:
+    plain = respond(apart, "--out", str(tmp_path / "plain"))
+    assert "3 sets of laws" in plain["sets_apart"]
+    found = respond(apart, "--ensemble", "--out", str(tmp_path / "run"))
+    of_study = {"ensemble", "out"}
+    assert {name: found[name] for name in found if name not in of_study} == {
+        name: plain[name] for name in plain if name not in of_study
+    }
+    ensemble = mr.load(tmp_path / "run", mr.StoredStudy).ensemble
+    assert ensemble is not None
+    assert json.loads(json_document(asdict(ensemble))) == found["ensemble"]
+    assert len(ensemble.sets) == 3
+    on = next(each for each in ensemble.rows if each.controller == "on")
+    assert on.criteria["peak_drift"][0] == pytest.approx(
+        next(each for each in plain["results"] if each["controller"] == "on")["criteria"]["peak_drift"]
+    )
+    assert on.spread_percent["peak_drift"] > 1.0
+    assert on.scores[1] != on.scores[2]
+    assert any(each.changes for each in ensemble.verdicts)
+    assert mr.load(tmp_path / "plain", mr.StoredStudy).ensemble is None
+    # Without the option the runs stay in the journal, from which they come back.
+    respond(apart, "--out", str(tmp_path / "run"), "--resume")
+    assert (
+        respond(apart, "--ensemble", "--out", str(tmp_path / "run"), "--resume")["ensemble"]
+        == found["ensemble"]
+    )
+
+
+def test_sets_that_are_missing_or_forged_are_refused(folder: Path, tmp_path: Path, refused: Refused) -> None:
+    place = Path(shutil.copytree(folder, tmp_path / "folder"))
+    kept = (place / "run" / AS_GOOD).read_text()
+    for old, new in (
+        ('"of_fit": "', '"of_fit": "0'),
+        ('"model": "viscous_dahl"', '"model": 3'),
+        ('csv": "', 'csv": "0'),
+    ):
+        (place / "run" / AS_GOOD).write_text(kept.replace(old, new))
+        refused(mr.load, place / "run")
+    (place / "run" / AS_GOOD).unlink()
+    assert mr.load(place / "run", mr.StoredRun).others is None
+    refused.command("respond", place / "study.toml", "--ensemble")
