@@ -26,6 +26,7 @@ import mrwork as mr
 from mrwork.errors import MrworkError
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import (
+    AS_GOOD,
     CALIBRATION,
     CHAIN,
     DRAWS,
@@ -112,7 +113,7 @@ def copied(run: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(run, tmp_path / "run"))
 
 
-@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
+@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, AS_GOOD])
 def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     name: str, copied: Path, records: list[Path]
 ) -> None:
@@ -194,7 +195,7 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path, refused:
     (copied / FIT).write_text(json.dumps(document))
     refused(mr.load, copied)
     (copied / MANIFEST).write_text("{}")
-    for name in (DRAWS, PROFILES, CALIBRATION, PLAN):
+    for name in (DRAWS, PROFILES, CALIBRATION, PLAN, AS_GOOD):
         refused(mr.load, copied)
         (copied / name).unlink()
     assert mr.load(copied).profiles is None

@@ -11,10 +11,10 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.identification import Fit
-from mrwork.identification.fit_file import addition_content
+from mrwork.identification.fit_file import addition_content, others_content
 from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
+from mrwork.store.run_folder import AS_GOOD, CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
 from mrwork.store.unfinished import begin_addition, keep_addition
 from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
@@ -33,8 +33,8 @@ def add_every_file(
 ) -> None:
     """Add to the run folder of a `fit` to one test whatever a verb may add.
 
-    A chain of so many `steps` and its draws, profiles, bands that are calibrated on the `others`, a plan; and a ranking
-    and a choice of laws, which are made up.
+    A chain of so many `steps` and its draws, profiles, bands that are calibrated on the `others`, a plan; and, made up, a
+    ranking, a choice of laws and another set of laws.
     """
     with closing(begin_addition(place / CHAIN)) as journal:
         draws = mr.sample(
@@ -50,6 +50,7 @@ def add_every_file(
         PLAN: addition_content(asdict(_plan(fit, test)), fit),
         RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
         LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
+        AS_GOOD: json_document(others_content([fit], fit)).encode(),
     }
     write_files(place, contents)
 

@@ -6,6 +6,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
@@ -23,9 +24,11 @@ from mrwork.store.codec import json_document
 from mrwork.store.journal import read_lines
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import (
+    AS_GOOD,
     CALIBRATION,
     CHAIN,
     DRAWS,
+    ENSEMBLE,
     FIT,
     FIT_RUN,
     JOURNAL,
@@ -38,6 +41,7 @@ from mrwork.store.run_folder import (
     RESULTS,
 )
 from mrwork.study import Study
+from mrwork.study.ensemble import ensemble_of
 from mrwork.study.folder import study_document
 from mrwork.study.run_result import Histories
 from mrwork.tuning.results import tuning_document
@@ -63,6 +67,7 @@ DOCUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
     PLAN: (),
     RANKING: (),
     LAWS: (),
+    AS_GOOD: (),
 }
 
 
@@ -168,6 +173,18 @@ def _readers_of_a_study(folder: Path) -> list[Reader]:
             seeds=(_seed(RESULTS, json_document(study_document(results)).encode()),),
             beside={MANIFEST: stated["study"]},
             share=3.0,
+        ),
+        Reader(
+            name="study: ensemble.json",
+            read=lambda path: mr.study.read_results(path.parent),
+            seeds=(
+                _seed(ENSEMBLE, json_document(asdict(ensemble_of(("a", "b"), (results, results)))).encode()),
+            ),
+            beside={
+                MANIFEST: stated["study"],
+                RESULTS: json_document(study_document(results)).encode(),
+            },
+            share=1.0,
         ),
         Reader(
             name="study: manifest.json",

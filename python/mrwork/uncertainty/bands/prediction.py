@@ -193,7 +193,7 @@ def predict(
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
     (prediction,) = predict_tests(fit, (test,), nuisances=nuisances)
-    if not others:
+    if others is None:
         return prediction
     forces = forces_of_others(others, prediction.test, nuisances=nuisances)
     apart = apart_on_test(fit, prediction.test, prediction.model_force, forces)
