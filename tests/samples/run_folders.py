@@ -33,7 +33,7 @@ def add_every_file(
 ) -> None:
     """Add to the run folder of a `fit` to one test whatever a verb may add.
 
-    A chain of so many `steps` and its draws, profiles, bands that are calibrated on the `others`, a plan; and, made up, a
+    A chain of so many `steps` and its draws, profiles, bands calibrated on the `others`, a plan; and, made up, a
     ranking, a choice of laws and another set of laws.
     """
     with closing(begin_addition(place / CHAIN)) as journal:
