@@ -142,6 +142,33 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
     assert resumed.fit.theta == choice.fit.theta
 
 
+def test_ctrl_c_in_the_fits_of_other_sets_keeps_the_choice_and_those_done(
+    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
+) -> None:
+    destination = Destination(path=tmp_path / "run", kind=FIT_RUN)
+    assert choice.others
+    last = f"{len(choice.others)} of {len(choice.others)} other sets"
+
+    def stop(progress: ChoiceProgress) -> None:
+        if last in progress.task:
+            raise KeyboardInterrupt
+
+    with (
+        pytest.raises(Interrupted) as interrupted,
+        closing(StepJournals(destination, resume=False)) as journals,
+    ):
+        choose_laws(
+            "viscous_dahl", tests, settings=settings, threads=1, on_progress=stop, journal_of=journals
+        )
+    so_far = interrupted.value.result
+    assert so_far.fit.theta == choice.fit.theta
+    assert so_far.fit.status == "converged"
+    assert [each.theta for each in so_far.others] == [each.theta for each in choice.others[:-1]]
+    with closing(StepJournals(destination, resume=True)) as journals:
+        resumed = choose_laws("viscous_dahl", tests, settings=settings, threads=1, journal_of=journals)
+    assert [each.theta for each in resumed.others] == [each.theta for each in choice.others]
+
+
 def test_a_row_without_a_fold_ends_where_a_fit_to_the_other_tests_ends(tests: tuple[DamperTest, ...]) -> None:
     spec = damper("viscous_dahl").with_current_laws({"k_w": "quadratic"})
     box = joint_box(identifiable_form(spec, {}), tests, np.array(COMMANDS))
