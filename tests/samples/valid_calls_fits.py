@@ -29,7 +29,7 @@ def _sphere(unit: np.ndarray) -> np.ndarray:
 
 @cache
 def _prediction() -> mr.Prediction:
-    return mr.predict(small_fit(), _other_test())
+    return mr.predict(small_fit(), _other_test(), others=[small_fit()])
 
 
 @cache
