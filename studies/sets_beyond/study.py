@@ -1,4 +1,4 @@
-"""How much of a faster test lies within sets of laws that are as good and the band, and within the band alone.
+"""How much of a faster test lies within near sets of laws and the band, and within the band alone.
 
 python studies/sets_beyond/study.py [--quick] [--model NAME ...] [--replicates N] [--seed N] [--threads N] [--json]
 """

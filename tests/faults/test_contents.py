@@ -26,7 +26,6 @@ import mrwork as mr
 from mrwork.errors import MrworkError
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import (
-    AS_GOOD,
     CALIBRATION,
     CHAIN,
     DRAWS,
@@ -34,6 +33,7 @@ from mrwork.store.run_folder import (
     JOURNAL,
     LAWS,
     MANIFEST,
+    NEAR_SETS,
     PLAN,
     PREDICTIONS,
     PROFILES,
@@ -113,7 +113,7 @@ def copied(run: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(run, tmp_path / "run"))
 
 
-@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, AS_GOOD])
+@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, NEAR_SETS])
 def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     name: str, copied: Path, records: list[Path]
 ) -> None:
@@ -195,7 +195,7 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path, refused:
     (copied / FIT).write_text(json.dumps(document))
     refused(mr.load, copied)
     (copied / MANIFEST).write_text("{}")
-    for name in (DRAWS, PROFILES, CALIBRATION, PLAN, AS_GOOD):
+    for name in (DRAWS, PROFILES, CALIBRATION, PLAN, NEAR_SETS):
         refused(mr.load, copied)
         (copied / name).unlink()
     assert mr.load(copied).profiles is None

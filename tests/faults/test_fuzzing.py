@@ -24,13 +24,13 @@ from mrwork.motions.networks import Lines
 from mrwork.motions.read import FORMATS
 from mrwork.store.run_folder import (
     ADDITIONS,
-    AS_GOOD,
     CHAIN,
     ENSEMBLE,
     FIT,
     FOLDS,
     LAWS,
     MANIFEST,
+    NEAR_SETS,
     RANKING,
     RESULTS,
 )
@@ -213,7 +213,7 @@ def test_every_registered_format_has_a_seed() -> None:
     # Files of a run that a verb reads back; the page and the figures are only written.
     named = {Path(file).name for file in files}
     folds = {FOLDS, f"{CHAIN}.part", CHAIN}
-    assert (ADDITIONS | {MANIFEST, FIT, RANKING, LAWS, AS_GOOD, RESULTS, ENSEMBLE}) - folds <= named
+    assert (ADDITIONS | {MANIFEST, FIT, RANKING, LAWS, NEAR_SETS, RESULTS, ENSEMBLE}) - folds <= named
     motions = [
         seed.content for reader in readers if reader.name.startswith("motions: ") for seed in reader.seeds
     ]

@@ -14,7 +14,7 @@ from mrwork.identification import Fit
 from mrwork.identification.fit_file import addition_content, others_content
 from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import AS_GOOD, CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING
+from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, NEAR_SETS, PLAN, PROFILES, RANKING
 from mrwork.store.unfinished import begin_addition, keep_addition
 from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
@@ -22,6 +22,7 @@ from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import predict_tests
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.choice.splits import Split, Splits
 from mrwork.uncertainty.planning import LinearisedPosterior, checked_with_draws, normal_draws
 from mrwork.uncertainty.posterior.draws import draws_content
 
@@ -50,7 +51,7 @@ def add_every_file(
         PLAN: addition_content(asdict(_plan(fit, test)), fit),
         RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
         LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
-        AS_GOOD: json_document(others_content([fit], fit)).encode(),
+        NEAR_SETS: json_document(others_content([fit], fit)).encode(),
     }
     write_files(place, contents)
 
@@ -84,7 +85,8 @@ def ranking_of_two(model: str) -> Ranking:
 
 def choice_of_laws(model: str) -> LawTable:
     left_out = [np.array([0.1, 0.2]), np.array([0.3])]
-    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out)
+    splits = Splits(splits=(Split(members=(0, 1)), Split(members=(2,))), units=(0, 0, 1), fold="motion")
+    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out, splits=splits)
     failing = "static_hysteretic"
     return LawTable(
         model=model,

@@ -1,4 +1,4 @@
-"""Sets of laws that are as good: kept with a run, how far they are apart, and a study with each of them."""
+"""Sets of laws that predict nearly as well: kept with a run, how far they are apart, and a study with each of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sinusoidal_tests import sinusoidal_test
 import mrwork as mr
 from mrwork.identification.fit_file import others_content
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import AS_GOOD
+from mrwork.store.run_folder import NEAR_SETS
 
 COMMANDS = (0.0, 0.5, 1.0)
 MOTIONS = ((0.004, 1.0), (0.004, 2.0), (0.002, 3.0))
@@ -76,7 +76,7 @@ def apart(folder: Path) -> Path:
     """The same, with sets of which the dampers are half and twice as strong, so that a verdict changes."""
     place = Path(shutil.copytree(folder, folder.parent / "apart"))
     fit = mr.load(place / "run", mr.StoredRun).fit
-    (place / "run" / AS_GOOD).write_bytes(
+    (place / "run" / NEAR_SETS).write_bytes(
         json_document(others_content([scaled(fit, 0.5), scaled(fit, 2.0)], fit)).encode()
     )
     return place
@@ -101,16 +101,17 @@ def respond(folder: Path, *words: str) -> Mapping[str, Any]:
     return found
 
 
-def test_sets_that_are_as_good_are_fitted_to_all_tests_and_kept(folder: Path) -> None:
+def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folder: Path) -> None:
     run = mr.load(folder / "run", mr.StoredRun)
     assert run.laws is not None
-    as_good = [each.laws for each in run.laws.tried if each.verdict == "as good"]
+    least = run.laws.chosen_laws.left_out_percent - 1.0
+    near = [each for each in run.laws.tried if each.verdict != "unusable" and each.left_out_percent >= least]
     assert run.others
     for other in run.others:
         assert other.provenance.inputs == run.fit.provenance.inputs
-        assert other.fit_percent == pytest.approx(run.fit.fit_percent, abs=0.2)
+        assert other.fit_percent == pytest.approx(run.fit.fit_percent, abs=1.0)
         assert other.spec != run.fit.spec
-        assert tuple(sorted(other.spec.following)) in {tuple(sorted(laws)) for laws in as_good}
+        assert tuple(sorted(other.spec.following)) in {tuple(sorted(each.laws)) for each in near}
 
 
 def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path) -> None:
@@ -126,7 +127,7 @@ def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path
     assert prediction.sets_apart.percent == pytest.approx(100.0 * spread, rel=0.02)
     (row,) = json.loads(printed("predict", apart / "run", apart / "fast.csv", "--json"))["files"]
     assert row["sets_apart_percent"] == pytest.approx(prediction.sets_apart.percent)
-    assert "3 sets of laws that are as good differ by" in printed(
+    assert "3 sets of laws that predict nearly as well (within 1 point) differ by" in printed(
         "predict", apart / "run", apart / "fast.csv"
     )
     slow = mr.predict(run.fit, made((0.002, 1.0), 1.0, 3), others=run.others)
@@ -145,12 +146,8 @@ def test_an_ensemble_says_which_verdict_changes_and_is_read_back(apart: Path, tm
     assert ensemble is not None
     assert json.loads(json_document(asdict(ensemble))) == found["ensemble"]
     assert len(ensemble.sets) == 3
-    on = next(each for each in ensemble.rows if each.controller == "on")
-    assert on.criteria["peak_drift"][0] == pytest.approx(
-        next(each for each in plain["results"] if each["controller"] == "on")["criteria"]["peak_drift"]
-    )
-    assert on.spread_percent["peak_drift"] > 1.0
-    assert on.scores[1] != on.scores[2]
+    drift = next(each for each in ensemble.verdicts if each.subject.startswith("Peak drift"))
+    assert len(set(drift.values)) == 3
     assert any(each.changes for each in ensemble.verdicts)
     assert mr.load(tmp_path / "plain", mr.StoredStudy).ensemble is None
     # Without the option the runs stay in the journal, from which they come back.
@@ -163,14 +160,14 @@ def test_an_ensemble_says_which_verdict_changes_and_is_read_back(apart: Path, tm
 
 def test_sets_that_are_missing_or_forged_are_refused(folder: Path, tmp_path: Path, refused: Refused) -> None:
     place = Path(shutil.copytree(folder, tmp_path / "folder"))
-    kept = (place / "run" / AS_GOOD).read_text()
+    kept = (place / "run" / NEAR_SETS).read_text()
     for old, new in (
         ('"of_fit": "', '"of_fit": "0'),
         ('"model": "viscous_dahl"', '"model": 3'),
         ('csv": "', 'csv": "0'),
     ):
-        (place / "run" / AS_GOOD).write_text(kept.replace(old, new))
+        (place / "run" / NEAR_SETS).write_text(kept.replace(old, new))
         refused(mr.load, place / "run")
-    (place / "run" / AS_GOOD).unlink()
+    (place / "run" / NEAR_SETS).unlink()
     assert mr.load(place / "run", mr.StoredRun).others is None
     refused.command("respond", place / "study.toml", "--ensemble")

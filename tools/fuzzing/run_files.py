@@ -24,7 +24,6 @@ from mrwork.store.codec import json_document
 from mrwork.store.journal import read_lines
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import (
-    AS_GOOD,
     CALIBRATION,
     CHAIN,
     DRAWS,
@@ -34,6 +33,7 @@ from mrwork.store.run_folder import (
     JOURNAL,
     LAWS,
     MANIFEST,
+    NEAR_SETS,
     PLAN,
     PREDICTIONS,
     PROFILES,
@@ -67,7 +67,7 @@ DOCUMENTS: Final[Mapping[str, tuple[str, ...]]] = {
     PLAN: (),
     RANKING: (),
     LAWS: (),
-    AS_GOOD: (),
+    NEAR_SETS: (),
 }
 
 
@@ -177,9 +177,7 @@ def _readers_of_a_study(folder: Path) -> list[Reader]:
         Reader(
             name="study: ensemble.json",
             read=lambda path: mr.study.read_results(path.parent),
-            seeds=(
-                _seed(ENSEMBLE, json_document(asdict(ensemble_of(("a", "b"), (results, results)))).encode()),
-            ),
+            seeds=(_seed(ENSEMBLE, json_document(asdict(ensemble_of((results, results)))).encode()),),
             beside={
                 MANIFEST: stated["study"],
                 RESULTS: json_document(study_document(results)).encode(),

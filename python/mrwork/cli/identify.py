@@ -54,7 +54,7 @@ from mrwork.identification.settings import (
 )
 from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for
-from mrwork.store.run_folder import AS_GOOD, FIT, LAWS, MODELS, RANKING
+from mrwork.store.run_folder import FIT, LAWS, MODELS, NEAR_SETS, RANKING
 from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
 from mrwork.uncertainty.bands.prediction import Fold
 
@@ -362,18 +362,15 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
         fit = verb.described_fit(replace(choice.fit, seconds=choice.seconds), status)
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
+        others = (
+            f"Other sets of laws that predict nearly as well, within 1 point: {len(choice.others)}, in "
+            f"{verb.folder / NEAR_SETS}; predict and respond say how far they are apart where the tests end"
+        )
         lines = [
             *_choice_lines(table.table, table.sentence, table.notes),
             "",
             f"Laws: {verb.folder / LAWS}",
-            *(
-                [
-                    f"Other sets of laws that are as good: {len(choice.others)}, in {verb.folder / AS_GOOD}; `mrwork "
-                    "predict` and `respond` say how far they are apart where the tests end"
-                ]
-                if choice.others
-                else []
-            ),
+            *([others] if choice.others else []),
             "",
             text_of(fit, verb.tests),
         ]
@@ -385,7 +382,7 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             text="\n".join(lines),
             document=summary_of(fit, verb.tests, verb.folder) | {"choice_of_laws": asdict(table)},
             documents={LAWS: asdict(table)}
-            | ({AS_GOOD: others_content(choice.others, fit)} if choice.others else {}),
+            | ({NEAR_SETS: others_content(choice.others, fit)} if choice.others else {}),
             laws=table,
         )
 

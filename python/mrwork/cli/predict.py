@@ -35,7 +35,7 @@ from mrwork.records.likeness import likenesses_in_words
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
-from mrwork.uncertainty.bands.prediction import Prediction, apart_on_test, forces_of_others
+from mrwork.uncertainty.bands.prediction import Prediction, with_others
 
 _AS_FITTED = "as in the identification"
 
@@ -58,7 +58,7 @@ def add_options(parser: CommandParser) -> None:
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
         "Tests with the motion and command of a fitted one are named as seen. Where --law auto has found other sets of "
-        "laws that are as good, a sentence says how far they are apart where the tests end."
+        "laws that predict nearly as well, within 1 point, a sentence says how far they are apart where the tests end."
     )
     parser.epilog = examples(
         "mrwork predict out/rig rig --level 0.9",
@@ -112,8 +112,10 @@ def run(options: argparse.Namespace) -> int:
         seen, condition, outside = fit.seen(test), fit.other_condition(test), fit.outside(test, force)
         exceeded += [(test.label, each) for each in outside.exceedances]
         limited += outside.laws
-        forces = forces_of_others(others, test, nuisances=nuisances)
-        sets = apart_on_test(fit, test, force, forces)
+        prediction = with_others(
+            Prediction(test=test, model_force=force, outside=outside), fit, others, nuisances
+        )
+        sets = prediction.sets_apart
         apart += [] if sets is None else [(test.label, sets)]
         rows.append(
             {
@@ -136,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
         known += [] if seen is None else [seen]
         conditions += [] if condition is None else [condition]
         if calibration is not None:
-            band = calibration.band(Prediction(test=test, model_force=force, outside=outside), options.level)
+            band = calibration.band(prediction, options.level)
             scored = score(band, test.force[test.counted])
             used = calibration.knows(test)
             calibrated_on += [] if used is None else [used]

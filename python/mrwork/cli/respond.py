@@ -57,8 +57,8 @@ def add_options(parser: CommandParser) -> None:
     study.add_argument(
         "--ensemble",
         action="store_true",
-        help="run the study once more for each other set of laws that is as good, of a damper from a run of identify "
-        "--law auto, with its control laws designed anew; say which verdict changes, and the spread of each criterion",
+        help="run the study once more for each other set of laws that predicts nearly as well, within 1 point, of a "
+        "damper from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
     )
     add_threads(parser)
     add_out(parser, "folder of the results, default out/STUDY")
@@ -102,12 +102,12 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
 
     if options.ensemble and not study.other_sets:
         raise SettingError(
-            "--ensemble runs the study for each set of laws that is as good, and no run folder of its dampers has "
-            "others than the chosen one; leave it out, or identify the damper with --law auto"
+            "--ensemble runs the study for each set of laws that predicts nearly as well, and no run folder of "
+            "its dampers has others than the chosen one; leave it out, or identify the damper with --law auto"
         )
     histories = Histories(place, study, resume=options.resume)
-    apart: list[str] = []
-    ensembles: list[Ensemble] = []
+    further: dict[str, Any] = {}
+    lines: list[str] = []
 
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
@@ -122,9 +122,14 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             threads=options.threads,
         )
         try:
-            apart.append(dampers_apart(study, results, threads=options.threads))
+            if words := dampers_apart(study, results, threads=options.threads):
+                further["sets_apart"] = words
+                lines.extend([f"{words}.", ""])
             if options.ensemble:
-                ensembles.append(_run_ensemble(options, study, results, journal, line))
+                ensemble = _run_ensemble(options, study, results, journal, line)
+                further["ensemble"] = asdict(ensemble)
+                lines.append(f"The study with {len(ensemble.sets)} sets of laws that predict nearly as well:")
+                lines.extend([*(f"  {sentence}" for sentence in ensemble.in_words), ""])
         except KeyboardInterrupt as interrupt:
             raise Interrupted(results, "study with other sets of laws") from interrupt
         return results
@@ -143,32 +148,19 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         )
 
     def document(results: StudyResults) -> dict[str, Any]:
-        return (
-            study_document(results)
-            | design_document(study)
-            | ({"sets_apart": apart[0]} if any(apart) else {})
-            | ({"ensemble": asdict(ensembles[0])} if ensembles else {})
-        )
+        return study_document(results) | design_document(study) | further
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
         notes = [
             "\n".join([heading, *(f"  {sentence}" for sentence in sentences), ""])
             for heading, sentences in study.design_notes
         ]
-        further = [f"{apart[0]}.", ""] if any(apart) else []
-        for each in ensembles:
-            further += [f"The study with {len(each.sets)} sets of laws that are as good:"]
-            further += [
-                *(f"  {sentence}" for sentence in each.in_words),
-                *each.table.lines("  ", width=120),
-                "",
-            ]
-        return "\n".join([*notes, *further, study_text(results, place if drawn or not written else None)])
+        return "\n".join([*notes, *lines, study_text(results, place if drawn or not written else None)])
 
     return StudyVerb(
         compute=compute,
         page=page,
-        write=partial(write_study, histories=histories, ensemble=lambda: next(iter(ensembles), None)),
+        write=partial(write_study, histories=histories, further=further),
         document=document,
         text=text,
     )
@@ -183,30 +175,23 @@ def _run_ensemble(
 ) -> Ensemble:
     """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
     from mrwork.runs.study import read_study
-    from mrwork.study.ensemble import damper_in_words, ensemble_of
+    from mrwork.study.ensemble import ensemble_of
     from mrwork.study.run import run_study
 
-    every, sets = [results], [damper_in_words(study.devices[0].spec)]
+    every = [results]
     for number, other in enumerate(study.other_sets, start=2):
-        name = f"set {number} of {1 + len(study.other_sets)}"
+        name = f"set {number} of {1 + len(study.other_sets)} of the laws"
 
         def report(progress: StudyProgress, name: str = name) -> None:
-            line(replace(progress, label=f"{name} of the laws, {progress.label}"))
+            line(replace(progress, label=f"{name}, {progress.label}"))
 
         read = read_study(options.study, other.fitted.__getitem__, seed=options.seed)
         alone = read if options.motions == "all" else read.of_use(options.motions)
         # Neither histories, realisations nor a non-causal optimum, which no verdict is from.
         alone = replace(alone, histories=(), realisations=None, clairvoyant=None)
-        every.append(
-            run_study(
-                alone,
-                journal=journal,
-                on_progress=None if is_quiet(options) else report,
-                threads=options.threads,
-            )
-        )
-        sets.append(damper_in_words(other.dampers[0].spec))
-    return ensemble_of(sets, every)
+        told = None if is_quiet(options) else report
+        every.append(run_study(alone, journal=journal, on_progress=told, threads=options.threads))
+    return ensemble_of(every)
 
 
 def _listing(options: argparse.Namespace) -> str:

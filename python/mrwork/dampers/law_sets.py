@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base.arguments import Count, NotNegative
 from mrwork.base.numbers import of_unit
-from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.tested_range import OperatingRange
 
@@ -18,33 +15,27 @@ from mrwork.dampers.tested_range import OperatingRange
 _AT_END, _BEYOND = 0.95, 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SetsApart(Summarised):
-    """How far sets of laws that are as good are apart where the tests end.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetsApart:
+    """How far sets of laws that predict nearly as well are apart where the tests end.
 
     `percent` is the root mean square over these samples of the largest minus the least force of the `n_sets`, per that
-    of the force of the chosen set there; `velocity` [m/s] is their peak, and `share` is theirs of all samples. A sample
-    is where the tests end if its velocity or its displacement from the middle reaches 95 % of the tested peak, or its
-    command is outside the tested ones by 5 % of the largest.
+    of the force of the chosen set there; `velocity` [m/s] is their peak. A sample is where the tests end if its
+    velocity or its displacement from the middle reaches 95 % of the tested peak, or its command is outside the tested
+    ones by 5 % of the largest.
     """
 
-    _made_by: ClassVar[str] = "mr.predict(fit, test, others=others)"
-
-    n_sets: Count
-    percent: NotNegative
-    velocity: NotNegative
-    share: NotNegative
+    n_sets: int
+    percent: float
+    velocity: float
 
     @property
     def in_words(self) -> str:
-        """Text such as "5 sets of laws that are as good differ by 14 % of the force at 122 mm/s"."""
+        """What it says, a sentence without its stop."""
         return (
-            f"{self.n_sets} sets of laws that are as good differ by {self.percent:.2g} % of the force at "
-            f"{of_unit(1e3 * self.velocity, 'mm/s', 3)}"
+            f"{self.n_sets} sets of laws that predict nearly as well (within 1 point) differ by "
+            f"{self.percent:.2g} % of the force at {of_unit(1e3 * self.velocity, 'mm/s', 3)}"
         )
-
-    def _summary(self) -> Summary:
-        return Summary(title=self.in_words)
 
 
 def sets_apart(
@@ -58,9 +49,8 @@ def sets_apart(
     ends = (np.abs(velocity) >= _AT_END * tested.velocity) | (away >= _AT_END * tested.stroke)
     if command is not None and tested.command is not None:
         lowest, highest = tested.command
-        ends |= np.abs(np.asarray(command) - 0.5 * (lowest + highest)) > 0.5 * (
-            highest - lowest
-        ) + _BEYOND * abs(highest)
+        most = 0.5 * (highest - lowest) + _BEYOND * abs(highest)
+        ends |= np.abs(np.asarray(command) - 0.5 * (lowest + highest)) > most
     scale = float(np.linalg.norm(forces[0, ends]))
     if len(forces) < 2 or scale == 0.0:
         return None
@@ -68,7 +58,6 @@ def sets_apart(
         n_sets=len(forces),
         percent=100.0 * float(np.linalg.norm(np.ptp(forces[:, ends], axis=0))) / scale,
         velocity=float(np.abs(velocity[ends]).max()),
-        share=float(ends.mean()),
     )
 
 

@@ -225,7 +225,7 @@ class FittedDamper:
     """Model and parameters of an identified damper, and the ranges of its tests, `None` if unknown.
 
     `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none. `others` are the same
-    damper with other sets of laws that are as good.
+    damper with other sets of laws that predict nearly as well.
     """
 
     spec: DamperSpec

@@ -14,10 +14,10 @@ from mrwork.store.codec import json_document, parse_document, read_document, rec
 from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
-    AS_GOOD,
     FIT,
     FIT_RUN,
     JOURNAL,
+    NEAR_SETS,
     REPORT,
     check_manifest,
     read_kind,
@@ -113,7 +113,7 @@ def read_addition(kind: type[T], path: Path, fit: Fit, *, name: str, verb: str) 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherFits:
-    """The file of other fits to the same tests, whose laws are as good as those of the fit beside it."""
+    """The file of other fits to the same tests, whose laws predict nearly as well as those of the fit beside it."""
 
     fits: tuple[Fit, ...]
 
@@ -126,13 +126,13 @@ def others_content(fits: Sequence[Fit], fit: Fit) -> Mapping[str, object]:
 def read_others(place: Path, fit: Fit) -> tuple[Fit, ...] | None:
     """The other fits in the run folder of a fit at `place`, `None` where there are none."""
     name = "list of fits with other laws"
-    stored = read_addition(OtherFits, place / AS_GOOD, fit, name=name, verb="identify")
+    stored = read_addition(OtherFits, place / NEAR_SETS, fit, name=name, verb="identify")
     if stored is None:
         return None
     units = {each.current.unit for each in (fit, *stored.fits) if each.current is not None}
     if len(units) > 1 or any(each.provenance.inputs != fit.provenance.inputs for each in stored.fits):
         raise RecordError(
-            f"{place / AS_GOOD} has fits to other tests than {FIT} beside it; run `mrwork identify` again"
+            f"{place / NEAR_SETS} has fits to other tests than {FIT} beside it; run `mrwork identify` again"
         )
     return stored.fits
 

@@ -47,7 +47,7 @@ class StoredRun(Summarised):
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
     `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
-    `mrwork identify --law auto`, and `others` the fits of sets of laws that are as good as those of the `fit`.
+    `mrwork identify --law auto`, and `others` the fits of sets of laws that predict nearly as well.
     """
 
     _made_by: ClassVar[str] = "mr.load(run)"

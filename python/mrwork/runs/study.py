@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -33,17 +34,13 @@ def fitted_damper(run: Path) -> FittedDamper:
             else np.asarray(stored_draws.chains.reshape(-1, stored_draws.chains.shape[-1]))
         )
 
+    chosen = FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
+    # Draws of the chosen set only are known.
     others = tuple(
-        FittedDamper(
-            spec=each.spec,
-            theta=each.theta,
-            tested=fit.tested,
-            # Draws of the chosen set only are known.
-            draws=partial(np.atleast_2d, np.array(each.theta)),
-        )
+        replace(chosen, spec=each.spec, theta=each.theta, draws=partial(np.atleast_2d, np.array(each.theta)))
         for each in read_others(run, fit) or ()
     )
-    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws, others=others)
+    return replace(chosen, others=others)
 
 
 @checked

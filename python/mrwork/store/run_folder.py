@@ -37,8 +37,8 @@ RANKING = "ranking.json"
 MODELS = "models"
 # Added by a choice of current laws: the laws that were tried.
 LAWS = "laws.json"
-# And the fits of other sets of laws that are as good as the chosen one.
-AS_GOOD = "as_good.json"
+# And the fits of other sets of laws that predict nearly as well.
+NEAR_SETS = "near_sets.json"
 # Written by a study of buildings.
 RESULTS = "results.json"
 STUDY = "study.toml"
@@ -81,7 +81,7 @@ class RunKind:
 FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, AS_GOOD, f"{MODELS}/*/{FIT}"}),
+    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"}),
     added=ADDITIONS | {FIGURES},
     redrawn=frozenset({REPORT}),
 )
@@ -89,18 +89,9 @@ STUDY_RUN: Final = RunKind(
     verb="respond",
     kind="study",
     written=frozenset(
-        {
-            MANIFEST,
-            JOURNAL,
-            REPORT,
-            RESULTS,
-            STUDY,
-            CRITERIA_TABLE,
-            PROFILES_TABLE,
-            ENSEMBLE,
-            f"{HISTORIES}/*.npz",
-        }
-    ),
+        {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE, f"{HISTORIES}/*.npz"}
+    )
+    | {ENSEMBLE},
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",

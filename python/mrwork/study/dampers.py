@@ -245,7 +245,7 @@ def choose_dampers(tables: Sequence[DamperTable], folder: Path, identified: Iden
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSet:
-    """Another set of laws that is as good as the chosen one: fitted dampers by run, and the dampers of the tables."""
+    """Another set of laws that predicts nearly as well: fitted dampers by run, and the dampers of the tables."""
 
     fitted: Mapping[Path, FittedDamper]
     dampers: tuple[ChosenDamper, ...]
@@ -257,9 +257,9 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
     sets = []
     for wanted in next((run.others for run in runs.values() if run.others), ()):
         fitted = {
-            path: other
+            path: wanted if wanted in run.others else other
             for path, run in runs.items()
-            for other in ((wanted,) if wanted in run.others else run.others)
+            for other in run.others
             if other.spec == wanted.spec
         }
         with suppress(SettingError, KeyError):

@@ -1,4 +1,4 @@
-"""A study with each set of laws of its dampers that is as good: what it decides, and how far the sets are apart."""
+"""A study with each set of laws of its dampers: which verdict changes, and how far the sets are apart."""
 
 from __future__ import annotations
 
@@ -11,187 +11,120 @@ from typing import ClassVar
 import numpy as np
 
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table, TableColumn, text_table
-from mrwork.closed_loop.evaluation import criteria
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SimulationError
 from mrwork.store.codec import OrNan, Related
-from mrwork.study.comparison import compared, compared_quantities, rounds_to_increase
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
+from mrwork.study.results import StudyResults
 from mrwork.study.run import simulate_history
 from mrwork.study.study import Study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What a study decides with each set of laws, of which the first is the chosen one, and whether that changes."""
+    """What a study decides with each set of laws, of which the first is the chosen one.
+
+    `values` are lowest scores, or differences of scores and relative changes of quantities against the reference.
+    """
 
     subject: str
     answers: tuple[str, ...]
-    changes: bool
+    values: tuple[OrNan, ...]
 
-    @staticmethod
-    def of(subject: str, answers: Sequence[str]) -> Verdict:
-        """The verdict with its answers."""
-        return Verdict(subject=subject, answers=tuple(answers), changes=len(set(answers)) > 1)
+    @property
+    def changes(self) -> bool:
+        """Whether the sets do not agree."""
+        return len(set(self.answers)) > 1
 
     @property
     def in_words(self) -> str:
-        """Text such as "lowest score of the control laws: skyhook with sets 1, 2; clipped-optimal with set 3"."""
-        parts = []
-        for answer in dict.fromkeys(self.answers):
-            sets = [str(number) for number, each in enumerate(self.answers, start=1) if each == answer]
-            parts.append(f"{answer} with set{'s' if len(sets) > 1 else ''} {', '.join(sets)}")
-        return f"{self.subject}: {'; '.join(parts) if self.changes else f'{self.answers[0]} with every set'}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnsembleRow:
-    """A row of a study with each set of laws: its score, and its criteria as means over the judged motions.
-
-    `spread_percent` is the largest minus the least of each criterion, per that of the chosen set.
-    """
-
-    controller: str
-    scores: tuple[OrNan, ...]
-    criteria: dict[str, tuple[OrNan, ...]]
-    spread_percent: dict[str, OrNan]
+        """Text such as "lowest score of control laws: LQG (0.71) with set 1, skyhook (0.69) with set 2"."""
+        parts = [
+            f"{answer} ({value:.3g}) with set {number}"
+            for number, (answer, value) in enumerate(zip(self.answers, self.values, strict=True), start=1)
+        ]
+        return f"{self.subject}: {', '.join(parts)}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Ensemble(Summarised, Related):
-    """A study with each of the `sets` of laws of its dampers, the chosen one first: its verdicts and its criteria."""
+    """A study with each of the `sets` of laws of its dampers, the chosen one first, and its verdicts."""
 
     _made_by: ClassVar[str] = "mr.load(folder).ensemble"
 
     sets: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
-    rows: tuple[EnsembleRow, ...]
 
     def disagreement(self) -> str:
-        """First contradiction: a verdict or a row of another number of sets."""
-        numbers = [each.answers for each in self.verdicts] + [
-            values for row in self.rows for values in (row.scores, *row.criteria.values())
-        ]
-        wrong = [len(each) for each in numbers if len(each) != len(self.sets)]
-        return f"it has {wrong[0]} values for {len(self.sets)} sets of laws" if wrong else ""
+        """A verdict of another number of sets."""
+        numbers = {len(each) for verdict in self.verdicts for each in (verdict.answers, verdict.values)}
+        wrong = numbers - {len(self.sets)}
+        return f"it has {min(wrong)} values for {len(self.sets)} sets of laws" if wrong else ""
 
     @property
     def in_words(self) -> tuple[str, ...]:
         """The sets, and each verdict that changes, a sentence each."""
-        changing = [each.in_words for each in self.verdicts if each.changes]
+        changing = [f"verdict changes: {each.in_words}" for each in self.verdicts if each.changes]
         return (
             *(f"set {number}: {words}" for number, words in enumerate(self.sets, start=1)),
-            *(f"verdict changes: {each}" for each in changing),
-            *([] if changing else [f"none of {len(self.verdicts)} verdicts changes"]),
+            *(changing or [f"none of {len(self.verdicts)} verdicts changes"]),
         )
 
-    @property
-    def table(self) -> Table:
-        """Scores of each row from the least to the largest, and the spread of every compared quantity."""
-
-        def score(row: EnsembleRow) -> str:
-            known = [each for each in row.scores if math.isfinite(each)]
-            return f"{min(known):.3f} to {max(known):.3f}" if known else "-"
-
-        def spread(name: str) -> TableColumn:
-            entry = next(each for each in criteria() if each.name == name)
-            return TableColumn(heading=entry.short, cell=lambda row: f"{row.spread_percent[name]:.1f}")
-
-        columns = [
-            TableColumn(heading="largest minus least, % of set 1", cell=lambda row: row.controller),
-            TableColumn(heading="score", cell=score),
-            *(spread(entry.name) for entry in compared_quantities()),
-        ]
-        return text_table(columns, self.rows)
-
     def _summary(self) -> Summary:
-        table = self.table
         return Summary(
-            title=f"The study with {len(self.sets)} sets of laws",
-            columns=table.columns,
-            rows=table.rows,
+            title=f"The study with {len(self.sets)} sets of laws that predict nearly as well",
             notes=self.in_words,
         )
 
 
-def damper_in_words(spec: DamperSpec) -> str:
+def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
+    """The ensemble of the results with each set, whose rows and motions are those of the first."""
+    return Ensemble(
+        sets=tuple(_damper_in_words(each.devices[0].spec) if each.devices else "" for each in results),
+        verdicts=tuple(_verdicts([compared(each) for each in results])),
+    )
+
+
+def _damper_in_words(spec: DamperSpec) -> str:
     """The model and the laws of the parameters that follow the command."""
     laws = () if spec.current is None else zip(damper(spec.name).names, spec.current.laws, strict=True)
-    following = [f"{name} {law}" for name, law in laws if law != polynomial_laws()[0]]
-    return f"{spec.name}, {', '.join(following) or 'all constant'}"
+    following = {name: law for name, law in laws if law != polynomial_laws()[0]}
+    return f"{spec.name}, {', '.join(f'{name} {law}' for name, law in following.items()) or 'all constant'}"
 
 
-def ensemble_of(sets: Sequence[str], results: Sequence[StudyCriteria]) -> Ensemble:
-    """The ensemble of the results with each set, whose rows and motions are those of the first."""
-    return Ensemble(sets=tuple(sets), verdicts=tuple(_verdicts(results)), rows=tuple(_rows(results)))
-
-
-def _verdicts(results: Sequence[StudyCriteria]) -> Iterator[Verdict]:
-    """The first row of each rank, and whether the leading row is better than its references in each quantity."""
-    comparisons = [compared(each) for each in results]
-    main, labels = comparisons[0], [row.label for row in results[0].rows]
-    for rank, rows in main.ranks:
+def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:
+    """The first row of each rank, and whether the leading row is worse than each set's own references."""
+    first = studies[0]
+    labels = [row.label for row in first.results.rows]
+    for place, (rank, rows) in enumerate(first.ranks):
         if len(rows) > 1:
-            firsts = [{own.name: first[0] for own, first in each.ranks}[rank.name] for each in comparisons]
-            yield Verdict.of(f"lowest score of {rank.title}", [labels[row] for row in firsts])
-    leading = main.leading
-    for reference in main.references:
-        if leading is None or leading == reference:
-            continue
-        against = f"of {labels[leading]} against {labels[reference]}"
-        scores = [(each.score(leading), each.score(reference)) for each in results]
-        yield Verdict.of(f"score {against}", [_answer(*pair) for pair in scores])
-        for entry in compared_quantities():
-            means = [
-                np.mean(
-                    [each.ratios_to(leading, motion, reference)[entry.name] for motion in each.judged_motions]
-                )
-                for each in results
-            ]
-            answers = [
-                "unknown"
-                if math.isnan(each)
-                else "worse"
-                if rounds_to_increase(float(each) - 1.0)
-                else "no worse"
-                for each in means
-            ]
-            yield Verdict.of(f"{entry.title} {against}", answers)
-
-
-def _answer(score: float, reference: float) -> str:
-    return "unknown" if math.isnan(score + reference) else "lower" if score < reference else "no lower"
-
-
-def _rows(results: Sequence[StudyCriteria]) -> Iterator[EnsembleRow]:
-    for number, row in enumerate(results[0].rows):
-        means = {
-            entry.name: tuple(
-                float(
-                    np.mean(
-                        [
-                            (each.criteria(number, motion) or {}).get(entry.name, math.nan)
-                            for motion in each.judged_motions
-                        ]
-                    )
-                )
-                for each in results
+            leaders = [each.ranks[place][1][0] for each in studies]
+            yield Verdict(
+                subject=f"lowest score of {rank.title}",
+                answers=tuple(labels[row] for row in leaders),
+                values=tuple(each.results.score(row) for each, row in zip(studies, leaders, strict=True)),
             )
-            for entry in criteria()
-        }
-        yield EnsembleRow(
-            controller=row.label,
-            scores=tuple(each.score(number) for each in results),
-            criteria=means,
-            spread_percent={
-                name: 100.0 * float(np.ptp(values)) / abs(values[0]) if values[0] else math.nan
-                for name, values in means.items()
-            },
-        )
+    for title, own in (
+        ("the building without dampers", [each.uncontrolled for each in studies]),
+        ("the best passive damper", [each.passive for each in studies]),
+    ):
+        row, references = first.leading, [each for each in own if each is not None]
+        if row is None or row in own or not references:
+            continue
+        pairs = [*zip(studies, references, strict=True)]
+        changes = {"score": [each.results.score(row) - each.results.score(other) for each, other in pairs]}
+        for entry in compared_quantities():
+            changes[entry.title] = [each.tables[row, other][entry.name].mean for each, other in pairs]
+        for name, values in changes.items():
+            subject = f"{name} of {labels[row]} against {title}"
+            yield Verdict(subject=subject, answers=tuple(map(_answer, values)), values=tuple(values))
+
+
+def _answer(change: float) -> str:
+    return "unknown" if math.isnan(change) else "worse" if rounds_to_increase(change) else "no worse"
 
 
 def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> str:
@@ -199,39 +132,37 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
 
     A sentence on the damper of which they are farthest apart; empty where none reaches the end of its tests.
     """
-    reach: dict[tuple[int, int], float] = {}
-    for row, motion in results.runs:
-        fixed = row < len(study.arrangements) and study.arrangements[row].law is not None
-        for each, device in zip(results.demands(row, motion) if fixed else (), study.devices, strict=False):
-            if device.tested is not None and device.tested.velocity > 0.0:
-                reach[row, motion] = max(
-                    reach.get((row, motion), 0.0), each.demand.velocity / device.tested.velocity
-                )
+    tested = {
+        number: each.tested
+        for number, each in enumerate(study.devices)
+        if each.tested is not None and each.tested.velocity > 0.0
+    }
+    reach = {
+        (row, motion): max(demands[number].demand.velocity / own.velocity for number, own in tested.items())
+        for row, motion in results.runs
+        if tested and row < len(study.arrangements) and study.arrangements[row].law is not None
+        if (demands := results.demands(row, motion))
+    }
     if not study.other_sets or not reach:
         return ""
     row, motion = max(reach, key=lambda key: reach[key])
     history = simulate_history(study, study.arrangements[row], motion, threads)
     apart: list[tuple[SetsApart, str]] = []
-    for number, device in enumerate(study.devices):
-        if device.tested is None:
-            continue
+    for number, own in tested.items():
         x, v, sent = (
             np.ascontiguousarray(history.numbers[name][:, number])
             for name in ("deformation", "rate", "command")
         )
-        motion_of = Loading(dt=study.hardware.sample_time, displacement=x, velocity=v)
-        models = [
-            (device.spec, device.draws[0]),
-            *((each.dampers[number].spec, each.dampers[number].theta) for each in study.other_sets),
-        ]
-        forces = []
+        device, forces = study.devices[number], []
+        others = [(each.dampers[number].spec, each.dampers[number].theta) for each in study.other_sets]
         # Without the sets from the first on that cannot be simulated there.
         with suppress(SimulationError):
-            for spec, theta in models:
-                unit = None if spec.current is None else spec.current.unit
-                loading = replace(motion_of, command=None if unit is None else sent, command_unit=unit)
+            for spec, theta in ((device.spec, device.draws[0]), *others):
+                loading = Loading(dt=study.hardware.sample_time, displacement=x, velocity=v)
+                if spec.current is not None:
+                    loading = replace(loading, command=sent, command_unit=spec.current.unit)
                 forces.append(simulate_force(spec, theta, loading))
-        found = sets_apart(device.tested, x, v, sent, np.array(forces)) if forces else None
+        found = sets_apart(own, x, v, sent, np.array(forces)) if forces else None
         apart += [] if found is None else [(found, device.name)]
     if not apart:
         return ""

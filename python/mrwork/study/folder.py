@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -342,7 +342,7 @@ class StoredStudy(StudyCriteria):
 
     Rows of an interrupted study without a run are among `rows` with the kind "controller". `details` are what
     the file says of each run beside its quantities: bands, demand on the dampers, changes with half the step.
-    `ensemble` is the study with each set of laws that is as good, `None` where it was run without `--ensemble`.
+    `ensemble` is the study with each set of laws that predicts nearly as well, `None` if run without `--ensemble`.
     """
 
     details: Mapping[Key, StoredStudyRun]
@@ -424,7 +424,7 @@ def write_study(
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
-    ensemble: Callable[[], Ensemble | None] = lambda: None,
+    further: Mapping[str, object] | None = None,
 ) -> None:
     """Write the folder of a study, in place of an earlier one."""
     tables = {
@@ -434,8 +434,8 @@ def write_study(
     }
     if page is not None:
         tables[REPORT] = page
-    if (found := ensemble()) is not None:
-        tables[ENSEMBLE] = json_document(asdict(found))
+    if further and "ensemble" in further:
+        tables[ENSEMBLE] = json_document(further["ensemble"])
     write_folder(
         destination,
         {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},

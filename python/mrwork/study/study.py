@@ -246,7 +246,7 @@ class Study(Summarised):
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
     `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
-    sets of laws that are as good.
+    sets of laws that predict nearly as well.
     """
 
     _made_by: ClassVar[str] = "mr.read_study(path)"

@@ -173,8 +173,8 @@ def predict(
     nuisances
         Nuisance parameters that are estimated from the test; default those of the fit.
     others
-        Fits of other sets of laws that are as good, `others` of a run that is loaded: the prediction says how far they
-        are apart where the tests of the fit end.
+        Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
+        how far they are apart where the tests of the fit end.
 
     Raises
     ------
@@ -193,36 +193,29 @@ def predict(
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
     (prediction,) = predict_tests(fit, (test,), nuisances=nuisances)
-    if others is None:
-        return prediction
-    forces = forces_of_others(others, prediction.test, nuisances=nuisances)
-    apart = apart_on_test(fit, prediction.test, prediction.model_force, forces)
-    return replace(prediction, other_forces=forces, sets_apart=apart)
+    return with_others(prediction, fit, others or (), nuisances)
 
 
-def forces_of_others(
-    others: Sequence[Fit], test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None
-) -> Floats:
-    """Forces of other sets of laws on an observed test [N], shape (n_sets, n_time), without those that fail."""
-    forces = [np.empty((0, test.n_time))]
+def with_others(
+    prediction: Prediction, fit: Fit, others: Sequence[Fit], nuisances: tuple[NuisanceName, ...] | None
+) -> Prediction:
+    """The prediction with the forces of other sets of laws, without those that cannot be simulated."""
+    test, forces = prediction.test, [prediction.model_force]
     for other in others:
         observed = ObservedTest.of(other.spec, test, other.nuisances if nuisances is None else nuisances)
         with suppress(SimulationError):
-            forces.append(observed.predict_force(np.array(other.theta))[0][None])
-    return np.concatenate(forces)
-
-
-def apart_on_test(fit: Fit, test: DamperTest, model_force: Floats, other_forces: Floats) -> SetsApart | None:
-    """How far the sets of laws are apart over the samples of a test that count, where the tests of the fit end."""
-    counted = test.counted
+            forces.append(observed.predict_force(np.array(other.theta))[0])
+    if len(forces) == 1:
+        return prediction
     command = test.command_in(fit.tested.command_unit)
-    return sets_apart(
+    apart = sets_apart(
         fit.tested,
-        test.displacement[counted],
-        test.velocity[counted],
-        command[counted] if isinstance(command, np.ndarray) else command,
-        np.concatenate([model_force[None], other_forces])[:, counted],
+        test.displacement[test.counted],
+        test.velocity[test.counted],
+        command[test.counted] if isinstance(command, np.ndarray) else command,
+        np.array(forces)[:, test.counted],
     )
+    return replace(prediction, other_forces=np.array(forces[1:]), sets_apart=apart)
 
 
 def predict_tests(
