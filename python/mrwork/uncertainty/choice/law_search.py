@@ -57,6 +57,8 @@ _FRONTIER = 5
 _MOST_TRIED = 30
 # Where all first laws die, the multiple of the lower end of the search at which parameters of others start at least.
 _ALIVE = 10.0
+# Times that neighbours of a set are tried while a set that something speaks against predicts better.
+_EXPANDED = 4
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
 # NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
@@ -148,12 +150,23 @@ class LawSearch:
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
-            left = [each for each in self.frontier() if each.laws not in expanded]
+            often = 1 if self._is_best_sound() else _EXPANDED
+            left = [each for each in self.frontier() if expanded.count(each.laws) < often]
             if not left:
                 return
-            expanded.append(left[0].laws)
-            for laws in self._proposals(left[0]):
-                self._move_to(left[0], laws)
+            current = min(left, key=lambda each: expanded.count(each.laws))
+            expanded.append(current.laws)
+            for laws in self._proposals(current):
+                self._move_to(current, laws)
+
+    def _is_best_sound(self) -> bool:
+        """Whether no set that something speaks against predicts visibly better than the others."""
+        scores = [
+            [each.score for each in self.fitted if bool(each.tried.objection) is dead]
+            for dead in (True, False)
+        ]
+        dead, sound = (min(each, default=np.inf) for each in scores)
+        return bool(100.0 * (sound - dead) <= NEGLIGIBLE)
 
     def _revive(self, dead: FittedLaws) -> None:
         """Fit laws of parameters that scale with the force alone, until none of them dies.
