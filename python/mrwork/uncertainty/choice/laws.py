@@ -40,8 +40,8 @@ from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws, judge_laws,
 T = TypeVar("T")
 
 # Left-out fit [points] that other sets of laws may lack of the chosen one's. Of those within one standard error mostly
-# one was left, or near copies; of eight synthetic rigs each, samples beyond the tested range within the spread of the
-# sets and the band rose from 70 to 96 % (static_hysteretic), and where the model lacked a thinning force from 52 to 88.
+# one was left, or near copies; samples of eight synthetic rigs beyond the tested range that lie within the spread of
+# the sets and the band rose from 70 to 95 % (static_hysteretic), where the model lacked a thinning force from 52 to 88.
 _NEAR = 1.0
 # Most sets of laws beside the chosen one that are fitted to the whole tests, and by how much the forces of any two
 # differ at least, per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
