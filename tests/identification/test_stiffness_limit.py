@@ -12,6 +12,7 @@ from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective, find_minima, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
+from mrwork.identification.objective import friction_limit, up_to
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.reading import synthetic_test
 
@@ -131,8 +132,9 @@ def test_a_limited_objective_has_the_same_bits_below_its_limit_at_any_sampling()
         objective = Objective.of(
             NORMALISED, (sinusoid("normalised_bouc_wen", tuple(theta[0]), noise=0.0, dt=dt),)
         )
-        limited = objective.limited(True)
+        limited = up_to(objective, friction_limit(objective.tests))
         np.testing.assert_array_equal(limited(theta)[:2], objective(theta)[:2])
         assert np.isinf(limited(theta)[2:]).all()
         assert np.isfinite(objective(theta)).all()
-        assert limited.on(NORMALISED, limited.tests).is_limited
+        np.testing.assert_array_equal(limited.on(NORMALISED, limited.tests)(theta), limited(theta))
+        np.testing.assert_array_equal(limited(theta, np.full(4, 10.0)), limited(theta))

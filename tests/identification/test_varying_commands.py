@@ -257,6 +257,46 @@ def test_a_resumed_fit_decides_on_the_lag_alike(tmp_path: Path) -> None:
         assert fitted() == whole
 
 
+SHARP = mr.damper("normalised_bouc_wen").with_current_laws({"c": "linear", "k_w": "linear"})
+SHARP_TRUTH = {
+    **{"c.0": 1000.0, "c.1": 1500.0, "k": 500.0, "x0": 0.0, "k_w.0": 100.0, "k_w.1": 1000.0},
+    **{"rho": 6e4, "sigma": 0.5, "n": 2.0},
+}
+
+
+def sharp_record() -> DamperTest:
+    """A loop whose fastest relaxation, 15 000 1/s, is above the limit with which the search begins."""
+    test = record(random_steps)
+    theta = [SHARP_TRUTH[name] for name in SHARP.names]
+    force = mr.simulate_force(SHARP, theta, loading_of(test, SHARP))
+    return replace(test, force=force + NOISE_N * np.random.default_rng(3).standard_normal(test.n_time))
+
+
+def test_the_limit_of_stiffness_is_raised_where_that_pays_and_a_resumed_fit_raises_it_alike(
+    tmp_path: Path,
+) -> None:
+    kept, test = tmp_path / "journal.jsonl", sharp_record()
+
+    def fitted() -> Fit:
+        bounds = {name: (SHARP_TRUTH[name], SHARP_TRUTH[name]) for name in ("k", "x0", "sigma", "n")}
+        with closing(mr.Journal(kept, resume=kept.exists())) as journal:
+            return mr.identify(SHARP, test, search=SEARCH, bounds=bounds, journal=journal)
+
+    whole = fitted()
+    assert whole.rmse_n == pytest.approx(NOISE_N, rel=0.05)
+    assert dict(zip(SHARP.names, whole.theta, strict=True))["rho"] == pytest.approx(6e4, rel=0.05)
+    lines = kept.read_text().splitlines(keepends=True)
+    for left in (2, 5, 9):
+        kept.write_text("".join(lines[:-left]))
+        assert fitted().theta == whole.theta
+
+
+def test_laws_that_are_to_be_chosen_from_a_varying_command_are_refused_with_the_command_to_type(
+    refused: Refused,
+) -> None:
+    refused(mr.choose_laws, "normalised_modified_bouc_wen", record(random_steps))
+
+
 def test_the_force_rises_with_the_command() -> None:
     found = relative_force(SPEC, (record(random_waves),), np.array([0.0, 0.5, 1.0]))
     assert found.mean() == pytest.approx(1.0)

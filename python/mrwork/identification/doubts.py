@@ -25,7 +25,7 @@ from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.multistart import StartingPoints, linear_warning
 from mrwork.identification.minimise.polish import Polished, missing_lag
-from mrwork.identification.objective import Objective, observe_tests_by
+from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
@@ -79,10 +79,9 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     refitted = theta
     if len(objective.tests) == 1:
         refit = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS)
-        if without.is_limited and refit.misfit[0] < _BETTER * float(objective(theta[None])[0]):
+        if without.stiffest < np.inf and refit.misfit[0] < _BETTER * float(objective(theta[None])[0]):
             # Its loop may be one that the limit of stiffness cuts off.
-            whole = without.limited(False)
-            refit = find_minima(whole, box, refit.theta, max_iterations=_MOST_ITERATIONS)
+            refit = find_minima(up_to(without, np.inf), box, refit.theta, max_iterations=_MOST_ITERATIONS)
         refitted = refit.theta[0]
     sentences = []
     for index in with_average:

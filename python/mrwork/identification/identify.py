@@ -22,6 +22,7 @@ from mrwork.identification.minimise.multistart import (
     points_from_optimiser,
 )
 from mrwork.identification.minimise.polish import polish_with_wanted_lag
+from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.residual import NuisanceName
@@ -289,9 +290,8 @@ class _Ending:
 
     def finish_fit(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""
-        objective = self.problem.objective.limited(points.objective.is_limited)
-        problem = replace(self.problem, form=points.form, objective=objective)
-        reporter = self.reporter
+        objective = up_to(self.problem.objective, points.objective.stiffest)
+        problem, reporter = replace(self.problem, form=points.form, objective=objective), self.reporter
         best = points.theta[0]
 
         def on_start(minimum: LocalMinimum, share: float) -> None:

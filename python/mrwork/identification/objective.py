@@ -52,12 +52,12 @@ def shares_of(compared: Sequence[ObservedTest], settings: FitSettings) -> list[f
     return [float(weight) for weight in weights / weights.mean()]
 
 
-def stiffness_limit(test: DamperTest) -> float:
+def friction_limit(tests: Sequence[DamperTest]) -> float:
     """Sub-steps a second [1/s] from which on a stiffer model is searched only where that improves the fit.
 
-    A loop that wants more yields, or unloads, in some thousandths of the stroke: friction, as far as a test shows it.
+    A loop that wants more yields, or unloads, in some thousandths of the stroke: friction, as far as tests show it.
     """
-    radians = float(np.ptp(test.velocity)) / float(np.ptp(test.displacement))
+    radians = max(float(np.ptp(test.velocity)) / float(np.ptp(test.displacement)) for test in tests)
     return min(_MOST_A_SECOND, _MOST_A_RADIAN * radians)
 
 
@@ -134,22 +134,7 @@ class Objective(Summarised):
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
         own = replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
-        return own.limited(self.is_limited)
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether the misfit of a candidate above the `stiffness_limit` of a test is infinite."""
-        return bool(np.isfinite(self.compared[0].stiffness_limit))
-
-    def limited(self, limited: bool) -> Objective:
-        """The same misfit with the `stiffness_limit` of each test, or without."""
-        if limited == self.is_limited:
-            return self
-        compared = tuple(
-            replace(each, stiffness_limit=stiffness_limit(each.test) if limited else np.inf)
-            for each in self.compared
-        )
-        return replace(self, compared=compared)
+        return up_to(own, self.stiffest)
 
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
@@ -163,6 +148,11 @@ class Objective(Summarised):
     def tests(self) -> tuple[DamperTest, ...]:
         """The tests."""
         return tuple(each.test for each in self.compared)
+
+    @property
+    def stiffest(self) -> float:
+        """Most sub-steps a second of a candidate [1/s]; infinite where the steps of the tests alone limit them."""
+        return self.compared[0].stiffest
 
     @property
     def histories(self) -> tuple[_rust.LoadingHistory, ...]:
@@ -218,7 +208,7 @@ class Objective(Summarised):
         misfit is infinite; other rows have the same bits as without thresholds. Where the
         force is not compared directly, the whole of it is needed: thresholds then have no effect.
         """
-        if not self.is_limited:
+        if self.stiffest == np.inf:
             return self._misfits_of(theta, thresholds)
         misfit = np.full(len(theta), np.inf)
         below = np.all([each.stiffness(theta) <= 1.0 for each in self.compared], axis=0)
@@ -382,6 +372,13 @@ class Objective(Summarised):
         residuals *= each.weight(len(self.compared))
         residuals[failed] = failure
         return residuals
+
+
+def up_to(objective: Objective, stiffest: float) -> Objective:
+    """The same misfit, infinite for candidates that want more sub-steps a second than `stiffest` [1/s]."""
+    if stiffest == objective.stiffest:
+        return objective
+    return replace(objective, compared=tuple(replace(each, stiffest=stiffest) for each in objective.compared))
 
 
 def _squares(residuals: Floats) -> Floats:

@@ -298,7 +298,7 @@ class ObservedTest:
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
     candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
     Candidates have their tied parameters by the `ties`, whatever they had for them. Those that want more sub-steps a
-    second than `stiffness_limit` [1/s] are none of a minimisation.
+    second than `stiffest` [1/s] are no candidates.
     `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
     [N^2]: found once, because every simulation needs them.
     """
@@ -311,7 +311,7 @@ class ObservedTest:
     weights: Floats | None = None
     loss: Loss | None = None
     ties: Ties | None = None
-    stiffness_limit: float = np.inf
+    stiffest: float = np.inf
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -325,7 +325,7 @@ class ObservedTest:
 
     def stiffness(self, theta: Floats) -> Floats:
         """Sub-steps that each row of `theta` wants, as a share of the most that it may have, shape (n_batch,)."""
-        most = min(self.stiffness_limit * self.test.dt / MOST_SUBSTEPS, 1.0)
+        most = min(self.stiffest * self.test.dt / MOST_SUBSTEPS, 1.0)
         return stiffness_shares(self.spec, self.tie(theta), self.history) / most
 
     @classmethod

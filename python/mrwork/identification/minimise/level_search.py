@@ -7,6 +7,7 @@ shows the plain model alone: its parameters are searched with laws that scale as
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -21,7 +22,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import law_by_values, law_through
+from mrwork.dampers.parameters import LawName, law_by_values, law_through
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import (
@@ -49,8 +50,10 @@ from mrwork.identification.minimise.multistart import (
     StartingPoints,
     distinct_minima,
     doubts_about,
+    examine_limit,
     far_worse,
     far_worse_sentence,
+    friction_warning,
     make_interrupt,
     minima_from,
     nested_fit,
@@ -61,7 +64,7 @@ from mrwork.identification.minimise.multistart import (
     trace_of,
     trace_of_generations,
 )
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
@@ -547,6 +550,9 @@ _SCALED_STARTS = 8
 _GENERATIONS = 60
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
 _RATES = (1.0, 0.2, 5.0)
+# Most sub-steps of a candidate in a shortest step of the parts, and the factor by which this limit is raised.
+_FIRST_SUBSTEPS = 8
+_RAISED = 4.0
 # Force at the command of the least force, relative to that of the largest.
 _LEAST_FORCE = 0.1
 
@@ -607,11 +613,14 @@ def points_from_scaled_forces(
     """Starting points by a search of plain parameters, with laws in proportion to the measured force.
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
-    every level of the command, see `varied_excerpt`.
+    every level of the command, see `varied_excerpt`. Stiff candidates cost most and are rarely better: they are left
+    out by a limit of the sub-steps a second, which is raised while that pays. The final fit keeps it.
     """
     form = problem.form
     tests = problem.objective.tests
     objective = problem.objective.on(form.spec, tuple(varied_excerpt(test) for test in tests))
+    shortest = min(test.dt for test in objective.tests)
+    objective = up_to(objective, _FIRST_SUBSTEPS / shortest)
     commands = tested_commands(form.spec, tests)
     refuse_few_levels(form.spec, len(commands))
     plain, bounds = plain_of(form)
@@ -632,9 +641,12 @@ def points_from_scaled_forces(
         starts[:, -1] *= np.resize(_RATES, len(starts))
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
+    best = starts[0]
     trace = trace_of_generations(elite)
 
     def on_iteration(minima: LocalMinima) -> None:
+        nonlocal best
+        best = minima.theta[int(np.argmin(minima.misfit))]
         misfits = minima.misfit[np.isfinite(minima.misfit)]
         on_excerpts(
             len(elite.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
@@ -642,6 +654,28 @@ def points_from_scaled_forces(
 
     try:
         theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
+        # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
+        objective, theta = examine_limit(
+            objective, joint_form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
+        )
     except KeyboardInterrupt as interrupt:
-        raise make_interrupt(starts[0], objective, joint_form, trace) from interrupt
-    return StartingPoints(objective=objective, form=joint_form, theta=theta, trace=trace, minima=True)
+        raise make_interrupt(best, objective, joint_form, trace) from interrupt
+    return StartingPoints(
+        objective=objective,
+        form=joint_form,
+        theta=theta,
+        trace=trace,
+        minima=True,
+        warnings=friction_warning(objective, joint_form, theta),
+    )
+
+
+def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName], commands: Floats) -> str:
+    """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
+    own = {
+        each.name: "linear" if each.unit == "N s/m" or len(commands) < 3 else "quadratic"
+        for each in plain.parameters
+        if each.scale == "log" and each.unit in ("N", "N s/m")
+    }
+    laws = " ".join(f"--law {name}={law}" for name, law in {**own, **given}.items())
+    return f"--model {plain.name} {laws} --driver-lag"

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Count
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.simulation import MOST_SUBSTEPS
 from mrwork.errors import JournalError
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.residual import ObservedTest
@@ -74,7 +75,7 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
     """
     nearest = theta.copy()
     excess = log_stiffness(tests, theta).max(axis=1)
-    most = _NOT_FAR_ABOVE if np.isinf(tests[0].stiffness_limit) else np.inf
+    most = _NOT_FAR_ABOVE if np.isinf(tests[0].stiffest) else np.inf
     for row in np.flatnonzero((excess > 0.0) & (excess < most)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
         for _ in range(_STEPS_BELOW):
@@ -89,8 +90,14 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
 
 
 def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArray[np.bool_]:
-    """Whether minimisations that end at `theta`, shape (n_points, n_params), have slid along the limit."""
-    return np.asarray(log_stiffness(tests, theta).max(axis=1) > -_AT_LIMIT)
+    """Whether minimisations that end at `theta`, shape (n_points, n_params), have slid along the limit of stiffness.
+
+    The steps of the tests are no such limit.
+    """
+    limited = [each for each in tests if each.stiffest * each.test.dt < MOST_SUBSTEPS]
+    if not limited:
+        return np.zeros(len(theta), dtype=np.bool_)
+    return np.asarray(log_stiffness(limited, theta).max(axis=1) > -_AT_LIMIT)
 
 
 def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
@@ -131,8 +138,8 @@ def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floa
     return np.asarray(step)
 
 
-# Convergence: relative decrease of the squared misfit in a step, also at the limit of a limited objective; for SciPy
-# the relative length of the step too.
+# Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness; for SciPy the
+# relative length of the step too.
 TOLERANCE = 1e-7
 _TOLERANCE_AT_LIMIT = 3e-5
 # Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
@@ -440,12 +447,9 @@ def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: floa
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
     decrease = 1.0 - (misfit[active] / before) ** 2
     enough = np.full(active.size, tolerance)
-    if objective.is_limited:
-        # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
-        at_limit = is_at_stiffness_limit(
-            objective.compared, np.asarray(box.theta_from_latent(latent[active]))
-        )
-        enough[at_limit] = max(tolerance, _TOLERANCE_AT_LIMIT)
+    # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
+    at_limit = is_at_stiffness_limit(objective.compared, np.asarray(box.theta_from_latent(latent[active])))
+    enough[at_limit] = max(tolerance, _TOLERANCE_AT_LIMIT)
     arrived[active] = np.where(better, decrease < enough, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return new

@@ -39,7 +39,7 @@ from mrwork.identification.minimise.levenberg_marquardt import (
     is_at_stiffness_limit,
     stiffness_and_slope,
 )
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records import DamperTest
@@ -560,35 +560,45 @@ class StartingPoints:
             for start in given
         ]
         inside = [box.inside(np.clip(self.form.from_model(theta), box.lower, box.upper)) for theta in whole]
-        theta = np.array([*self.theta, *inside])
-        limited = self.objective.is_limited and bool(np.isfinite(self.objective(theta)).all())
-        return replace(self, objective=self.objective.limited(limited), theta=theta)
+        objective = self.objective
+        if inside and any(np.any(each.stiffness(np.array(inside)) > 1.0) for each in objective.compared):
+            objective = up_to(objective, np.inf)
+        return replace(self, objective=objective, theta=np.array([*self.theta, *inside]))
 
 
-# Minima at the limit of stiffness start again off the bounds, by this share of the ranges. Without the limit they are
+# Minima at the limit of stiffness start again off the bounds, by this share of the ranges. Above the limit they are
 # better if their misfit falls by this share in so many iterations.
 _OFF_BOUNDS = 0.05
 _MEASURABLE = 0.02
 _BEYOND_LIMIT = 10
 
 
-def examine_limit(objective: Objective, form: Form, theta: Floats) -> tuple[Objective, Floats]:
+def examine_limit(
+    objective: Objective,
+    form: Form,
+    theta: Floats,
+    *,
+    raised: float = math.inf,
+    points: float = NEGLIGIBLE,
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> tuple[Objective, Floats]:
     """Starts of the final fit where minima, (n_minima, n_params), are at the limit of stiffness, and their objective.
 
-    On a bound parameters have no slope: what the limit leaves to them is found from off it. The objective has no limit
-    where its misfit falls measurably beyond: by `_MEASURABLE` or by more than `NEGLIGIBLE`.
+    The limit is `raised` by this factor while the misfit falls measurably above it: by `_MEASURABLE` of itself or by
+    more than `points`. On a bound parameters have no slope: what the limit leaves to them is found from off it.
     """
     box = form.box
-    if not is_at_stiffness_limit(objective.compared, theta[:1])[0]:
-        return objective, theta
-    unit = np.asarray(box.unit_from_theta(theta))
-    free = objective.limited(False)
-    beyond = find_minima(free, box, theta, max_iterations=_BEYOND_LIMIT)
-    within, least = float(objective(theta).min()), float(beyond.misfit.min())
-    if within - least <= min(NEGLIGIBLE / 100.0, _MEASURABLE * within):
-        inner = np.where(_on_bound(unit), np.clip(unit, _OFF_BOUNDS, 1.0 - _OFF_BOUNDS), unit)
-        return objective, np.concatenate([theta, np.asarray(box.theta_from_unit(inner))])
-    return free, minima_from(free, box, beyond.theta, mirrored=form.mirrored)
+    while is_at_stiffness_limit(objective.compared, theta[:1])[0]:
+        higher = up_to(objective, raised * objective.stiffest)
+        beyond = find_minima(higher, box, theta, max_iterations=_BEYOND_LIMIT, on_iteration=on_iteration)
+        within, least = float(objective(theta).min()), float(beyond.misfit.min())
+        if within - least <= min(points / 100.0, _MEASURABLE * within):
+            unit = np.asarray(box.unit_from_theta(theta))
+            inner = np.clip(unit, _OFF_BOUNDS, 1.0 - _OFF_BOUNDS)[np.any(_on_bound(unit), axis=1)]
+            return objective, np.concatenate([theta, np.asarray(box.theta_from_unit(inner))])
+        theta = minima_from(higher, box, beyond.theta, mirrored=form.mirrored, on_iteration=on_iteration)
+        objective = higher
+    return objective, theta
 
 
 # A parameter takes part in the stiffness if it changes it by this share of what the others do.
@@ -596,10 +606,10 @@ _TAKES_PART = 0.01
 
 
 def friction_warning(
-    objective: Objective, form: Form, theta: Floats, nested: NestedFit | None
+    objective: Objective, form: Form, theta: Floats, nested: NestedFit | None = None
 ) -> tuple[str, ...]:
     """Sentence on starts, (n_starts, n_params), best first, that are at the limit of stiffness; empty elsewhere."""
-    if not (objective.is_limited and is_at_stiffness_limit(objective.compared, theta[:1])[0]):
+    if not is_at_stiffness_limit(objective.compared, theta[:1])[0]:
         return ()
     latent = np.asarray(form.box.latent_from_theta(form.box.inside(theta[:1])))[0]
     slope = np.abs(stiffness_and_slope(objective.compared, form.box, latent)[1]).max(axis=0)
@@ -615,8 +625,8 @@ def friction_warning(
         )
     return (
         f"{form.spec.name} becomes a friction element by its {list_names(names)}: a loop that yields or unloads faster "
-        f"would gain less than {NEGLIGIBLE:g} points and was not searched; use a model that costs less where it fits "
-        f"as well{beside}: compare models without states (--model A,B)",
+        f"would lower the misfit by less than {100.0 * _MEASURABLE:g} % of it and was not searched; use a model that "
+        f"costs less where it fits as well{beside}: compare models without states (--model hyperbolic_tangent_guo)",
     )
 
 
@@ -632,7 +642,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
     excerpts = tuple(excerpt(test) for test in problem.objective.tests)
     objective = problem.objective.on(problem.form.spec, excerpts)
-    for limited in (objective.limited(True), objective):
+    for limited in (up_to(objective, friction_limit(problem.objective.tests)), objective):
         points = _search_points(problem, limited, search, on_search)
         if points is not None:
             return points

@@ -211,6 +211,8 @@ T = TypeVar("T")
 # The fit with the lag is better than by chance where n_effective ln(squared misfit without it / with it), chi-squared
 # of one degree of freedom if there is no lag, exceeds this: its quantile of 99 %.
 _CHANCE = 6.63
+# From here on the parts of the tests that starts are compared on are sufficient to tell.
+_CLEAR = 10.0 * _CHANCE
 # A coil that comes this close to its command within a sample follows it at once, as far as the samples show.
 _WITHIN_A_SAMPLE = 0.01
 
@@ -252,6 +254,8 @@ def polish_with_wanted_lag(
         theta=minima_from(objective, plain.form.box, given, mirrored=plain.form.mirrored),
         minima=True,
     )
+    if _is_clear(lagged, points, starts):
+        return lagged
     # A start of the model without the lag is none of the fit that may be interrupted.
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
     without = FinalFit(problem=plain, polished=polished)
@@ -287,12 +291,36 @@ def _without_lag(problem: Problem) -> Problem:
     )
 
 
+def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints) -> bool:
+    """Whether the parts of the tests that starts are compared on leave no doubt that the lag is wanted."""
+    with_it = float(points.objective(lagged.polished.theta[None])[0])
+    without_it = float(without.objective(without.theta[:1])[0])
+    missing = missing_lag(without.form.spec, without.objective, without.theta[0])
+    return (
+        _gain(lagged, with_it, without_it) > _CLEAR
+        and (missing is None or missing.misfit_with >= with_it)
+        and not _is_within_a_sample(lagged)
+    )
+
+
+def _gain(lagged: FinalFit, with_it: float, without_it: float) -> float:
+    """n_effective ln(squared misfit without the lag / with it)."""
+    tiny = np.finfo(np.float64).tiny
+    return float(2.0 * lagged.polished.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny)))
+
+
+def _shortest_step(lagged: FinalFit) -> float:
+    return min(test.dt for test in lagged.problem.objective.tests if test.has_varying_command)
+
+
+def _is_within_a_sample(lagged: FinalFit) -> bool:
+    return bool(np.exp(-lagged.polished.theta[-1] * _shortest_step(lagged)) <= _WITHIN_A_SAMPLE)
+
+
 def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
     """The fit with the lag where it is better by more than chance, else that without it."""
     with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
-    tiny = np.finfo(np.float64).tiny
-    gain = 2.0 * lagged.polished.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny))
-    if not gain > _CHANCE:
+    if not _gain(lagged, with_it, without_it) > _CHANCE:
         return replace(
             without,
             warnings=(
@@ -301,9 +329,9 @@ def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
                 "fix the rate with --fix eta=VALUE where it is known",
             ),
         )
-    dt = min(test.dt for test in lagged.problem.objective.tests if test.has_varying_command)
-    if np.exp(-rate * dt) > _WITHIN_A_SAMPLE:
+    if not _is_within_a_sample(lagged):
         return lagged
+    dt = _shortest_step(lagged)
     return replace(
         lagged,
         warnings=(

@@ -26,8 +26,10 @@ from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.level_search import (
     PER_CYCLE,
     command_is_constant,
+    laws_to_type,
     levels_of,
     spec_by_values,
+    tested_commands,
 )
 from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.residual import ObservedTest
@@ -424,16 +426,16 @@ def prepare_search(
             f"bounds are given for {unknown[0]!r}; where laws are chosen, give them for parameters of {plain.name} "
             f"({', '.join(plain.names)}), which then remain constant"
         )
-    if len(tests) < 2:
-        raise SettingError(
-            "laws are chosen by tests left out of their fits, and one test was given; give more"
-        )
     spec = plain.with_current_laws(given, unit=unit)
     varying = [test.name for test in tests if not command_is_constant(test, spec)]
     if varying:
         raise SettingError(
             f"laws are chosen from tests at constant commands, and that of {varying[0]} varies; leave such tests out, "
-            "or give the laws"
+            f"or give the laws, as in mrwork identify FILES {laws_to_type(plain, given, tested_commands(spec, tests))}"
+        )
+    if len(tests) < 2:
+        raise SettingError(
+            "laws are chosen by tests left out of their fits, and one test was given; give more"
         )
     if leave_out is None:
         motions = _count(tests, "motion")
