@@ -1,0 +1,74 @@
+"""Splits of a choice: ends of the tested motions are left out whole, and both kinds of errors weigh the same."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from sinusoidal_tests import sinusoidal_test
+
+from mrwork.dampers import damper
+from mrwork.identification.result import BuildingCost
+from mrwork.records import DamperTest
+from mrwork.uncertainty.choice.objections import objections_to
+from mrwork.uncertainty.choice.splits import splits_of
+
+# Peak velocities of 31, 63, 63, 94 and 126 mm/s.
+MOTIONS = ((0.010, 0.5), (0.010, 1.0), (0.005, 2.0), (0.005, 3.0), (0.020, 1.0))
+CHEAP = BuildingCost(steps=2)
+
+
+def sinusoids(*commands: float, motions: tuple[tuple[float, float], ...] = MOTIONS) -> tuple[DamperTest, ...]:
+    return tuple(
+        sinusoidal_test("viscous_dahl", (800.0, 300.0, 2000.0, 20.0), motion, noise=0.02, command=command)
+        for motion, command in product(motions, commands)
+    )
+
+
+def test_the_fastest_the_slowest_and_the_largest_motions_are_left_out_with_what_lies_beyond() -> None:
+    splits = splits_of(sinusoids(0.0, 1.0), "motion")
+    beyond = {each.members: each.beyond for each in splits.splits if each.beyond}
+    # The largest motion is the fastest, too.
+    assert beyond == {(8, 9): ("fastest", "largest"), (0, 1): ("slowest",)}
+    assert len(splits.splits) == len(MOTIONS)
+    assert splits.units == (0, 0, 1, 1, 2, 2, 3, 3, 4, 4)
+    assert "each predicted without the tests of its motion" in splits.in_words
+
+
+def test_an_end_that_takes_too_much_is_dropped_and_said() -> None:
+    both = (*sinusoids(0.0), *sinusoids(1.0, motions=MOTIONS[-1:]))
+    splits = splits_of(both, "test")
+    assert [each for split in splits.splits for each in split.beyond] == ["slowest"]
+    assert splits.remarks == tuple(
+        f"the {end} motion is not left out with every test at or beyond it: that would take every test at a command"
+        for end in ("fastest", "largest")
+    )
+
+
+def test_both_kinds_weigh_the_same_motion_by_motion() -> None:
+    splits = splits_of(sinusoids(0.0), "motion")
+    inside = [0.2 if not split.beyond else 0.4 for split in splits.splits]
+    errors = splits.errors([np.array([each]) for each in inside])
+    assert errors.shape == (5,)
+    assert errors.mean() == pytest.approx(0.3)
+    assert splits.means([np.array([each]) for each in inside]) == pytest.approx((0.2, 0.4))
+
+
+def test_a_law_that_vanishes_and_a_force_that_falls_are_objections() -> None:
+    tests = sinusoids(0.0, 1.0)
+    spec = damper("viscous_dahl").with_current_laws({"k_w": "linear"})
+    assert objections_to(spec, np.array([800.0, 200.0, 300.0, 2000.0, 0.0]), tests, CHEAP) == ()
+    (dying,) = objections_to(spec, np.array([800.0, 1e-3, 300.0, 2000.0, 0.0]), tests, CHEAP)
+    assert dying.startswith("the law of k_w vanishes")
+    thinning = damper("shear_thinning_modified_bouc_wen")
+    values = {"c0": 1e-3, "c2": 5000.0, "v_s": 0.03, "k0": 1e-3, "c1": 1e7, "k_w": 50.0}
+    theta = np.array(
+        [values.get(name, value) for name, value in zip(thinning.names, thinning.nominal, strict=True)]
+    )
+    (falling,) = objections_to(thinning, theta, tests, CHEAP)
+    assert falling.startswith("its force falls by")
+    (costly,) = objections_to(
+        spec, np.array([800.0, 200.0, 300.0, 2000.0, 0.0]), tests, BuildingCost(steps=np.inf)
+    )
+    assert costly == "it takes more than 512 integration steps a sample of 1 ms in a building"
