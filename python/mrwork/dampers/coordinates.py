@@ -93,14 +93,6 @@ class Box:
             lower[index], upper[index] = low, high
         return replace(self, lower=tuple(lower), upper=tuple(upper))
 
-    def bound_at(self, index: int, value: float) -> Literal["", "lower", "upper"]:
-        """The bound on which a value of the parameter lies; empty where it lies between them."""
-        lower, upper = self.lower[index], self.upper[index]
-        if self.log[index]:
-            lower, upper, value = np.log(lower), np.log(upper), np.log(value)
-        unit = (value - lower) / (upper - lower)
-        return "lower" if unit < ON_BOUND else "upper" if unit > 1.0 - ON_BOUND else ""
-
     def _check(self, name: str, values: Array, n_columns: int) -> None:
         if values.ndim < 1 or values.shape[-1] != n_columns:
             raise SettingError(
@@ -214,3 +206,12 @@ class Box:
         """Logarithm of the determinant ``|d theta / d latent|`` over the free parameters, shape (...)."""
         xp = latent.__array_namespace__()
         return xp.sum(self.log_slope(latent), axis=-1)
+
+
+def bound_at(box: Box, index: int, value: float) -> Literal["", "lower", "upper"]:
+    """The bound on which a value of a parameter of the box lies; empty where it lies between them."""
+    lower, upper = box.lower[index], box.upper[index]
+    if box.log[index]:
+        lower, upper, value = np.log(lower), np.log(upper), np.log(value)
+    unit = (value - lower) / (upper - lower)
+    return "lower" if unit < ON_BOUND else "upper" if unit > 1.0 - ON_BOUND else ""

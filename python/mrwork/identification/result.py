@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.dampers.simulation import MOST_SUBSTEPS, stiffness_shares
 from mrwork.dampers.spec import DamperSpec, law_limits
 from mrwork.dampers.tested_range import OperatingRange
@@ -185,7 +185,7 @@ def remark_of(box: Box, index: int, value: float) -> Remark:
     if index not in box.free:
         return "fixed"
     remarks: dict[str, Remark] = {"": "", "lower": "at lower bound", "upper": "at upper bound"}
-    return remarks[box.bound_at(index, value)]
+    return remarks[bound_at(box, index, value)]
 
 
 def fit_at(

@@ -22,7 +22,7 @@ from mrwork.dampers.conversions import (
     opensees_from_bouc_wen,
     require_bounded_loop,
 )
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import damper, law_limits, plain_parameters
 from mrwork.dampers.tested_range import OperatingRange
@@ -107,7 +107,7 @@ def refuse_bounds(fit: Fit) -> None:
         given, widest = (each.lower, own.lower) if end == "lower bound" else (each.upper, own.upper)
         if given != widest:
             is_at = f"the {end} that was given"
-        elif own.coefficient is not None and not admissible.bound_at(index, each.value):
+        elif own.coefficient is not None and not bound_at(admissible, index, each.value):
             is_at = "the end of the range in which its law was searched"
         else:
             continue

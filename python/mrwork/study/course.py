@@ -20,7 +20,7 @@ from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
@@ -231,7 +231,7 @@ def stiffness_in_words(devices: Sequence[Device], building: Building, hardware: 
         for index, (parameter, value) in enumerate(
             zip(device.spec.parameters, device.draws[0].tolist(), strict=True)
         )
-        if parameter.coefficient is None and Box.of(device.spec).bound_at(index, value)
+        if parameter.coefficient is None and bound_at(Box.of(device.spec), index, value)
     ]
     causes = f", with {list_names(list(dict.fromkeys(at_bound)))} on a bound of the model" if at_bound else ""
     return f"{takes}{causes}, {asked}: a model without states that fits as well takes fewer"

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import interpolate, law_named
 from mrwork.dampers.spec import DamperSpec
@@ -23,7 +22,7 @@ _DAMPING = 1e-2
 _SMALL = 1e-4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class LinearisedTests:
     """Tests linearised about laws, in the latent parameters of the plain model at each command.
 
