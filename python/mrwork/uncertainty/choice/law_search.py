@@ -247,10 +247,10 @@ class LawSearch:
             return []
         order = [single[place] for place in np.argsort(promised([laws for _, laws in single]), kind="stable")]
         pairs = [
-            {**laws, **change} if change[name] else laws
+            {each: law for each, law in (laws | {name: other.get(name)}).items() if law}
             for place, (_, laws) in enumerate(order[:_PAIRED])
             for name, other in order[:place]
-            if (change := {name: other.get(name, "")}) and laws.get(name) == current.laws.get(name)
+            if laws.get(name) == current.laws.get(name)
         ]
         near = [laws for laws in [*(laws for _, laws in order), *pairs] if laws not in done]
         proposals = list[Laws]()
