@@ -18,7 +18,7 @@ from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.law_sets import farthest_apart
+from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
@@ -39,10 +39,6 @@ from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws, judge_laws,
 
 T = TypeVar("T")
 
-# Left-out fit [points] that other sets of laws may lack of the chosen one's. Of those within one standard error mostly
-# one was left, or near copies; samples of eight synthetic rigs beyond the tested range that lie within the spread of
-# the sets and the band rose from 70 to 95 % (static_hysteretic), where the model lacked a thinning force from 52 to 88.
-_NEAR = 1.0
 # Most sets of laws beside the chosen one that are fitted to the whole tests, and by how much the forces of any two
 # differ at least, per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
 _MOST_OTHERS = 4
@@ -182,7 +178,7 @@ class RunningLawChoice:
             each
             for each in table.tried
             if each.verdict not in ("chosen", "unusable")
-            and each.left_out_percent >= chosen.left_out_percent - _NEAR
+            and each.left_out_percent >= chosen.left_out_percent - NEARLY_AS_WELL
         ]
         sets, rows = list[tuple[LawSearch, TriedLaws]](), list[Floats]()
         for tried in (chosen, *near):
