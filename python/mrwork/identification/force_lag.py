@@ -10,7 +10,7 @@ Gauss-Newton steps from the fit to all tests, which predicted synthetic and meas
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -77,10 +77,13 @@ def force_lag_warnings(
             before = Slopes.at(excerpts.plain, slopes.form, slopes.theta)
             lag, delay = _fit_late(before, "lag"), _fit_late(before, "delay")
             best, other = (lag, delay) if lag.misfit <= delay.misfit else (delay, lag)
-            held_out = best.predict(before, groups)
-            if held_out.late < _PAYS * held_out.on_time and abs(best.seconds) > _SIGNIFICANT * held_out.error:
-                return (_advice(problem, slopes.theta, best, other, held_out),)
-        unknown = min(unknown, on_time.predict(slopes, groups).error)
+            seconds, late = _predict_groups(best.slopes, best.columns, groups)
+            _, earlier = _predict_groups(before, before.by_interior(), groups)
+            error = best.error(seconds)
+            if late < _PAYS * earlier and abs(best.seconds) > _SIGNIFICANT * error:
+                return (_advice(problem, slopes.theta, best, other, error, (earlier, late)),)
+        seconds, _ = _predict_groups(slopes, on_time.columns, groups)
+        unknown = min(unknown, on_time.error(seconds))
     return _unknown_delay(problem, on_time, errors, unknown)
 
 
@@ -92,15 +95,6 @@ def _groups_of_frequency(frequency: Sequence[float]) -> list[list[int]]:
             groups.append([])
         groups[-1].append(index)
     return groups
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _HeldOut:
-    """Misfits of predictions of held-out tests, on time and late, and the standard error of the lag [s]."""
-
-    on_time: float
-    late: float
-    error: float
 
 
 @array_dataclass()
@@ -144,19 +138,13 @@ class _LateFit:
         left = residuals + _step(columns, residuals) @ columns
         return 1.0 - float(left @ left) / max(float(residuals @ residuals), SMALLEST)
 
-    def predict(self, on_time: Slopes, groups: Sequence[Sequence[int]]) -> _HeldOut:
-        """Predictions of each group of tests from the others, from this fit and from that without a lag.
-
-        The error of the lag is that of the jackknife over the groups, or that of least squares if it is larger.
-        """
-        seconds, late = _predict_groups(self.slopes, self.columns, groups)
-        _, earlier = _predict_groups(on_time, on_time.by_interior(), groups)
-        jackknife = (1.0 - 1.0 / len(groups)) * float(np.sum((seconds - seconds.mean()) ** 2))
+    def error(self, seconds: Floats) -> float:
+        """Standard error of the lag [s], by the jackknife, (n_groups,), or by least squares if that is larger."""
+        jackknife = (1.0 - 1.0 / seconds.size) * float(np.sum((seconds - seconds.mean()) ** 2))
         residuals = self.slopes.residuals
         n_effective = effective_samples(residuals_by_test(residuals, self.slopes.objective.tests))
         variance = covariance(self.columns.T, self.misfit)[-1, -1] * residuals.size / n_effective
-        error = np.sqrt(max(jackknife, variance)) if np.isfinite(variance) else np.inf
-        return _HeldOut(on_time=earlier, late=late, error=float(error))
+        return float(np.sqrt(max(jackknife, variance))) if np.isfinite(variance) else np.inf
 
 
 def _make_late(objective: Objective, kind: Kind, seconds: float) -> Objective:
@@ -208,7 +196,15 @@ def _solve(matrix: Floats, gradient: Floats) -> Floats:
     return np.asarray(-np.linalg.pinv(matrix, rcond=_INSENSITIVE, hermitian=True) @ gradient)
 
 
-def _advice(problem: Problem, theta: Floats, best: _LateFit, other: _LateFit, held_out: _HeldOut) -> str:
+def _advice(
+    problem: Problem,
+    theta: Floats,
+    best: _LateFit,
+    other: _LateFit,
+    error: float,
+    held_out: tuple[float, float],
+) -> str:
+    """The sentence on a lag with its error [s]; `held_out` are misfits of predictions without and with it."""
     averaged = any(test.observation.average_seconds for test in problem.objective.tests)
     words = [word for word in problem.settings.observe if word != NONE and (word != DETECT or averaged)]
     options = " ".join(f"--observe {word}" for word in (*words, f"{best.kind}={best.seconds:.3g}"))
@@ -226,9 +222,9 @@ def _advice(problem: Problem, theta: Floats, best: _LateFit, other: _LateFit, he
         sense, channel, remedy = ("early", "motion", "subtract a moving mass by --repair mass")
     return (
         f"the force is {sense} against the model: with a {best.kind} of "
-        f"{estimate_in_words(1e3 * best.seconds, 1e3 * held_out.error)} ms that all tests have in common{also}, fits "
-        f"to the other frequencies predict the tests of each to {100.0 * (1.0 - held_out.late):.2f} % instead of "
-        f"{100.0 * (1.0 - held_out.on_time):.2f} %{changed}; take it by {options} if the channel of the {channel} is "
+        f"{estimate_in_words(1e3 * best.seconds, 1e3 * error)} ms that all tests have in common{also}, fits "
+        f"to the other frequencies predict the tests of each to {100.0 * (1.0 - held_out[1]):.2f} % instead of "
+        f"{100.0 * (1.0 - held_out[0]):.2f} %{changed}; take it by {options} if the channel of the {channel} is "
         f"late, else {remedy}"
     )
 
