@@ -304,8 +304,7 @@ class FitQuality(Summarised):
 class SearchTrace(Summarised, Related):
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
-    For `Multistart` an entry is one iteration of all running local minimisations, and `ends` are their final misfits,
-    best first.
+    For `Multistart` an entry is one iteration of all running local minimisations; `ends` are the final misfits, sorted.
     """
 
     _made_by: ClassVar[str] = "fit.trace"

@@ -185,7 +185,7 @@ def identify_with(
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=4)
     reporter = _begin(problem, began, on_progress, journal)
-    ending = _Ending(problem=problem, reporter=reporter, journal=journal, compares=warns, examines=examines)
+    ending = _Ending(problem=problem, reporter=reporter, compares=warns, examines=examines)
 
     def on_search(fitted: str, generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
@@ -235,8 +235,7 @@ def identify_from(
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    ending = _Ending(problem=problem, reporter=reporter, journal=journal, examines=examines)
-    return ending.finish_fit(points)
+    return _Ending(problem=problem, reporter=reporter, examines=examines).finish_fit(points)
 
 
 def _begin(
@@ -262,15 +261,14 @@ class _Ending:
 
     problem: Problem
     reporter: Reporter
-    journal: Journal | None
     compares: bool = False
     examines: bool = True
 
     def at(self, interrupt: KeyboardInterrupt, theta: Floats, trace: SearchTrace) -> Fit:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
-        if self.journal is not None:
+        if self.reporter.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
-            self.journal.finish()
+            self.reporter.journal.finish()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
             return fit_at(

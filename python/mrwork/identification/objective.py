@@ -205,8 +205,8 @@ class Objective(Summarised):
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
-        misfit is infinite; other rows have the same bits as without thresholds. Where the
-        force is not compared directly, the whole of it is needed: thresholds then have no effect.
+        misfit is infinite; other rows have the same bits as without thresholds. Where the force is not compared
+        directly, the whole of it is needed: thresholds then have no effect.
         """
         if self.stiffest == np.inf:
             return self._misfits_of(theta, thresholds)
@@ -396,12 +396,11 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     where a simulation failed. They include the observation model, the nuisance parameters and the power of the misfit.
     """
     n_rows = max(1, _BLOCK_SIZE // (objective.n_time * max(len(columns), 1)))
-    blocks = [_block(objective, theta[at : at + n_rows], columns) for at in range(0, len(theta), n_rows)]
+    starts = range(0, len(theta) or 1, n_rows)
+    blocks = [_block(objective, theta[at : at + n_rows], columns) for at in starts]
     if len(blocks) == 1:
         return blocks[0]
-    n_columns = len(columns)
-    residuals = [block[0] for block in blocks] or [np.empty((0, objective.n_time))]
-    jacobians = [block[1] for block in blocks] or [np.empty((0, n_columns, objective.n_time))]
+    residuals, jacobians = zip(*blocks, strict=True)
     return np.concatenate(residuals), np.concatenate(jacobians)
 
 

@@ -38,8 +38,6 @@ from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
-# Settings that are separate fields of a fit.
-_SEPARATE = ("nuisances", "rng")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,8 +166,9 @@ def provenance_of(problem: Problem) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     tests = problem.objective.tests
     record = problem.settings.as_record()
+    # The others are separate fields of a fit.
     return provenance_with(
-        {name: value for name, value in record.items() if name not in _SEPARATE}
+        {name: value for name, value in record.items() if name not in ("nuisances", "rng")}
         | {
             "windows": {
                 test.label: {

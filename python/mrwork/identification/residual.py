@@ -192,8 +192,7 @@ def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
 def scale_columns(columns: Any) -> tuple[Any, Any]:
     """Columns of unit length, and their lengths, shape (n_names, ...).
 
-    Without this scaling the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per
-    sample.
+    Without it the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per sample.
     """
     xp = columns.__array_namespace__()
     # A column without a length, of a force that is nearly zero, has the coefficient zero.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -335,7 +336,19 @@ def find_minima(
     courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        state = _iteration(objective, box, state, tolerance)
+        before = state.latent
+        state = objective.once(
+            "iteration",
+            _State,
+            partial(_iterate_once, objective, box, state, tolerance),
+            tolerance,
+            box,
+            state.latent,
+            state.misfit,
+            state.damping,
+            state.running,
+        )
+        _check_recalled(state.latent, before)
         courses.append(state.misfit)
         if hopeless is not None:
             given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
@@ -378,22 +391,6 @@ def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
         arrived=np.zeros(n_starts, dtype=np.bool_),
         running=np.isfinite(misfit),
     )
-
-
-def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
-    next_state = objective.once(
-        "iteration",
-        _State,
-        lambda: _iterate_once(objective, box, state, tolerance),
-        tolerance,
-        box,
-        state.latent,
-        state.misfit,
-        state.damping,
-        state.running,
-    )
-    _check_recalled(next_state.latent, state.latent)
-    return next_state
 
 
 def _check_recalled(recalled: Floats, expected: Floats) -> None:

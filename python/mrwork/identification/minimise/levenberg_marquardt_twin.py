@@ -157,9 +157,8 @@ def find_minimum_on_twin(
     """The minimum that is reached from `start`, shape (n_params,), inside `box`, on the twin.
 
     The misfit of the result is that of the Rust core, with the numbers of sub-steps that the stiffness bound requires.
-    Where these differ from those of the minimisation, it is repeated with them. Evaluations are steps.
-
-    `on_step`: as in `find_minimum`.
+    Where these differ from those of the minimisation, it is repeated with them. Evaluations are steps; `on_step` is
+    as in `find_minimum`.
     """
     minimum = objective.once(
         "refinement", LocalMinimum, lambda: _minimise_on_twin(objective, box, start, on_step), box, start

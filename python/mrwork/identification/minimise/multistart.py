@@ -158,8 +158,7 @@ _REPLACED = 0.3
 class MultistartResult(Summarised):
     """Local minima, best first, shape (n_minima, n_params), with misfits (n_minima,), and why the search ended.
 
-    The trace of the search has one entry per iteration: `evaluations` so far, `best` misfit so far, and `median` misfit
-    of the present round.
+    The trace has one entry per iteration: `evaluations` and `best` misfit so far, `median` misfit of the present round.
     """
 
     theta: Floats
@@ -230,7 +229,8 @@ def search_starts(
             run_round(starts)
             least_rounds = settings.least_rounds
             if least_rounds > 1:
-                least_rounds += rounds.is_on_bound(box)
+                best = np.asarray(box.unit_from_theta(rounds.best_minimum))
+                least_rounds += bool(np.any(_on_bound(best)))
             at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
             # Of the rounds that ran together, the last one too must not have lowered the least misfit.
             before = min(rounds.misfits[: -settings.starts], default=math.inf)
@@ -402,10 +402,6 @@ class _Rounds:
         minima = min(self.ended, key=lambda minima: float(minima.misfit.min()))
         return np.asarray(minima.theta[int(np.argmin(minima.misfit))])
 
-    def is_on_bound(self, box: Box) -> bool:
-        """Whether a free parameter of the best minimum is on its bound."""
-        return bool(np.any(_on_bound(np.asarray(box.unit_from_theta(self.best_minimum)))))
-
     def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
         """Crossover of the best minimum with random samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
@@ -550,8 +546,7 @@ class StartingPoints:
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
 
-        A parameter that a start does not name has the value of the best point. A start above the limit of stiffness
-        lifts it.
+        A parameter that a start does not name is that of the best point. A start above the limit of stiffness lifts it.
         """
         box = self.form.box
         best = np.asarray(self.form.to_model(self.theta[0]))

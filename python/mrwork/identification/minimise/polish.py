@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TypeVar
 
 import numpy as np
@@ -38,6 +39,7 @@ _SCREENED_TWICE = 4
 # Of minima that are fitted together, one that would not reach the best that has converged is given up.
 _BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 
+_MISFIT = attrgetter("misfit")
 # Called with the best minimum so far and the share of the screening that is done.
 OnStart = Callable[[LocalMinimum, float], None]
 # Called with the steps so far and the misfit.
@@ -109,7 +111,7 @@ def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinim
         find_minimum(objective, box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
         for start in starts
     )
-    return min(minima, key=_misfit)
+    return min(minima, key=_MISFIT)
 
 
 def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
@@ -118,7 +120,7 @@ def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMini
 
     objective, box = problem.objective, problem.form.box
     minima = (find_minimum_on_twin(objective, box, start, on_step=on_step) for start in starts)
-    return min(minima, key=_misfit)
+    return min(minima, key=_MISFIT)
 
 
 # By engine, from minima and from points that were screened.
@@ -151,21 +153,17 @@ def screen_starts(
         minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
         minima.append(minimum)
         done += 1
-        on_start(min(minima, key=_misfit), done / total)
+        on_start(min(minima, key=_MISFIT), done / total)
         return minimum
 
-    first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_misfit)
+    first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_MISFIT)
     last = [minimise_from(minimum.theta, _SECOND_SCREENING) for minimum in first[:_SCREENED_TWICE]]
-    last.sort(key=_misfit)
+    last.sort(key=_MISFIT)
     if mirrored:
         last.append(minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING))
-        last.sort(key=_misfit)
+        last.sort(key=_MISFIT)
     misfits = np.array([minimum.misfit for minimum in last])
     return distinct_minima(box, np.array([minimum.theta for minimum in last]), misfits)
-
-
-def _misfit(minimum: LocalMinimum) -> float:
-    return minimum.misfit
 
 
 # Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to that of a fast one.
