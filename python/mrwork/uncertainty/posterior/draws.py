@@ -413,8 +413,7 @@ def summary_of(
 def _pile_remark(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
     """Remark on draws that pile up at a bound: their outermost 1 % is within 2 % of their width of it.
 
-    A half-normal density, truncated at its mode, comes within 0.7 %, a normal one truncated at two deviations within 5
-    %.
+    A half-normal density, truncated at its mode, comes within 0.7 %, a normal one cut at two deviations within 5 %.
     """
     first, last = np.quantile(chain, [0.01, 0.99])
     at_upper = bounds[1] - last < 0.02 * width

@@ -136,7 +136,8 @@ def mode_near(target: Target, theta: Floats) -> Floats:
 def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]:
     """Position of the mode near a fit, by Gauss-Newton, and the coordinates that move: no parameter on a bound does."""
     centre = target.position_of(theta)
-    moving = _off_faces(target, centre)
+    unit = np.asarray(target.space.box.unit_from_theta(np.asarray(target.space.values(centre)[0])))
+    moving = np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
     density = float(target(centre[None])[0])
     for _ in range(_MOST_STEPS):
         residual, slope = residual_slope(target, centre)
@@ -157,20 +158,12 @@ def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]
 
 def _with_estimated_noise(target: Target, position: Floats) -> Floats:
     """Positions with noise estimated from their residuals, (n_tried, n_dim); those outside the box are unchanged."""
-    result = position.copy()
+    result, n_noise = position.copy(), len(target.noise.parameters)
     values, inside = target.space.values(position)
     for row in np.flatnonzero(inside):
-        theta = np.asarray(values[row])[: target.space.n_params]
-        own = target.position_of(theta)
-        n_noise = len(target.noise.parameters)
+        own = target.position_of(np.asarray(values[row])[: target.space.n_params])
         result[row, -n_noise:] = own[-n_noise:]
     return result
-
-
-def _off_faces(target: Target, position: Floats) -> NDArray[np.intp]:
-    space = target.space
-    unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position)[0])))
-    return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
 
 
 @array_dataclass()
@@ -206,15 +199,11 @@ def draw_about(target: Target, theta: Floats, n_draws: int, rng: np.random.Gener
         draws = _draw_from(target, ellipsoid, max(_FEWEST, _PER_DIMENSION * n_moving), rng)
         # With too few effective draws the ellipsoid would collapse.
         if len(draws.position) > 5 * n_moving and draws.effective > 2 * n_moving:
-            ellipsoid = _adapt_ellipsoid(ellipsoid, draws)
+            weights = draws.weights
+            centre = weights @ draws.position
+            offsets = (draws.position - centre)[:, ellipsoid.moving]
+            ellipsoid = replace(ellipsoid, centre=centre, covariance=offsets.T @ (weights[:, None] * offsets))
     return _draw_from(target, ellipsoid, n_draws, rng)
-
-
-def _adapt_ellipsoid(ellipsoid: Ellipsoid, draws: WeightedDraws) -> Ellipsoid:
-    weights = draws.weights
-    centre = weights @ draws.position
-    offsets = (draws.position - centre)[:, ellipsoid.moving]
-    return replace(ellipsoid, centre=centre, covariance=offsets.T @ (weights[:, None] * offsets))
 
 
 def _draw_from(target: Target, ellipsoid: Ellipsoid, n_draws: int, rng: np.random.Generator) -> WeightedDraws:

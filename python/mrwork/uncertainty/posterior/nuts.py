@@ -39,11 +39,8 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         for history, count in zip(objective.histories, substeps, strict=True)
     ]
     measured = [jnp.asarray(each.measured) for each in objective.compared]
-    loadings = [loading_of(test, objective.spec) for test in objective.tests]
-    commands = [
-        jnp.asarray(0.0 if loading.command is None else loading.command, dtype=jnp.float64)
-        for loading in loadings
-    ]
+    known = [loading_of(test, objective.spec).command for test in objective.tests]
+    commands = [jnp.asarray(0.0 if each is None else each, dtype=jnp.float64) for each in known]
 
     def log_posterior(position: jax.Array) -> jax.Array:
         values, inside = space.values(position)
@@ -81,8 +78,7 @@ class NutsDraws(Summarised):
 class Trajectories:
     """Unbounded coordinates in which the target is nearly standard normal: logits, scaled by the Fisher ellipsoid.
 
-    In place of the pair k and k x0, where bounds of the second would depend on the first, k and x0 are used, with the
-    volume element |k|.
+    In place of k and k x0, where bounds of the second would depend on the first, it has k and x0, with the volume |k|.
     """
 
     target: Target

@@ -64,8 +64,7 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
 
     A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
-    half of all walkers' past; so all walkers are one batch, asked from the target at once, not one by one as emcee
-    would.
+    half of all walkers' past; so all walkers are one batch for the target, not one after the other as in emcee.
     """
 
     def __init__(self, target: Callable[[Floats], Floats], past: Callable[[], Floats]) -> None:

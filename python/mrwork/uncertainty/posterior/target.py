@@ -54,7 +54,6 @@ class Normal:
     deviation: float
 
     def __post_init__(self) -> None:
-        """Refuse a deviation that is not positive."""
         _check(self.deviation > 0.0, "normal", "MEAN:DEVIATION with a positive deviation")
 
     def log_density(self, value: AnyArray) -> AnyArray:
@@ -70,7 +69,6 @@ class Lognormal:
     deviation: float
 
     def __post_init__(self) -> None:
-        """Refuse a median or deviation that is not positive."""
         _check(
             self.median > 0.0 and self.deviation > 0.0, "lognormal", "MEDIAN:DEVIATION_OF_LOG, both positive"
         )
@@ -93,7 +91,6 @@ class Uniform:
     upper: float
 
     def __post_init__(self) -> None:
-        """Refuse limits that are reversed."""
         _check(self.lower < self.upper, "uniform", "LOWER:UPPER with the lower limit first")
 
     def log_density(self, value: AnyArray) -> AnyArray:
@@ -374,16 +371,11 @@ class Target(Summarised):
             force[failed] = 0.0
             yield residual, force, failed
 
-    def noise_at(self, theta: Floats) -> Floats:
-        """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
-        estimates = [
-            self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
-        ]
-        return np.asarray(np.mean(estimates, axis=0))
-
     def position_of(self, theta: Floats) -> Floats:
-        """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
-        values = np.concatenate([theta, self.noise_at(theta)])
+        """Position (n_dim,) of parameters (n_params,), clipped to the box, with the mean noise of all residuals."""
+        runs = self.residuals(theta[None])
+        noise = np.mean([self.noise.estimate(residual[0], force[0]) for residual, force, _ in runs], axis=0)
+        values = np.concatenate([theta, noise])
         return np.asarray(self.space.position(self.space.box.inside(values)))
 
 
