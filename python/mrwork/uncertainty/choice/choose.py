@@ -309,11 +309,6 @@ class RunningComparison:
         """Number of fits to less than all tests."""
         return 1 if self.splits is None else len(self.splits.splits)
 
-    @property
-    def has_predictions(self) -> bool:
-        """Whether any family predicted the data left out."""
-        return any(each.left_out for each in self.evidence.values())
-
     def evaluate(self, family: Family) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
         model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
@@ -351,26 +346,28 @@ class RunningComparison:
                 if self.splits is None
                 else left_out_errors(self.tests, self.splits, identify_tests)
             )
-        fit = made[0] if made else None
-        cost = None
-        if fit is not None:
-            self.fits[model] = fit
-            cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
-        self.evidence[model] = Evidence(
+        failed = Evidence(
             model=model,
             title=family.spec.title,
-            n_params=len(family.spec.parameters) if fit is None else free_parameters(fit),
-            status="failed" if fit is None else fit.status,
+            n_params=len(family.spec.parameters),
+            status="failed",
             reason=self.steps.failed.get(model, ""),
             seconds=sum(each.seconds for each in made),
-            fit_percent=None if fit is None else fit.fit_percent,
-            left_out=left_out,
-            variance=None if fit is None else variance_of(fit, self.tests),
-            cost=cost,
-            objections=()
-            if fit is None or cost is None
-            else objections_to(fit.spec, np.array(fit.theta), self.tests, cost),
         )
+        self.evidence[model] = failed
+        if made:
+            fit = self.fits[model] = made[0]
+            cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
+            self.evidence[model] = replace(
+                failed,
+                n_params=free_parameters(fit),
+                status=fit.status,
+                fit_percent=fit.fit_percent,
+                left_out=left_out,
+                variance=variance_of(fit, self.tests),
+                cost=cost,
+                objections=objections_to(fit.spec, np.array(fit.theta), self.tests, cost),
+            )
 
     def add_leave_one_out(self, noise: Noise, *, sampled: bool) -> None:
         """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
@@ -533,7 +530,7 @@ def choose_model(
             comparison.evaluate(family)
         comparison.add_leave_one_out(likelihood, sampled=sampled)
     except KeyboardInterrupt as interrupt:
-        if not comparison.has_predictions:
+        if not any(each.left_out for each in comparison.evidence.values()):
             raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
     choice = comparison.choice()

@@ -46,10 +46,7 @@ class NormalEquations:
 
 @array_dataclass()
 class FoldedFit:
-    """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests).
-
-    That of a test that the row leaves out is infinite.
-    """
+    """Parameters of each row, (n_rows, n_params), and its squared NRMSE of each test, as in `NormalEquations`."""
 
     theta: Floats
     squared: Floats
@@ -87,10 +84,7 @@ class FoldedTests:
         )
 
     def squared_nrmse(self, spec: DamperSpec, theta: Floats, shares: Floats) -> Floats:
-        """Squared NRMSE of each test, shape (n_batch, n_tests), as `shares`.
-
-        It is infinite where a simulation failed, and where the share is 0: such a test is not simulated.
-        """
+        """Squared NRMSE of each test, (n_batch, n_tests); infinite where it fails, or is left out by a share of 0."""
         squared = np.full((len(theta), len(self.observed)), np.inf)
 
         def fill(index: int, threads: int) -> None:
@@ -106,10 +100,7 @@ class FoldedTests:
         return squared
 
     def linearise(self, spec: DamperSpec, box: Box, latent: Floats, shares: Floats) -> NormalEquations:
-        """Normal equations of each test at latent coordinates, shape (n_batch, n_free).
-
-        A test whose share in a row, shape (n_batch, n_tests), is 0 is not simulated.
-        """
+        """Normal equations of tests at latent coordinates, (n_batch, n_free); those of share 0 are not simulated."""
         n_batch, n_free = latent.shape
         theta = np.asarray(box.theta_from_latent(latent))
         slope = np.exp(box.log_slope(latent))
@@ -140,8 +131,7 @@ class FoldedTests:
     def fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
         """Minimise the misfit of each row from its start, shape (n_rows, n_params), by Levenberg-Marquardt.
 
-        Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in
-        Mathematics 630, 1978, 105-116). The result of a row depends on its own tests and start only.
+        Damping is as in `find_minima`. The result of a row depends on its own tests and start only.
         """
         latent = np.asarray(box.latent_from_theta(box.inside(starts)))
         n_rows, n_free = latent.shape

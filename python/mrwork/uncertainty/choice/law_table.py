@@ -256,11 +256,7 @@ class LawTable(WithAxes, Summarised, Related):
 
 
 def judge_laws(tried: Sequence[TriedLaws]) -> tuple[TriedLaws, ...]:
-    """The laws of all models, best first, with verdicts by the one-standard-error rule.
-
-    Laws that something speaks against are neither the best nor chosen while others are left; of those that are as good
-    the ones that are not costly in a building are chosen, of these the simplest.
-    """
+    """The laws of all models, best first, with verdicts by the rules of `LAW_DEFINITIONS`."""
     order = sorted(tried, key=lambda laws: -laws.left_out_percent)
     sound = [laws for laws in order if not laws.objection] or order
     best = sound[0]

@@ -228,13 +228,7 @@ _COLUMNS = (
 def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
     """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
 
-    A family is as good as the best within the standard error of the paired difference over folds, limited to the
-    standard error of the best itself (a family that fails on one test has a large error of its own), or within 0.1
-    percentage points. Of those as good, one that is not costly in a building is chosen, and of these the one with the
-    fewest parameters. A family that has collapsed to one which predicts the tests left out is neither the best nor
-    chosen, nor is one that something speaks against while others are left. The choice is provisional where a family
-    that failed fits all tests far better. BIC is `n_eff ln(variance) + n_params
-    ln(n_eff)`.
+    The rules are those of `DEFINITIONS`; a family counts as collapsed if the simpler one predicts the tests left out.
     """
     predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
@@ -311,7 +305,10 @@ def _standing(
 
 
 def is_as_good(own: Sequence[float], best: Sequence[float]) -> bool:
-    """Whether NRMSE of folds left out are as good as the best: within one standard error, as `rank` describes."""
+    """Whether NRMSE of folds left out are as good as the best, by the rule of `DEFINITIONS`.
+
+    The error of the difference is limited to that of the best: a family that fails on one test has a large one.
+    """
     difference = 100.0 * (np.array(own) - np.array(best))
     errors = [error_of_mean(difference), error_of_mean(100.0 * np.array(best))]
     allowed = min((error for error in errors if error is not None), default=0.0)

@@ -99,13 +99,7 @@ class Splits:
 
 
 def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
-    """Splits of the tests by `fold`, and those beyond the rest, which keep a test at every command.
-
-    Raises
-    ------
-    SettingError
-        Where there are fewer than two folds.
-    """
+    """Splits of the tests by `fold`, and those beyond the rest, which keep a test at every command."""
     folds = folds_of(tests, fold)
     try:
         motions = folds_of(tests, "motion")
