@@ -163,18 +163,16 @@ def _check_draws(forces: Floats) -> None:
         raise SettingError(f"`forces` has shape {forces.shape}; give at least one draw of one sample")
 
 
+def _central_band(kind: BandKind, forces: Floats, level: float, basis: str) -> Band:
+    lower, upper = np.quantile(forces, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
+    return Band(kind=kind, level=level, lower=lower, upper=upper, basis=basis)
+
+
 @checked
 def parameter_band(forces: Rows, level: Level) -> Band:
     """Central quantiles of the columns of `forces`, shape (n_draws, n), that contain a share `level`."""
     _check_draws(forces)
-    lower, upper = np.quantile(forces, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
-    return Band(
-        kind="parameter",
-        level=level,
-        lower=lower,
-        upper=upper,
-        basis=f"{len(forces)} draws of the parameters",
-    )
+    return _central_band("parameter", forces, level, f"{len(forces)} draws of the parameters")
 
 
 @checked
@@ -208,14 +206,8 @@ def noise_band(
             f"`noise_draws` has shape {noise_draws.shape}; {noise.name} noise has the parameters {names}"
         )
     added = noise.draw((forces - mean) / deviation, noise_draws, rng)
-    lower, upper = np.quantile(forces + deviation * added, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
-    return Band(
-        kind="prediction",
-        level=level,
-        lower=lower,
-        upper=upper,
-        basis=f"{noise.title} noise about {len(forces)} draws, not calibrated on any other test",
-    )
+    basis = f"{noise.title} noise about {len(forces)} draws, not calibrated on any other test"
+    return _central_band("prediction", forces + deviation * added, level, basis)
 
 
 CycleQuantity = Literal["energy", "stiffness", "damping"]

@@ -127,17 +127,11 @@ class Prediction(WithAxes, Summarised):
             "model_force": (self.model_force, "force of the model, as it would be recorded"),
             "residual": (self.test.force - self.model_force, "measured minus model force"),
         }
-        return replace(
-            test,
-            title=f"Prediction of {self.test.name}",
-            arrays={
-                **test.arrays,
-                **{
-                    name: NamedArray.of(values, "time", unit="N", long_name=words)
-                    for name, (values, words) in forces.items()
-                },
-            },
-        )
+        own = {
+            name: NamedArray.of(values, "time", unit="N", long_name=words)
+            for name, (values, words) in forces.items()
+        }
+        return replace(test, title=f"Prediction of {self.test.name}", arrays={**test.arrays, **own})
 
     def _summary(self) -> Summary:
         return Summary(

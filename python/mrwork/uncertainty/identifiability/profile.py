@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, nan
+from operator import attrgetter
 from statistics import NormalDist
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -63,8 +64,7 @@ _ROUNDING = 1e-6
 class Profile(WithAxes, Summarised, Related):
     """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
-    An end that is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation
-    did.
+    An end that is not "closed" is `None`: at "bound" the admissible range ended, beyond "not simulated" no run did.
     """
 
     name: str
@@ -202,15 +202,12 @@ class Profiles(WithAxes, Summarised):
                 },
             ),
             arrays={
-                "value": NamedArray.of(
-                    pad_rows(lambda each: each.values), "parameter", "point", long_name="value that is held"
-                ),
-                "misfit": NamedArray.of(
-                    pad_rows(lambda each: each.misfit), "parameter", "point", unit="1", long_name=_MISFIT
-                ),
-                "ratio": NamedArray.of(
-                    pad_rows(lambda each: each.ratio), "parameter", "point", unit="1", long_name=_RATIO
-                ),
+                name: NamedArray.of(pad_rows(of), "parameter", "point", unit=unit, long_name=words)
+                for name, of, unit, words in (
+                    ("value", attrgetter("values"), "", "value that is held"),
+                    ("misfit", attrgetter("misfit"), "1", _MISFIT),
+                    ("ratio", attrgetter("ratio"), "1", _RATIO),
+                )
             },
         )
 

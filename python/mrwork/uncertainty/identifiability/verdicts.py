@@ -67,8 +67,7 @@ class ParameterScale:
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
-    Parameters without a logarithmic scale may be zero: `ranges` follow from the scales of the records, within the
-    `box`.
+    Parameters without a logarithmic scale may be zero: `ranges` are at the scales of the records, within the `box`.
     """
 
     box: Box
@@ -191,8 +190,7 @@ def changes_along(
 ) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
-    Parameters that hardly change are left out, or those that hardly change the force by `effects` per share,
-    (n_params,).
+    Those that hardly change are left out, or hardly change the force by `effects` per share, (n_params,).
     """
     weight = np.abs(direction if effects is None else direction * effects)
     named = np.flatnonzero(weight > _NEGLIGIBLE * np.max(weight))
@@ -226,8 +224,7 @@ def sparse_basis(null: Floats) -> Floats:
 def simple_combinations(changes: Sequence[ParameterChange], *, within: float = _SIMPLE) -> tuple[str, ...]:
     """Products and ratios of two parameters with simple exponents that are constant along a direction.
 
-    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`, to the relative tolerance
-    `within`.
+    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`, `within` a relative tolerance.
     """
     if any(change.of_range for change in changes):
         return ()
