@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from warnings import warn
 
@@ -344,15 +345,13 @@ class _Ending:
                 continue
             bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
             own = replace(settings, bounds=bounds, starts=(), ties={}, search=None, engine="lanes")
-            try:
+            # One that cannot be fitted is none to be named.
+            with suppress(MrworkError):
                 fits.append(
                     identify_with(
                         model, objective.tests, own, threads=objective.threads, warns=False, examines=False
                     )
                 )
-            except MrworkError:
-                # One that cannot be fitted is none to be named.
-                continue
         return tuple(fits)
 
 

@@ -86,7 +86,7 @@ def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nui
     s_F = np.trapezoid(deviation**2)
     norms = (np.trapezoid(residual**2 * weight) / s_F for weight in (1.0, abs(velocity), abs(acceleration)))
     e_t, e_x, e_v = (float(np.sqrt(norm)) for norm in norms)
-    rmse = float(np.sqrt(np.mean(residual**2)))
+    rmse = rms(residual)
     nrmse = rmse / float(np.std(test.force[counted]))
     return FitQuality(
         test=test.name,
@@ -208,7 +208,7 @@ def fit_at(
     tested = range_of_tests(objective.tests, None if spec.current is None else spec.current.unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
-    nrmse = _rms([each.nrmse for each in quality])
+    nrmse = rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
         estimates=_estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
@@ -216,11 +216,11 @@ def fit_at(
         stop_reason=trace.stop_reason,
         nrmse=nrmse,
         fit_percent=100.0 * (1.0 - nrmse),
-        rmse_n=_rms([each.rmse_n for each in quality]),
+        rmse_n=rms([each.rmse_n for each in quality]),
         error_norms=ErrorNorms(
-            time=_rms([each.error_norms.time for each in quality]),
-            displacement=_rms([each.error_norms.displacement for each in quality]),
-            velocity=_rms([each.error_norms.velocity for each in quality]),
+            time=rms([each.error_norms.time for each in quality]),
+            displacement=rms([each.error_norms.displacement for each in quality]),
+            velocity=rms([each.error_norms.velocity for each in quality]),
         ),
         quality=quality,
         trace=trace,
@@ -261,7 +261,8 @@ def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tu
     )
 
 
-def _rms(values: Sequence[float]) -> float:
+def rms(values: Sequence[float] | Floats) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

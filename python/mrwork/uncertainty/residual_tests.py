@@ -58,11 +58,11 @@ class ResidualTests:
     spike of a sample hardly shows in an autocorrelation.
     """
 
-    lag_one: float
-    ljung_box_p: float
-    breusch_pagan_p: float
-    fast_to_slow: float
-    excess: float
+    lag_one: float = math.nan
+    ljung_box_p: float = math.nan
+    breusch_pagan_p: float = math.nan
+    fast_to_slow: float = math.nan
+    excess: float = math.nan
     repeating: float
     n_time: int
     n_effective: float
@@ -82,27 +82,23 @@ class ResidualTests:
 
 def residual_tests(test: DamperTest, residual: Floats) -> ResidualTests:
     """Tests of the residuals of the samples that count, shape (n_counted,)."""
-    counted = test.counted
+    counted, n_effective = test.counted, effective_samples([residual])
+    repeating = _repeated_share(test, residual)
+    found = ResidualTests(repeating=repeating, n_time=residual.size, n_effective=n_effective)
+    if residual.size <= 2 * LAGS or not float(np.var(residual)) > 0.0:
+        return found
     rho = autocorrelation(residual, LAGS)
-    n_effective = effective_samples([residual])
     speed = np.abs(test.velocity[counted])
     stroke = np.abs(test.displacement[counted] - np.mean(test.displacement[counted]))
     centred = residual - residual.mean()
-    varies = residual.size > 2 * LAGS and float(np.var(residual)) > 0.0
-    after_steps, at_reversals = (
-        _excesses(test, centred, n_effective / residual.size) if varies else (Excess(), Excess())
-    )
-    return ResidualTests(
-        lag_one=float(rho[1]) if varies else np.nan,
-        ljung_box_p=_ljung_box(rho, residual.size) if varies else np.nan,
-        breusch_pagan_p=_breusch_pagan(centred**2, np.stack([speed, stroke], axis=1), n_effective)
-        if varies
-        else np.nan,
-        fast_to_slow=_fast_to_slow(centred, speed) if varies else np.nan,
-        excess=_excess_kurtosis(residual) if varies else np.nan,
-        repeating=_repeated_share(test, residual),
-        n_time=residual.size,
-        n_effective=n_effective,
+    after_steps, at_reversals = _excesses(test, centred, n_effective / residual.size)
+    return replace(
+        found,
+        lag_one=float(rho[1]),
+        ljung_box_p=_ljung_box(rho, residual.size),
+        breusch_pagan_p=_breusch_pagan(centred**2, np.stack([speed, stroke], axis=1), n_effective),
+        fast_to_slow=_fast_to_slow(centred, speed),
+        excess=_excess_kurtosis(residual),
         after_steps=after_steps,
         at_reversals=at_reversals,
     )

@@ -61,15 +61,15 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
     """
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
-        groups.setdefault(_command_of(test) if follows_command else None, []).append(test)
+        groups.setdefault(command_of(test) if follows_command else None, []).append(test)
     squares = [square for group in groups.values() for square in _linear_squares(group)]
     return float(np.sqrt(np.mean(squares)))
 
 
-def _command_of(test: DamperTest) -> object:
-    """Group key of a test: its constant command, or its label where the command varies."""
+def command_of(test: DamperTest, varying: str = "") -> object:
+    """Key of a test, equal for those of one constant command; one that varies has its label, or the one given."""
     if test.has_varying_command:
-        return test.label
+        return varying or test.label
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 

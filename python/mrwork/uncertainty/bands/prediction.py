@@ -21,7 +21,7 @@ from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
-from mrwork.identification.result import explain_failures
+from mrwork.identification.result import explain_failures, rms
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -113,7 +113,7 @@ class Prediction(WithAxes, Summarised):
     @property
     def nrmse(self) -> float:
         """Root mean square of the residual, per standard deviation of the measured force."""
-        return _rms(self.residual) / float(np.std(self.measured))
+        return rms(self.residual) / float(np.std(self.measured))
 
     @property
     def plot(self) -> PredictionPlots:
@@ -140,7 +140,7 @@ class Prediction(WithAxes, Summarised):
                 ("fit", f"{100.0 * (1.0 - self.nrmse):.2f} %"),
                 (
                     "error",
-                    f"{_rms(self.residual):.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N",
+                    f"{rms(self.residual):.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N",
                 ),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
@@ -369,8 +369,4 @@ def later_cycle_errors(test: DamperTest, identify_rest: IdentifyRest) -> tuple[f
     deviation = float(np.std(prediction.measured))
     if not cycles:
         return (prediction.nrmse,)
-    return tuple(_rms(prediction.residual[cycle]) / deviation for cycle in cycles)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return tuple(rms(prediction.residual[cycle]) / deviation for cycle in cycles)

@@ -66,13 +66,7 @@ from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, fi
 from mrwork.uncertainty.choice.splits import Splits, left_out_errors, splits_of
 from mrwork.uncertainty.noise import Noise, noise_model
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
-    """A model with its laws, and the bounds of its parameters."""
-
-    spec: DamperSpec
-    bounds: dict[str, tuple[float, float]]
+T = TypeVar("T")
 
 
 def families(
@@ -83,22 +77,21 @@ def families(
     unit: CommandUnit,
     lagged: bool = False,
     bounds: Mapping[str, tuple[float, float]],
-) -> tuple[tuple[Family, ...], tuple[str, ...]]:
+) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
     """The named families, or all, and remarks on the selection."""
     specs, remarks = compared_models(models)
-    lawful = [_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs]
+    lawful = tuple(_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs)
     refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
     refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
     plain = [spec.name for spec in lawful if spec.current is None]
     if laws and plain:
         remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
-    return (
-        tuple(
-            Family(spec=spec, bounds={name: pair for name, pair in bounds.items() if name in spec.names})
-            for spec in lawful
-        ),
-        remarks,
-    )
+    return lawful, remarks
+
+
+def select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
+    """Values by parameter name, of the parameters that a model has."""
+    return {name: value for name, value in values.items() if name in spec.names}
 
 
 def compared_models(
@@ -147,13 +140,13 @@ def _with_own_laws(
 
 
 def _refuse_few_commands(
-    compared: Sequence[Family], tests: tuple[DamperTest, ...], splits: Splits | None
+    compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: Splits | None
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
     unit = "test" if splits is None else splits.fold
     inside = [] if splits is None else [split.members for split in splits.splits if not split.beyond]
     rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
-    for spec in (family.spec for family in compared if family.spec.current is not None):
+    for spec in filter(lambda spec: spec.current is not None, compared):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
         refuse_few_levels(spec, n_levels)
         remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
@@ -164,8 +157,6 @@ def _refuse_few_commands(
                 "add tests at other commands"
             )
 
-
-T = TypeVar("T")
 
 # Opens the journal of the named step; it is closed when the step is done.
 JournalOf = Callable[[str], Journal]
@@ -291,7 +282,7 @@ class RunningComparison:
     """A comparison in progress, with `evidence` and `fits` by model."""
 
     tests: tuple[DamperTest, ...]
-    compared: tuple[Family, ...]
+    compared: tuple[DamperSpec, ...]
     settings: FitSettings
     threads: int
     splits: Splits | None
@@ -309,9 +300,10 @@ class RunningComparison:
         """Number of fits to less than all tests."""
         return 1 if self.splits is None else len(self.splits.splits)
 
-    def evaluate(self, family: Family) -> None:
+    def evaluate(self, family: DamperSpec) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
-        model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
+        model = family.name
+        settings = replace(self.settings, bounds=select_known(self.settings.bounds, family))
         made: list[Fit] = []
 
         def identify_tests(tests: tuple[DamperTest, ...]) -> Fit:
@@ -323,7 +315,7 @@ class RunningComparison:
             fit = self.steps.run(
                 f"{model}/{step}",
                 lambda journal: identify_with(
-                    family.spec,
+                    family,
                     tests,
                     settings,
                     threads=self.threads,
@@ -335,7 +327,7 @@ class RunningComparison:
             )
             made.append(fit)
             self._spent += fit.seconds
-            self._done += len(family.spec.parameters)
+            self._done += len(family.parameters)
             return fit
 
         left_out: tuple[float, ...] = ()
@@ -348,8 +340,8 @@ class RunningComparison:
             )
         failed = Evidence(
             model=model,
-            title=family.spec.title,
-            n_params=len(family.spec.parameters),
+            title=family.title,
+            n_params=len(family.parameters),
             status="failed",
             reason=self.steps.failed.get(model, ""),
             seconds=sum(each.seconds for each in made),
@@ -420,7 +412,7 @@ class RunningComparison:
         return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
 
     def _report(self, model: str, task: str, within: Progress | None = None) -> None:
-        total = (1 + self.n_splits) * sum(len(family.spec.parameters) for family in self.compared)
+        total = (1 + self.n_splits) * sum(len(family.parameters) for family in self.compared)
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
         self.steps.report(model, task, within, seconds_left=left)
 
@@ -504,7 +496,7 @@ def choose_model(
     )
     splits = splits_of(tests, leave_out) if len(tests) > 1 else None
     _refuse_few_commands(compared, tests, splits)
-    about_commands = command_warning(tests, [family.spec for family in compared])
+    about_commands = command_warning(tests, compared)
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=3)
     remarks += about_commands
@@ -519,7 +511,7 @@ def choose_model(
         splits=splits,
         remarks=remarks,
         steps=Steps(
-            models=tuple(family.spec.name for family in compared),
+            models=tuple(family.name for family in compared),
             journal_of=journal_of,
             on_progress=on_progress,
         ),

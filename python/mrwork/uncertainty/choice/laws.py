@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -33,11 +32,16 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold
-from mrwork.uncertainty.choice.choose import ChoiceProgress, JournalOf, Steps, compared_models, refuse_unknown
+from mrwork.uncertainty.choice.choose import (
+    ChoiceProgress,
+    JournalOf,
+    Steps,
+    compared_models,
+    refuse_unknown,
+    select_known,
+)
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws, judge_laws, sentence_on
-
-T = TypeVar("T")
 
 # Most sets of laws beside the chosen one that are fitted to the whole tests, and by how much the forces of any two
 # differ at least, per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
@@ -329,8 +333,8 @@ def choose_laws(
     compared = []
     for spec in specs:
         # A single model refuses what is given for parameters that it has not.
-        own = replace(settings, bounds=_select_known(settings.bounds, spec)) if several else settings
-        own_laws = _select_known(given, spec) if several else given
+        own = replace(settings, bounds=select_known(settings.bounds, spec)) if several else settings
+        own_laws = select_known(given, spec) if several else given
         compared.append(prepare_search(spec, tests, own_laws, unit, leave_out, own, threads))
     running = RunningLawChoice(
         tests=tests,
@@ -351,7 +355,3 @@ def choose_laws(
         so_far = running.so_far() if running.fitted_laws else None
         raise Interrupted(so_far, "choice of laws") from interrupt
     return running.make_choice()
-
-
-def _select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
-    return {name: value for name, value in values.items() if name in spec.names}

@@ -88,8 +88,7 @@ def find_collapses(
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
-    bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}
-    scale = Scale.of(spec, Box.of(spec).with_bounds(bounds), tests, theta)
+    scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
     free = [(index, each) for index, each in enumerate(fit.estimates) if each.remark != "fixed"]
     return {
         "on a bound": [each.name for _, each in free if each.remark.startswith("at ")],

@@ -15,8 +15,8 @@ import numpy as np
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.command import command_level
 from mrwork.errors import SettingError, SimulationError
+from mrwork.identification.minimise.multistart import command_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, IdentifyRest, folds_of, predict_test
 
@@ -111,7 +111,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
             units=_units(folds, len(tests)),
             fold=fold,
         )
-    levels = [_level_of(test) for test in tests]
+    levels = [command_of(test, "varies") for test in tests]
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     remarks = list[str]()
     for end, size in _ENDS.items():
@@ -159,13 +159,6 @@ def left_out_errors(
 def _units(groups: Sequence[Sequence[int]], n_tests: int) -> tuple[int, ...]:
     unit_of = {index: unit for unit, members in enumerate(groups) for index in members}
     return tuple(unit_of[index] for index in range(n_tests))
-
-
-def _level_of(test: DamperTest) -> object:
-    """Command of a test, equal for those of one level, and for all that vary."""
-    if test.has_varying_command:
-        return "varies"
-    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
 def _peak_velocity(test: DamperTest) -> float:
