@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,24 +125,22 @@ class ErrorTable:
     @classmethod
     def of(cls, groups: Sequence[Sequence[Prediction]]) -> ErrorTable:
         """Sample the errors of the predictions of each group."""
-        columns: list[tuple[Floats, ...]] = []
-        sizes = []
-        for members in groups:
-            before = sum(each[0].size for each in columns)
+        columns: list[tuple[NDArray[Any], ...]] = []
+        for number, members in enumerate(groups):
             for each in members:
                 every = slice(None, None, max(1, each.force.size // _SAMPLES))
                 error = each.residual[every]
-                constant = (np.full(error.size, each.deviation), np.full(error.size, np.std(each.measured)))
-                columns.append((error, each.steepness[every], each.phase[every], *constant))
-            sizes.append(sum(each[0].size for each in columns) - before)
-        error, steepness, phase, deviation, measured = map(np.concatenate, zip(*columns, strict=True))
+                constant = (each.deviation, np.std(each.measured), number)
+                same = (np.full(error.size, value) for value in constant)
+                columns.append((error, each.steepness[every], each.phase[every], *same))
+        error, steepness, phase, deviation, measured, group = map(np.concatenate, zip(*columns, strict=True))
         return cls(
             error=error,
             steepness=steepness,
             phase=phase,
             deviation=deviation,
             measured=measured,
-            group=np.repeat(np.arange(len(sizes)), sizes),
+            group=group,
             periodic=np.array([all(has_regular_cycles(each.test) for each in members) for members in groups]),
         )
 

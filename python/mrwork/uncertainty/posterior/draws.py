@@ -96,15 +96,9 @@ def diagnose(values: Floats, names: tuple[str, ...]) -> Diagnosis:
     n_steps = len(values)
     by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
     columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
-    diagnostics = [convergence(column) for column in columns]
-    return Diagnosis(
-        names=names,
-        n_steps=n_steps,
-        tau=autocorrelation_times(values),
-        rhat=np.array([own.rhat for own in diagnostics]),
-        ess_bulk=np.array([own.ess_bulk for own in diagnostics]),
-        ess_tail=np.array([own.ess_tail for own in diagnostics]),
-    )
+    rhat, bulk, tail, _ = np.array([convergence(column) for column in columns]).T
+    tau = autocorrelation_times(values)
+    return Diagnosis(names=names, n_steps=n_steps, tau=tau, rhat=rhat, ess_bulk=bulk, ess_tail=tail)
 
 
 class Convergence(NamedTuple):
