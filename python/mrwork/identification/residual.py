@@ -297,9 +297,8 @@ class ObservedTest:
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
     candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
     Candidates have their tied parameters by the `ties`, whatever they had for them. Those that want more sub-steps a
-    second than `stiffest` [1/s] are no candidates.
-    `counted` are these samples, `measured` is the force there [N], shape (n_counted,), and `variance` its variance
-    [N^2]: found once, because every simulation needs them.
+    second than `stiffest` [1/s] are no candidates. `counted` are these samples, `measured` the force there [N], shape
+    (n_counted,), and `variance` its variance [N^2]: found once, because every simulation needs them.
     """
 
     spec: DamperSpec

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
-from mrwork.base.numbers import format_fixed
+from mrwork.base.numbers import counted, format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, page_table, text_table
 from mrwork.base.values import Floats
@@ -192,11 +192,11 @@ class Standing:
     @property
     def remark(self) -> str:
         """The verdict, what makes it doubtful, and why the family failed."""
-        blocks = "1 block" if self.unreliable_blocks == 1 else f"{self.unreliable_blocks} blocks"
+        blocks = self.unreliable_blocks
         parts = (
             "" if self.verdict == "behind" else self.verdict,
             "not converged" if self.status == "not_converged" else "",
-            f"Pareto k above 0.7 in {blocks}" if self.unreliable_blocks else "",
+            f"Pareto k above 0.7 in {counted(blocks, 'block')}" if blocks else "",
             self.reason,
         )
         return ", ".join(filter(None, parts))
@@ -558,11 +558,9 @@ def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | 
     best = next((each for each in standings if each.elpd_behind == 0.0), None)
     if best is None or chosen.elpd_behind is None:
         return ""
-    doubtful = [each for each in (best, chosen) if each.unreliable_blocks]
     doubt = ""
-    if doubtful:
-        share = max(each.unreliable_blocks or 0 for each in doubtful)
-        blocks = "1 block" if share == 1 else f"{share} blocks"
+    if unreliable := max(each.unreliable_blocks or 0 for each in (best, chosen)):
+        blocks = counted(unreliable, "block")
         doubt = f", though the Pareto k of {blocks} is above 0.7: importance weights are not reliable there"
     if best is chosen:
         return f"PSIS-LOO over {n_blocks} blocks agrees{doubt}"
