@@ -16,9 +16,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from mrwork.base.keys import (
     given_values,
     heading_lines,
@@ -67,6 +64,7 @@ from mrwork.study.study import (
     Row,
     StudyLaw,
     TakenSettings,
+    constant_command,
     make_arrangement,
 )
 
@@ -283,17 +281,17 @@ def _arrange_controller(
     if not any(device.spec.follows_command for device in devices):
         _refuse_command(controller)
     limited = _limit_command(controller, problem)
-    chosen = _choose_law(controller, limited, folder, settings(), trials)
-    law = _shape_command(controller, chosen.law)
+    title, law, taken = _choose_law(controller, limited, folder, settings(), trials)
+    law = _shape_command(controller, law)
     constant = CONSTANT_LAWS.get(controller.law)
     if constant is not None and constant.share == 0.0:
         at_zero = Row(label=controller.label, kind="passive_off")
         return make_arrangement(bare, at_zero, problem.building, devices, law)
     user = controller.user
     description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
-    row = Row(label=controller.label or chosen.title, kind=_kind(law), description=description)
+    row = Row(label=controller.label or title, kind=_kind(law), description=description)
     made = make_arrangement(bare, row, problem.building, tuple(limited.devices), law)
-    return replace(made, taken=chosen.taken)
+    return replace(made, taken=taken)
 
 
 def problem_of(
@@ -443,31 +441,21 @@ def settings_of_law(table: ControllerTable, folder: Path) -> _GivenSettings | No
     return _GivenSettings(stated=given, values=given_values(kind, given, where, whole=True), where=where)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Chosen:
-    """Title and law of a table, and settings that it leaves out.
+def _choose_law(
+    table: ControllerTable, problem: DesignProblem, folder: Path, given: _GivenSettings | None, trials: Trials
+) -> tuple[str, StudyLaw | None, TakenSettings | None]:
+    """Title and law of a table, and settings that it leaves out; names of files with laws are relative to `folder`.
 
     The law is `None` for the best constant command, which is found when the study runs.
     """
-
-    title: str
-    law: StudyLaw | None
-    taken: TakenSettings | None = None
-
-
-def _choose_law(
-    table: ControllerTable, problem: DesignProblem, folder: Path, given: _GivenSettings | None, trials: Trials
-) -> _Chosen:
-    """The law of a table; names of files with laws are relative to `folder`."""
     if table.user is not None:
-        return _Chosen(title=table.user.function, law=_load_law(table.user, folder))
+        return table.user.function, _load_law(table.user, folder), None
     if given is None:
         constant = CONSTANT_LAWS[table.law]
-        largest, share = min(device.largest_command for device in problem.devices), constant.share
-        return _Chosen(
-            title=constant.title,
-            law=None if share is None else constant_command(problem.devices, share * largest),
-        )
+        if constant.share is None:
+            return constant.title, None, None
+        command = constant.share * min(device.largest_command for device in problem.devices)
+        return constant.title, constant_command(problem.devices, command), None
     kind, spec = SETTINGS[table.law], control_law(table.law)
     with given.where.prefix_errors(SettingError):
         problem, beside = trials.expect_motion(problem) if spec.needs_curve else (problem, "")
@@ -475,7 +463,7 @@ def _choose_law(
         settings: LawSettings = read_table(
             kind, given.stated | (taken.as_read if taken else {}), given.where, whole=True
         )
-        return _Chosen(title=spec.title, law=design_law(table.law, problem, settings), taken=taken)
+        return spec.title, design_law(table.law, problem, settings), taken
 
 
 def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
@@ -561,14 +549,3 @@ def _with_matrices(
     if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
         resolved["designed"] = {**wishes, "record": str(folder / wishes["record"])}
     return resolved
-
-
-def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
-    """The law with a constant command."""
-    return constant_commands(devices, [command])
-
-
-def constant_commands(devices: Sequence[Device], commands: ArrayLike) -> ControlLaw:
-    """The law with one candidate for each constant command."""
-    rows = np.outer(np.asarray(commands, dtype=np.float64), np.ones(len(devices)))
-    return ControlLaw(name="passive", gains={"command": rows})

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.numbers import format_fixed, in_plain
+from mrwork.base.numbers import counted, format_fixed, in_plain
 from mrwork.base.summary import Summarised, Summary
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
@@ -42,7 +42,7 @@ def judged_in_words(results: StudyCriteria) -> str:
     uses = [results.motions[motion].use for motion in results.judged_motions]
     if _n_training(results) or "training" in uses:
         return uses_in_words(uses)
-    return f"{len(uses)} motion{'' if len(uses) == 1 else 's'}"
+    return counted(len(uses), "motion")
 
 
 def chosen_in_words(results: StudyCriteria) -> str:
@@ -63,16 +63,14 @@ def _n_training(results: StudyCriteria) -> int:
 def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
     """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
     judged = results.judged_motions
-    names = dict.fromkeys(name for motion in judged for name in results.motions[motion].groups)
-    groups = [
-        MotionGroup(
-            name=name, motions=tuple(motion for motion in judged if name in results.motions[motion].groups)
-        )
-        for name in names
-    ]
-    others = tuple(number for number in range(len(results.motions)) if number not in judged)
-    training = [MotionGroup(name="training motions", motions=others)] if others else []
-    return (*(group for group in groups if len(group.motions) < len(judged)), *training)
+    members: dict[str, list[int]] = {}
+    for motion in judged:
+        for name in dict.fromkeys(results.motions[motion].groups):
+            members.setdefault(name, []).append(motion)
+    groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
+    others = [number for number in range(len(results.motions)) if number not in judged]
+    made = [*groups.items(), *([("training motions", others)] if others else [])]
+    return tuple(MotionGroup(name=name, motions=tuple(motions)) for name, motions in made)
 
 
 def times_better(results: StudyCriteria, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
@@ -331,13 +329,13 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
     if not laws or len(results.judged_motions) < 2:
         return ()
 
-    def scores(row: int) -> list[float]:
-        return [results.score_under(row, (motion,)) for motion in results.judged_motions]
-
-    others = (*laws[1:], *([] if comparison.passive is None else [comparison.passive]))
-    return ties_in_words(
-        results.rows[laws[0]].label, scores(laws[0]), {results.rows[row].label: scores(row) for row in others}
-    )
+    rows = (*laws, *([] if comparison.passive is None else [comparison.passive]))
+    scores = {
+        results.rows[row].label: [results.score_under(row, (motion,)) for motion in results.judged_motions]
+        for row in rows
+    }
+    leading = results.rows[laws[0]].label
+    return ties_in_words(leading, scores.pop(leading), scores)
 
 
 @checked
@@ -386,20 +384,16 @@ def in_percent(change: float) -> str:
 
 def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
     ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
-    names = [results.motions[motion].name for motion in results.judged_motions]
-    return {
-        entry.name: _change([each[entry.name] - 1.0 for each in ratios], names)
-        for entry in compared_quantities()
-    }
 
+    def change(name: str) -> QuantityChange:
+        changes = [each[name] - 1.0 for each in ratios]
+        if not changes or any(map(math.isnan, changes)):
+            return QuantityChange(mean=math.nan, largest=math.nan, motion=None)
+        largest = max(changes)
+        motion = results.motions[results.judged_motions[changes.index(largest)]].name
+        return QuantityChange(mean=math.fsum(changes) / len(changes), largest=largest, motion=motion)
 
-def _change(changes: Sequence[float], motions: Sequence[str]) -> QuantityChange:
-    if not changes or any(map(math.isnan, changes)):
-        return QuantityChange(mean=math.nan, largest=math.nan, motion=None)
-    largest = max(changes)
-    return QuantityChange(
-        mean=math.fsum(changes) / len(changes), largest=largest, motion=motions[changes.index(largest)]
-    )
+    return {entry.name: change(entry.name) for entry in compared_quantities()}
 
 
 def _small_first(title: str) -> str:

@@ -16,7 +16,7 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Whole
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
-from mrwork.dampers.tested_range import Exceedance, OperatingRange
+from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
 from mrwork.store.input_file import exists, is_there, make_stored_kind
@@ -62,8 +62,6 @@ from mrwork.study.run_result import (
     RunResult,
     criteria_of_runs,
     kept_quantities,
-    largest_demand,
-    names_outside,
     worst_by_quantity,
 )
 from mrwork.study.study import Kind, Row, Study, StudyFile
@@ -95,20 +93,6 @@ class StoredGroup:
     name: str
     motions: tuple[str, ...]
     scores: dict[str, OrNan]
-
-
-def _store_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
-    return tuple(
-        StoredGroup(
-            name=group.name,
-            motions=tuple(results.motions[motion].name for motion in group.motions),
-            scores={
-                row.label: results.score_under(number, group.motions)
-                for number, row in enumerate(results.rows)
-            },
-        )
-        for group in motion_groups(results)
-    )
 
 
 def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
@@ -467,7 +451,17 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
-        groups=_store_groups(results),
+        groups=tuple(
+            StoredGroup(
+                name=group.name,
+                motions=tuple(results.motions[motion].name for motion in group.motions),
+                scores={
+                    row.label: results.score_under(number, group.motions)
+                    for number, row in enumerate(results.rows)
+                },
+            )
+            for group in motion_groups(results)
+        ),
         changes=tuple(_store_changes(comparison)),
         clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=results.n_realisations,
@@ -538,6 +532,8 @@ def _profiles_csv(results: StudyResults) -> str:
 
 def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
     run, demands = results.runs[row, motion], results.demands(row, motion)
+    known = not demands or any(each.outside.known for each in demands)
+    outside = tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
     return StoredStudyRun(
         controller=results.rows[row].label,
         kind=results.rows[row].kind,
@@ -550,9 +546,9 @@ def _store_run(results: StudyResults, row: int, motion: int, passive: int | None
         energy_error=run.energy_error,
         steps=run.steps,
         step_check=_store_step_check(results, row, motion),
-        outside_tested_range=names_outside(demands),
+        outside_tested_range=outside if known else None,
         exceedances=worst_by_quantity(demands),
-        demand=largest_demand(demands),
+        demand=covering([each.demand for each in demands]) if demands else None,
         bands={
             entry.name: band
             for entry in criteria()

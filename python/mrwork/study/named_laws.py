@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, replace
+from dataclasses import Field, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ from mrwork.study.course import (
 )
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.run_result import LabelledRuns
-from mrwork.study.study import Row, TakenSettings, make_arrangement, nominal
+from mrwork.study.study import Row, TakenSettings, constant_command, make_arrangement, nominal
 
 _WEIGHT = "control_weight"
 # Values of a setting that is scanned, over the range in which a search would look for it.
@@ -138,8 +139,7 @@ def course_of_trials(
         def trial(share: float) -> tuple[float, int]:
             cut, tried = excerpts_of(problem.motions, share, hardware.sample_time, bare)
             levels = np.linspace(0.0, min(device.largest_command for device in devices), count)
-            commands = np.repeat(levels[:, None], len(devices), axis=1)
-            law = ControlLaw(name="passive", gains={"command": commands})
+            law = constant_command(devices, *levels)
             responses = simulate_loop(problem.building, devices, law, cut, hardware)
             return tried, int(responses.steps.max())
 
@@ -155,7 +155,7 @@ def course_of_trials(
     return Course(parts, on_progress, total=sum(each.n_runs for each in parts.values()), reasons=reasons)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Trials:
     """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
 
@@ -166,8 +166,6 @@ class Trials:
     problem: DesignProblem
     hardware: Hardware
     course: Course
-    _known: list[_Response] = field(default_factory=list, init=False, repr=False, compare=False)
-    _shaken: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
         """The problem with the expected motion of its dampers, and a sentence where it was taken from the response."""
@@ -175,16 +173,7 @@ class Trials:
             problem.amplitude is not None and problem.velocity is not None
         ):
             return problem, ""
-        if not self._shaken:
-            expected = self._response().magnitudes
-            amplitude, velocity = (
-                (round_to(_SMALLEST * each), round_to(each)) for each in (expected.stroke, expected.rate)
-            )
-            whole = problem.whole
-            self._shaken.append(
-                replace(whole, amplitude=whole.amplitude or amplitude, velocity=whole.velocity or velocity)
-            )
-        (shaken,) = self._shaken
+        shaken = self._shaken
         says = (
             f"amplitude = {toml_value(shaken.amplitude)} and velocity = {toml_value(shaken.velocity)} of the "
             "[[damper]] for its static model, up to the peak stroke at i = 0"
@@ -192,6 +181,15 @@ class Trials:
         if problem is problem.whole:
             return shaken, says
         return shaken.limited_to(min(device.largest_command for device in problem.devices)), says
+
+    @cached_property
+    def _shaken(self) -> DesignProblem:
+        """The problem with the motion that the response of its dampers lets expect."""
+        whole, expected = self.problem.whole, self._response.magnitudes
+        amplitude, velocity = (
+            (round_to(_SMALLEST * each), round_to(each)) for each in (expected.stroke, expected.rate)
+        )
+        return replace(whole, amplitude=whole.amplitude or amplitude, velocity=whole.velocity or velocity)
 
     def take(
         self,
@@ -211,7 +209,7 @@ class Trials:
         if not missing:
             return None if not beside else TakenSettings(settings={}, origin=(beside,), remedy="")
         taken, says = self._weights(kind, given, [entry.name for entry in missing])
-        magnitudes = self._response().magnitudes
+        magnitudes = self._response.magnitudes
         magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
         for entry in missing:
@@ -266,7 +264,7 @@ class Trials:
         count = len(next(iter(scanned.values())))
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
-        response, scores = self._response(), np.full(count, math.inf)
+        response, scores = self._response, np.full(count, math.inf)
         self.course.begin(_part_of(law), f"settings of {law}", 0)
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
@@ -301,23 +299,16 @@ class Trials:
             f"{on if problem.judged else counted(number, 'training motion')})"
         )
 
+    @cached_property
     def _response(self) -> _Response:
-        if not self._known:
-            problem = self.problem.whole
-            command = min(device.largest_command for device in problem.devices)
-            self.course.begin(_RESPONSE, "dampers at i = 0 and at the largest command", 0)
-            off, on = (
-                self._run(
-                    problem,
-                    ControlLaw(name="passive", gains={"command": np.full(len(problem.devices), level)}),
-                )
-                for level in (0.0, command)
-            )
-            magnitudes = magnitudes_of_runs(
-                problem.building, problem.motions, off, on, command=command, constant=None
-            )
-            self._known.append(_Response(off=off, on=on, magnitudes=magnitudes))
-        return self._known[0]
+        problem = self.problem.whole
+        command = min(device.largest_command for device in problem.devices)
+        self.course.begin(_RESPONSE, "dampers at i = 0 and at the largest command", 0)
+        off, on = (self._run(problem, constant_command(problem.devices, level)) for level in (0.0, command))
+        magnitudes = magnitudes_of_runs(
+            problem.building, problem.motions, off, on, command=command, constant=None
+        )
+        return _Response(off=off, on=on, magnitudes=magnitudes)
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> LabelledRuns:
         devices = tuple(problem.devices)

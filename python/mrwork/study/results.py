@@ -371,7 +371,7 @@ class StudyResults(StudyCriteria):
             (self.rows[row].label, self.motions[motion].name): self.demands(row, motion)
             for row, motion in self.runs
         }
-        return (*damper_warnings(demands), *size_warnings(self))
+        return (*damper_warnings(demands), *_weak(self), *_locked_storeys(self))
 
     @property
     def checked(self) -> frozenset[Key] | None:
@@ -443,10 +443,10 @@ class StepChange:
     """
 
     row: int
-    change: float = 0.0
-    criterion: str = ""
-    motion: int = 0
-    unfinished: tuple[int, ...] = ()
+    change: float
+    criterion: str
+    motion: int
+    unfinished: tuple[int, ...]
 
     def in_words(self, results: StudyCriteria) -> str:
         """The criterion and the motion, and the motions that are not compared."""
@@ -459,15 +459,13 @@ class StepChange:
 
 def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
     """The largest change of each row that was repeated with half the step."""
-    checked = results.checked or frozenset()
-    rows = sorted({row for row, _ in checked})
-    return tuple(
-        _largest(results, row, sorted(motion for each, motion in checked if each == row)) for row in rows
-    )
+    checked = sorted(results.checked or ())
+    rows = dict.fromkeys(row for row, _ in checked)
+    return tuple(_largest(results, row, [motion for each, motion in checked if each == row]) for row in rows)
 
 
 def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange:
-    largest: tuple[float, str, int] | None = None
+    largest: list[tuple[float, str, int]] = []
     unfinished = []
     for motion in motions:
         changes = results.step_changes(row, motion)
@@ -477,11 +475,8 @@ def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange
         # A criterion that the file does not have is not compared, nor a count, which jumps by more than the step does.
         compared = [each for each in changes if not criterion(each).counted]
         name = max(compared, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
-        if largest is None or changes[name] > largest[0]:
-            largest = (changes[name], name, motion)
-    if largest is None:
-        return StepChange(row=row, unfinished=tuple(unfinished))
-    change, name, motion = largest
+        largest.append((changes[name], name, motion))
+    change, name, motion = max(largest, key=lambda each: each[0], default=(0.0, "", 0))
     return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=tuple(unfinished))
 
 
@@ -547,12 +542,8 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     )
 
 
-def size_warnings(results: StudyResults) -> tuple[str, ...]:
-    """Sentences on dampers that are too weak for their building, and on those that lock their storey."""
-    return (*_weak(results), *_locked_storeys(results))
-
-
 def _weak(results: StudyResults) -> Iterator[str]:
+    """A sentence on dampers that are too weak for their building."""
     most = max(_reaches(results), key=lambda each: each.share, default=None)
     if most is None or not most.share < _WEAK:
         return

@@ -25,7 +25,6 @@ from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
-from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
 from mrwork.study.results import DevicePlace, Key, MotionFacts, StudyResults
@@ -45,7 +44,14 @@ from mrwork.study.run_result import (
     results_of,
 )
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import Arrangement, Realisations, Study, digest_of_run, fingerprint_of
+from mrwork.study.study import (
+    Arrangement,
+    Realisations,
+    Study,
+    constant_command,
+    digest_of_run,
+    fingerprint_of,
+)
 
 # Realisations of a trial: they fill the lanes of some threads.
 _TRIED_REALISATIONS = 64
@@ -527,7 +533,7 @@ def _simulate_levels(
     threads: int,
     on_block: OnBlock | None = None,
 ) -> Responses:
-    devices, law = with_devices(arrangement, constant_commands(arrangement.devices, _levels(arrangement)))
+    devices, law = with_devices(arrangement, constant_command(arrangement.devices, *_levels(arrangement)))
     return simulate_loop(
         arrangement.building, devices, law, motions, hardware, threads=threads, on_progress=on_block
     )

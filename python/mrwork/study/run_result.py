@@ -36,7 +36,7 @@ from mrwork.closed_loop.responses import (
 )
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.spec import worst_laws
-from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, covering, least_stroke, worst_of
+from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import RecordError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import OneOf, array_of, plain, rebuilt
@@ -258,22 +258,10 @@ def demands_of(run: RunResult, devices: Sequence[Device], seconds: float) -> tup
     return tuple(demands)
 
 
-def names_outside(demands: Sequence[DeviceDemand]) -> tuple[str, ...] | None:
-    """Names of the quantities outside the tested ranges of any device; `None` if no device has tested ranges."""
-    if demands and not any(each.outside.known for each in demands):
-        return None
-    return tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
-
-
 def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
     """The worst exceedance of each quantity over the devices."""
     every = [(each.device, exceedance) for each in demands for exceedance in each.outside.exceedances]
     return tuple(worst for worst, _, _ in worst_of(every))
-
-
-def largest_demand(demands: Sequence[DeviceDemand]) -> OperatingRange | None:
-    """The ranges that cover the demand on all devices; `None` without any."""
-    return covering([each.demand for each in demands]) if demands else None
 
 
 def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -> tuple[str, ...]:
@@ -373,7 +361,9 @@ class Histories:
         study, arrays = self._study, read_arrays(path, _KIND)
         try:
             time = finite_numbers(arrays, "time")
-            shapes = _sample_shapes(study, row)
+            arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
+            shapes = {each.name: _shape_of(each, arrangement) for each in _kept_signals()}
+            shapes["energy"] = (_N_ENERGIES,)
             numbers = {name: finite_numbers(arrays, name) for name in shapes}
             _check_time(time, study.grounds[motion].duration, study.hardware.sample_time)
             for name, shape in shapes.items():
@@ -393,12 +383,6 @@ def _check_time(time: Floats, duration: float, sample_time: float) -> None:
     # A motion need not end at a sample.
     if not abs(duration / sample_time - time.size) < 2.0:
         raise ValueError(f"it has {time.size} samples every {sample_time:g} s of a motion of {duration:g} s")
-
-
-def _sample_shapes(study: Study, row: int) -> dict[str, tuple[int, ...]]:
-    """Shape of one sample of each signal in the histories of a row."""
-    arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
-    return {each.name: _shape_of(each, arrangement) for each in _kept_signals()} | {"energy": (_N_ENERGIES,)}
 
 
 def _stem_of(name: str) -> str:

@@ -52,14 +52,9 @@ class Realisations(Summarised):
 
     def first(self, count: int) -> Realisations:
         """The first of them."""
-        return replace(
-            self,
-            stiffness=self.stiffness[:count],
-            damping=self.damping[:count],
-            delay=self.delay[:count],
-            seed=self.seed[:count],
-            theta=tuple(rows[:count] for rows in self.theta),
-        )
+        of_all = ("stiffness", "damping", "delay", "seed")
+        first: dict[str, Any] = {name: getattr(self, name)[:count] for name in of_all}
+        return replace(self, **first, theta=tuple(rows[:count] for rows in self.theta))
 
     @property
     def digest(self) -> str:
@@ -381,6 +376,11 @@ def uses_in_words(uses: Sequence[Use]) -> str:
     counts = {use: uses.count(use) for use in get_args(Use)}
     text = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
     return f"{text} motion{'' if len(uses) == 1 else 's'}"
+
+
+def constant_command(devices: Sequence[Device], *commands: float) -> ControlLaw:
+    """The law with a constant command, with one candidate for each of several."""
+    return ControlLaw(name="passive", gains={"command": np.outer(commands, np.ones(len(devices)))})
 
 
 def make_arrangement(

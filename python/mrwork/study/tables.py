@@ -7,7 +7,7 @@ every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from types import MappingProxyType
 
@@ -66,10 +66,7 @@ class ShownRows:
 def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRows:
     """The rows that a page shows; of the histories, those among the `chosen` ones."""
     total = len(comparison.results.rows)
-    listed, drawn = (
-        _best_rows(comparison, range(total), MOST_LISTED),
-        _best_rows(comparison, range(total), MOST_DRAWN),
-    )
+    listed, drawn = (_best_rows(comparison, range(total), most) for most in (MOST_LISTED, MOST_DRAWN))
     with_histories = _best_rows(comparison, chosen, MOST_DRAWN)
     sentences = []
     if len(listed) < total:
@@ -130,11 +127,8 @@ _DECIMALS = 3
 
 def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table:
     """The score, and the mean of each ratio over the motions, the rows of each rank together."""
-    results = comparison.results
-    ranks = [
-        (rank, kept) for rank, rows in comparison.ranks if (kept := [row for row in rows if row in shown])
-    ]
-    order = [row for _, rows in ranks for row in rows]
+    results, order = comparison.results, _by_rank(comparison, shown)
+    headings = _headings(comparison, order)
     columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
     return _ratio_table(
         results,
@@ -142,12 +136,12 @@ def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table
         columns,
         label=f"Score and mean ratios over {judged_in_words(results)}",
         first=("Score",),
-        headings={order.index(rows[0]): rank.title for rank, rows in ranks},
+        headings=headings,
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
         "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
         "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
         "and the best of each column is bold in each."
-        + "".join(f" {rank.note}" for rank, _ in ranks if rank.note),
+        + "".join(f" {rank.note}" for rank in RANKS if rank.note and rank.title in headings.values()),
     )
 
 
@@ -174,13 +168,11 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     """The criteria themselves under one motion, or their medians over several."""
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
-    cells: list[tuple[str, ...]] = []
-    columns: list[list[float]] = []
     by_row = [[_values(results, row, motion) for motion in motions] for row in rows]
-    for name, _, factor in _VALUES:
-        numbers = [factor * float(np.median([each[name] for each in of_row])) for of_row in by_row]
-        columns.append(numbers)
-        cells.append(tuple(significant(number, 3) for number in numbers))
+    columns = [
+        [factor * float(np.median([each[name] for each in of_row])) for of_row in by_row]
+        for name, _, factor in _VALUES
+    ]
     heads = tuple(
         f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})"
         for name, shown, _ in _VALUES
@@ -189,7 +181,8 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
         rows=tuple(
-            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+            (results.rows[row].label, *(significant(column[place], 3) for column in columns))
+            for place, row in enumerate(rows)
         ),
         strong=_best(results, rows, columns[:5]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
@@ -220,12 +213,12 @@ def _ratio_table(
     note: str,
     headings: Mapping[int, str] = MappingProxyType({}),
 ) -> Table:
-    cells = [[format_fixed(number, _DECIMALS) for number in column] for column in columns]
     return Table(
         label=label,
         columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
         rows=tuple(
-            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
+            (results.rows[row].label, *(format_fixed(column[place], _DECIMALS) for column in columns))
+            for place, row in enumerate(rows)
         ),
         over=(("", 1 + len(first)), *((_over(results, against), len(_RATIOS)) for against in _AGAINST)),
         strong=_best(results, rows, columns),
@@ -243,7 +236,10 @@ def _over(results: StudyCriteria, against: Kind) -> str:
 
 
 def _best(
-    results: StudyCriteria, rows: Sequence[int], columns: Sequence[Sequence[float]]
+    results: StudyCriteria,
+    rows: Sequence[int],
+    columns: Sequence[Sequence[float]],
+    printed: Callable[[float], str] = lambda number: significant(number, 3),
 ) -> frozenset[tuple[int, int]]:
     """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
     strong = set()
@@ -252,8 +248,8 @@ def _best(
         for cell, column in enumerate(columns, start=1):
             known = [column[place] for place in candidates if not math.isnan(column[place])]
             if len(known) > 1:
-                least = significant(min(known), 3)
-                strong |= {(place, cell) for place in candidates if significant(column[place], 3) == least}
+                least = printed(min(known))
+                strong |= {(place, cell) for place in candidates if printed(column[place]) == least}
     return frozenset(strong)
 
 
@@ -293,53 +289,32 @@ def leading_table(comparison: StudyComparison, row: int) -> Table:
 
 def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
     """The changes of the shown rows against a reference, the rows of each rank together."""
-    results = comparison.results
-    quantities = compared_quantities()
+    results, quantities = comparison.results, compared_quantities()
     several = len(results.judged_motions) > 1
-    cells: list[tuple[str, ...]] = []
-    headings: dict[int, str] = {}
-    strong: set[tuple[int, int]] = set()
-    alarming: set[tuple[int, int]] = set()
-    for rank, rows in comparison.ranks:
-        others = [row for row in rows if row != reference and row in shown]
-        if not others:
-            continue
-        start = len(cells)
-        headings[start] = rank.title
-        changes = [comparison.changes(row, reference) for row in others]
-        for line, (row, of_row) in enumerate(zip(others, changes, strict=True), start):
-            largest = [_largest(of_row, quantities)] if several else []
-            cells.append(
-                (
-                    results.rows[row].label,
-                    *(signed_percent(of_row[entry.name].mean) for entry in quantities),
-                    *largest,
-                )
-            )
-            alarming |= {
-                (line, place) for place, entry in enumerate(quantities, 1) if of_row[entry.name].worse
-            }
-        for place, entry in enumerate(quantities, 1):
-            means = [of_row[entry.name].mean for of_row in changes]
-            known = [mean for mean in means if not math.isnan(mean)]
-            strong |= {
-                (start + number, place)
-                for number, mean in enumerate(means)
-                if len(known) > 1 and signed_percent(mean) == signed_percent(min(known))
-            }
+    rows = [row for row in _by_rank(comparison, shown) if row != reference]
+    changes = [comparison.changes(row, reference) for row in rows]
+    columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
     return Table(
         label=f"Changes against {results.rows[reference].label}",
-        columns=(
-            "",
-            *(entry.short for entry in quantities),
-            *(["Largest increase"] if several else []),
+        columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
+        rows=tuple(
+            (
+                results.rows[row].label,
+                *(signed_percent(column[line]) for column in columns),
+                *([_largest(changes[line], quantities)] if several else []),
+            )
+            for line, row in enumerate(rows)
         ),
-        rows=tuple(cells),
         foot=_worse_laws(comparison, reference, several=several),
         words=(len(quantities) + 1,) if several else (),
-        strong=frozenset(strong),
-        alarming=frozenset(alarming),
-        headings=headings,
+        strong=_best(results, rows, columns, signed_percent),
+        alarming=frozenset(
+            (line, place)
+            for place, column in enumerate(columns, start=1)
+            for line, mean in enumerate(column)
+            if rounds_to_increase(mean)
+        ),
+        headings=_headings(comparison, rows),
         note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
         "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
         + (" The largest increase is that of a quantity under one motion." if several else "")
@@ -458,7 +433,13 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     )
 
 
+def _by_rank(comparison: StudyComparison, shown: Collection[int]) -> list[int]:
+    """The shown rows, those of each rank together, the lowest score first."""
+    return [row for _, rows in comparison.ranks for row in rows if row in shown]
+
+
 def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
+    """Title of each rank, by the place of its first row."""
     return {
         rows.index(first): rank.title
         for rank, members in comparison.ranks
