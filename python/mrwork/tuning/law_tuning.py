@@ -369,28 +369,21 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         if search.best_misfit < least:
             chosen, origin = plan.space.candidate(search.best_unit), _ENDS.get(search.stop_reason, "search")
         if table.gradient_steps:
-            last = _finish(plan, bench, benches, chosen)
-            trace.append(
-                TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, last.misfit))
-            )
-            if last.misfit < min(least, search.best_misfit):
-                chosen, origin = last.candidate, f"search, then {last.gradients} gradients on the twin"
+            last, misfit, gradients = _finish(plan, bench, benches, chosen)
+            trace.append(TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, misfit)))
+            if misfit < min(least, search.best_misfit):
+                chosen, origin = last, f"search, then {gradients} gradients on the twin"
     train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
     return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _FinishedCandidate:
-    candidate: LawCandidate
-    misfit: float
-    gradients: int
-
-
-def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate) -> _FinishedCandidate:
-    """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
+def _finish(
+    plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate
+) -> tuple[LawCandidate, float, int]:
+    """The candidate that gradients reach from the chosen one, its misfit in the loop, and how many there were."""
     start = plan.space.unit(chosen)
     if start is None:
-        return _FinishedCandidate(candidate=chosen, misfit=math.inf, gradients=0)
+        return chosen, math.inf, 0
     point = recall_or_compute(
         bench.journal,
         "gradients",
@@ -404,9 +397,7 @@ def _finish(plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate)
     candidate = plan.space.candidate(point.unit)
     inputs = digest_of(plan.label, candidate)
     scores = bench.recall_or_score("finish", inputs, plan.objective, plan.law, [candidate])
-    return _FinishedCandidate(
-        candidate=candidate, misfit=float(scores.penalised_scores[0]), gradients=point.gradients
-    )
+    return candidate, float(scores.penalised_scores[0]), point.gradients
 
 
 def _search(

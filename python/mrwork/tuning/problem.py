@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -35,7 +35,6 @@ from mrwork.study.run_result import (
 )
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.tuning.results import (
-    Better,
     DesignNotes,
     Front,
     FrontPoint,
@@ -308,9 +307,6 @@ def describe(candidate: LawCandidate) -> Mapping[str, object]:
 _SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
 
 
-_BENCHES = ("training", "testing", "training_varied", "testing_varied")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Benches(Summarised):
     """Benches with the training and the test motions; the varied ones have the realisations of the study, if any."""
@@ -330,7 +326,7 @@ class Benches(Summarised):
 
     def with_constant(self, constant: LawCandidate) -> Benches:
         """Benches with the criteria under the best constant command, a baseline of objectives."""
-        benches = {name: bench for name in _BENCHES if (bench := getattr(self, name)) is not None}
+        benches = {each.name: getattr(self, each.name) for each in fields(self)}
         return replace(
             self,
             **{
@@ -341,6 +337,7 @@ class Benches(Summarised):
                     ),
                 )
                 for name, bench in benches.items()
+                if bench is not None
             },
         )
 
@@ -348,13 +345,19 @@ class Benches(Summarised):
         self, law: str, candidate: LawCandidate, objective: TuningObjective, *, robust: bool
     ) -> tuple[TuningJudgement, TuningJudgement | None]:
         """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
-        wide = self.training_varied if robust or self.testing is None else None
-        train = self._judge_candidate(self.training, wide, law, candidate, objective, robust)
-        if self.testing is None:
-            return train, None
-        return train, self._judge_candidate(
-            self.testing, self.testing_varied, law, candidate, objective, robust
-        )
+
+        def criteria_on(bench: Bench) -> _Judged:
+            names = [motion.name for motion in bench.motions]
+            inputs = digest_of(law, candidate, names, len(bench.realisations))
+            return _Judged(bench=bench, runs=bench.recall_or_run("judgement", inputs, law, [candidate]))
+
+        def on(bench: Bench, wide: Bench | None) -> TuningJudgement:
+            return _judge(
+                criteria_on(bench), objective, None if wide is None else criteria_on(wide), robust=robust
+            )
+
+        train = on(self.training, self.training_varied if robust or self.testing is None else None)
+        return train, None if self.testing is None else on(self.testing, self.testing_varied)
 
     def demands(
         self, law: str, candidate: LawCandidate, label: str
@@ -373,25 +376,6 @@ class Benches(Summarised):
             )
             for number, run in runs
         }
-
-    def _judge_candidate(
-        self,
-        bench: Bench,
-        wide: Bench | None,
-        law: str,
-        candidate: LawCandidate,
-        objective: TuningObjective,
-        robust: bool,
-    ) -> TuningJudgement:
-        def on(each: Bench) -> LabelledRuns:
-            inputs = digest_of(
-                law, candidate, [motion.name for motion in each.motions], len(each.realisations)
-            )
-            return each.recall_or_run("judgement", inputs, law, [candidate])
-
-        criteria = on(bench)
-        varied = None if wide is None else Varied(bench=wide, runs=on(wide))
-        return judge(bench, objective, criteria, varied, robust=robust)
 
 
 def benches_of(
@@ -448,28 +432,25 @@ def benches_of(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Varied:
-    """A bench with realisations, and the criteria of a candidate on it."""
+class _Judged:
+    """The criteria of a candidate on a bench."""
 
     bench: Bench
     runs: LabelledRuns
 
 
-def judge(
-    bench: Bench, objective: TuningObjective, runs: LabelledRuns, varied: Varied | None, *, robust: bool
+def _judge(
+    own: _Judged, objective: TuningObjective, varied: _Judged | None, *, robust: bool
 ) -> TuningJudgement:
     """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
 
     With `robust` the objective takes the realisations.
     """
-    ratios = _ratios(runs, bench.passive)
-    names = [motion.name for motion in bench.motions]
-    per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
-    value_of, on = runs, bench
-    if varied is not None and robust:
-        value_of, on = varied.runs, varied.bench
-    scores = objective.run_scores(value_of, on.baseline(objective))
-    violation = float(objective.violation(value_of)[0])
+    runs, bench = own.runs, own.bench
+    per_motion = {name: values[0, :, 0] for name, values in _ratios(runs, bench.passive).items()}
+    valued = varied if varied is not None and robust else own
+    scores = objective.run_scores(valued.runs, valued.bench.baseline(objective))
+    violation = float(objective.violation(valued.runs)[0])
     numbers = {name: float(values.mean()) for name, values in per_motion.items()}
     return TuningJudgement(
         score=numbers.pop("score"),
@@ -482,14 +463,17 @@ def judge(
         spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
         motions=tuple(
             MotionScore(
-                motion=name,
+                motion=motion.name,
                 score=float(per_motion["score"][number]),
                 criteria={each: float(v[number]) for each, v in per_motion.items() if each != "score"},
             )
-            for number, name in enumerate(names)
+            for number, motion in enumerate(bench.motions)
         ),
         energy_error=float(runs.energy_error.max()),
-        bands={} if varied is None else _bands(_ratios(varied.runs, varied.bench.passive)),
+        bands={
+            name: RealisationBand.of(values[0].mean(axis=0))
+            for name, values in (_ratios(varied.runs, varied.bench.passive) if varied else {}).items()
+        },
     )
 
 
@@ -501,21 +485,3 @@ def _ratios(runs: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
         for entry in criteria()
         if entry.ratio
     }
-
-
-def _bands(ratios: Mapping[str, Floats]) -> dict[str, RealisationBand]:
-    return {name: RealisationBand.of(values[0].mean(axis=0)) for name, values in ratios.items()}
-
-
-def count_better(law: TuningJudgement, constant: TuningJudgement) -> Better:
-    """Number of motions under which a law is better than a constant command."""
-    pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
-
-    def lower(name: str) -> list[bool]:
-        return [one.criteria[name] < other.criteria[name] for one, other in pairs]
-
-    drift, acceleration = lower("peak_drift"), lower("peak_acceleration")
-    both = [one and other for one, other in zip(drift, acceleration, strict=True)]
-    return Better(
-        peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=sum(both), motions=len(pairs)
-    )

@@ -15,6 +15,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import check_law, refuse_within
+from mrwork.study.comparison import BOTH
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
@@ -27,8 +28,8 @@ from mrwork.tuning.law_tuning import (
     front_of,
     tune_law,
 )
-from mrwork.tuning.problem import Clock, benches_of, check_controllable, count_better, magnitudes_of
-from mrwork.tuning.results import Front, LawResult, TuningResults
+from mrwork.tuning.problem import Clock, benches_of, check_controllable, magnitudes_of
+from mrwork.tuning.results import Better, Front, LawResult, TuningResults
 from mrwork.tuning.space import (
     TuningObjective,
     check_scored_criterion,
@@ -167,7 +168,13 @@ def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
     one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
     if other is None or not one.motions:
         return law
-    return replace(law, better=count_better(one, other))
+    pairs = list(zip(one.motions, other.motions, strict=True))
+    drift, acceleration = (
+        [own.criteria[name] < constants.criteria[name] for own, constants in pairs] for name in BOTH
+    )
+    both = sum(map(min, drift, acceleration))
+    better = Better(peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=both, motions=len(pairs))
+    return replace(law, better=better)
 
 
 def _plans(
