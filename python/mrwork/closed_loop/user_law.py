@@ -303,13 +303,7 @@ class UserLaw(Summarised):
 
     @checked
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
-        """The law that the core has in place of this one: its candidates, without a command.
-
-        Raises
-        ------
-        SettingError
-            If a device follows no command.
-        """
+        """The law that the core has in place of this one: its candidates, without a command."""
         for device in devices:
             if not device.spec.follows_command:
                 raise SettingError(

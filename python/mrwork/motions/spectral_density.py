@@ -7,7 +7,7 @@ motion is fitted by likelihood; the stationary ground of a design has the mean s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
@@ -175,8 +175,6 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     >>> 7.0 < fitted.frequency < 14.0
     True
     """
-    from scipy.optimize import minimize  # takes a quarter of a second to load
-
     strong = strong_part(motion)
     n = len(strong)
     w = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n, motion.dt))
@@ -191,21 +189,30 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
             return soil
         return CloughPenzien(soil=soil, frequency=float(filter_shape[0]), damping=float(filter_shape[1]))
 
-    def misfit(shape: Floats) -> float:
-        if np.any(np.abs(shape) > 8.0):
-            return math.inf
-        density = make_density(shape).density(w)
-        return float(np.mean(np.log(density)) + np.log(np.mean(periodogram / density)))
-
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
-    best = min(
-        (
-            minimize(misfit, np.log([*start, *rest]), method="Nelder-Mead", options={"xatol": 1e-4})
-            for start in _STARTS
-        ),
-        key=lambda each: float(each.fun),
-    )
-    return make_density(best.x, float(np.mean(periodogram / make_density(best.x).density(w))))
+    starts = [np.log([*start, *rest]) for start in _STARTS]
+    best = _likeliest(make_density, w, periodogram, starts)
+    return make_density(best, float(np.mean(periodogram / make_density(best).density(w))))
+
+
+def _likeliest(
+    make: Callable[[Floats], SpectralDensity],
+    w: Floats,
+    densities: Floats,
+    starts: Sequence[Floats],
+    bounds: Sequence[tuple[float, float]] | None = None,
+) -> Floats:
+    """Logarithms of the numbers of a spectrum of the largest likelihood of Whittle, whatever its intensity."""
+    from scipy.optimize import minimize  # takes a quarter of a second to load
+
+    def misfit(logarithms: Floats) -> float:
+        if np.any(np.abs(logarithms) > 8.0):
+            return math.inf
+        density = make(logarithms).density(w)
+        return float(np.mean(np.log(density)) + np.log(np.mean(densities / density)))
+
+    ends = (minimize(misfit, start, method="Nelder-Mead", bounds=bounds) for start in starts)
+    return np.asarray(min(ends, key=lambda each: float(each.fun)).x)
 
 
 def strong_part(motion: GroundMotion) -> Floats:
@@ -336,8 +343,6 @@ def _band_densities(strong: Floats, dt: float) -> Floats:
 
 def _fit_shape(densities: Floats, frequency: float | None, damping: float | None) -> tuple[KanaiTajimi, bool]:
     """The filter of a shape, and whether the shape is narrower than any filter."""
-    from scipy.optimize import minimize  # takes a quarter of a second to load
-
     given = (frequency, damping)
     free = [number for number in range(2) if given[number] is None]
 
@@ -347,22 +352,10 @@ def _fit_shape(densities: Floats, frequency: float | None, damping: float | None
             numbers[number] = math.exp(logarithm)
         return KanaiTajimi(frequency=numbers[0], damping=numbers[1], intensity=1.0)
 
-    def misfit(logarithms: Floats) -> float:
-        density = make_shape(logarithms).density(_CENTRES)
-        return float(np.mean(np.log(density)) + np.log(np.mean(densities / density)))
-
     if not free:
         return make_shape(np.empty(0)), False
     spans = [(_FREQUENCIES, _DAMPINGS)[number] for number in free]
     bounds = [(math.log(lower), math.log(upper)) for lower, upper in spans]
-    best = min(
-        (
-            minimize(
-                misfit, [math.log(start[number]) for number in free], method="Nelder-Mead", bounds=bounds
-            )
-            for start in _STARTS
-        ),
-        key=lambda each: float(each.fun),
-    )
-    shape = make_shape(best.x)
+    starts = [np.array([math.log(start[number]) for number in free]) for start in _STARTS]
+    shape = make_shape(_likeliest(make_shape, _CENTRES, densities, starts, bounds))
     return shape, damping is None and shape.damping <= 1.01 * _DAMPINGS[0]

@@ -167,26 +167,21 @@ _NORMALISED: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Tag:
-    """Tag of a part of the damper, counted from the tag of the damper."""
-
-    number: int
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Material:
-    """A command `uniaxialMaterial`: kind, tag, and numbers and tags behind it."""
+    """A command `uniaxialMaterial`: kind, tag, and numbers and tags behind it.
+
+    A tag is a whole number, counted from the tag of the damper.
+    """
 
     kind: str
-    tag: _Tag
-    arguments: tuple[float | _Tag, ...]
+    tag: int
+    arguments: tuple[float, ...]
 
     def words(self, tag: str) -> list[str]:
         """The tag and the arguments as text, tags in the form `tag`."""
         return [
-            tag.format(each.number) if isinstance(each, _Tag) else repr(each)
-            for each in (self.tag, *self.arguments)
+            tag.format(each) if isinstance(each, int) else repr(each) for each in (self.tag, *self.arguments)
         ]
 
 
@@ -256,18 +251,18 @@ def opensees_damper(
     ]
     if k and x0:
         facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")
-    parts: list[tuple[str, tuple[float | _Tag, ...]]] = [("BoucWen", astuple(material))]
+    parts: list[tuple[str, tuple[float, ...]]] = [("BoucWen", astuple(material))]
     parts += [("Viscous", (c, 1.0))] if c else []
     parts += [("Elastic", (k,))] if k else []
-    joined = [_Tag(number) for number in range(1, len(parts) + 1)]
+    joined = [*range(1, len(parts) + 1)]
     if k and x0:
         parts.append(("InitStrainMaterial", (joined[-1], -x0)))
-        joined[-1] = _Tag(len(parts))
+        joined[-1] = len(parts)
     materials = [
-        _Material(kind=kind, tag=_Tag(number), arguments=arguments)
+        _Material(kind=kind, tag=number, arguments=arguments)
         for number, (kind, arguments) in enumerate(parts, start=1)
     ]
-    whole = _Material(kind="Parallel", tag=_Tag(0), arguments=tuple(joined))
+    whole = _Material(kind="Parallel", tag=0, arguments=tuple(joined))
     return OpenSeesDamper(facts=tuple(facts), materials=(*materials, whole))
 
 

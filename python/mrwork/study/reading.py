@@ -223,11 +223,8 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
     if soil is None:
         return KanaiTajimi() if table.synthetic == "kanai_tajimi" else CloughPenzien()
     firm, filtered = KanaiTajimi(), CloughPenzien()
-    ground = KanaiTajimi(
-        frequency=soil.frequency or firm.frequency,
-        damping=soil.damping or firm.damping,
-        intensity=soil.intensity or firm.intensity,
-    )
+    of_ground = ("frequency", "damping", "intensity")
+    ground = KanaiTajimi(**{name: getattr(soil, name) or getattr(firm, name) for name in of_ground})
     if table.synthetic == "kanai_tajimi":
         for name in ("high_pass_frequency", "high_pass_damping"):
             if getattr(soil, name) is not None:
@@ -299,7 +296,10 @@ def read_study(
 ) -> Study:
     """Read a study; `identified` reads a damper from a run folder, see `mr.read_study`."""
     path = Path(path)
-    file = _read(path)
+    content = bytes_of(path, TOML)
+    # Refused here, by the name that was given.
+    text_in(content, path, TOML)
+    file = StudyFile(path=path.resolve(), content=content)
     document, lines = parse(file.text, str(path))
     with Place(origin=str(path), lines=lines).collecting() as place:
         refuse_loose_settings(document, place)
@@ -444,13 +444,6 @@ def _realisations(
 def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta
-
-
-def _read(path: Path) -> StudyFile:
-    content = bytes_of(path, TOML)
-    # Refused here, by the name that was given.
-    text_in(content, path, TOML)
-    return StudyFile(path=path.resolve(), content=content)
 
 
 def _tunes_accelerations(table: TuneTable) -> bool:

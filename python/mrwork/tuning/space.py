@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -30,14 +30,6 @@ PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limit:
-    """The largest admissible value of a criterion, in SI."""
-
-    criterion: str
-    limit: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TuningObjective(Summarised):
     """Objective of a tuning.
@@ -45,7 +37,7 @@ class TuningObjective(Summarised):
     The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
     `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
     motions and realisations: their mean, the largest, or the mean of the worst share `tail` (conditional value at risk;
-    Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
+    Rockafellar & Uryasev, J. Risk 2, 2000, 21-41). `limits` are the largest admissible criteria by name, in SI.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -53,7 +45,7 @@ class TuningObjective(Summarised):
     weights: Mapping[str, float]
     risk: Risk = "mean"
     tail: float = _TAIL
-    limits: tuple[Limit, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
@@ -77,9 +69,9 @@ class TuningObjective(Summarised):
     def violation(self, runs: LabelledRuns) -> Floats:
         """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
         violation = np.zeros(runs.shape[0])
-        for each in self.limits:
-            largest = runs.numbers[each.criterion].max(axis=(1, 2))
-            violation += np.maximum(largest / each.limit - 1.0, 0.0)
+        for name, limit in self.limits.items():
+            largest = runs.numbers[name].max(axis=(1, 2))
+            violation += np.maximum(largest / limit - 1.0, 0.0)
         return violation
 
     def in_words(self, *, robust: bool) -> str:
@@ -140,10 +132,9 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
             f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"',
             "tail",
         )
-    limits = tuple(
-        Limit(criterion=name, limit=_limit(table, name, value, command_unit))
-        for name, value in (table.constraints or {}).items()
-    )
+    limits = {
+        name: _limit(table, name, value, command_unit) for name, value in (table.constraints or {}).items()
+    }
     return TuningObjective(
         weights=weights,
         risk=table.risk,
