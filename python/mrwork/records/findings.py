@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final, Literal, get_args
@@ -247,63 +247,31 @@ _OF_FILES: Final[tuple[Verb, ...]] = ("check", "identify", "predict", "calibrate
 # What changes no number by itself.
 _TOLD_ONCE: Final[tuple[Verb, ...]] = ("check", "identify")
 
-CONCERNS: Final[Mapping[str, tuple[Verb, ...]]] = {
+_SAID_BY: Final[tuple[tuple[tuple[Verb, ...], str], ...]] = (
     # Samples that the sensors did not give.
-    "gaps": _EVERY,
-    "spikes": _EVERY,
-    "clipped": _EVERY,
-    "coarse": _EVERY,
-    "held_samples": _EVERY,
-    "part_repeated": _EVERY,
-    "few_samples_per_cycle": _EVERY,
-    "resampled": _TOLD_ONCE,
-    "time_rounded": _TOLD_ONCE,
-    "nan_rows_dropped": _TOLD_ONCE,
+    (_EVERY, "gaps spikes clipped coarse held_samples part_repeated few_samples_per_cycle"),
+    (_TOLD_ONCE, "resampled time_rounded nan_rows_dropped"),
     # The motion, which drives every simulation.
-    "time_unusual": _EVERY,
-    "displacement_unusual": _EVERY,
-    "displacement_still": _EVERY,
-    "displacement_jumps": _EVERY,
-    "displacement_drifts": _EVERY,
+    (_EVERY, "time_unusual displacement_unusual displacement_still displacement_jumps displacement_drifts"),
+    (_EVERY, "velocity_sign_flipped velocity_inconsistent velocity_noisy velocity_late"),
+    (_EVERY, "velocity_difference velocity_held"),
+    (_TOLD_ONCE, "velocity_derived rest_before_motion"),
     # All other verbs refuse it.
-    "velocity_factor": ("check",),
-    "velocity_sign_flipped": _EVERY,
-    "velocity_inconsistent": _EVERY,
-    "velocity_noisy": _EVERY,
-    "velocity_late": _EVERY,
-    "velocity_difference": _EVERY,
-    "velocity_held": _EVERY,
-    "velocity_derived": _TOLD_ONCE,
-    "rest_before_motion": _TOLD_ONCE,
+    (("check",), "velocity_factor"),
     # The force, with which every simulation is compared.
-    "force_unusual": _EVERY,
-    "force_still": _EVERY,
-    "force_sign_flipped": _EVERY,
-    "force_sign_unclear": _EVERY,
-    "force_delay": _EVERY,
-    "moving_mass": _EVERY,
-    "breakaway": _EVERY,
-    "loop_drift": _EVERY,
+    (_EVERY, "force_unusual force_still force_sign_flipped force_sign_unclear force_delay"),
+    (_EVERY, "moving_mass breakaway loop_drift"),
     # A fit describes the offset and the average of its own tests; those of other tests may differ.
-    "force_offset": _OF_FILES,
-    "moving_average": _OF_FILES,
+    (_OF_FILES, "force_offset moving_average"),
     # What the file says of the test.
-    "command_negative": _EVERY,
-    "command_unusual": _EVERY,
-    "command_varies": _TOLD_ONCE,
-    "command_rings": _TOLD_ONCE,
-    "command_unclear": _EVERY,
-    "name_disagrees": _OF_FILES,
-    "name_not_used": _OF_FILES,
-    "not_used": _OF_FILES,
-    "files_not_read": _OF_FILES,
-    "further_records": _OF_FILES,
-    "command_mislabelled": _EVERY,
-    "record_repeated": _EVERY,
+    (_EVERY, "command_negative command_unusual command_unclear command_mislabelled record_repeated"),
+    (_TOLD_ONCE, "command_varies command_rings"),
+    (_OF_FILES, "name_disagrees name_not_used not_used files_not_read further_records"),
     # Asked for on the command line; that a repair found no cause is news.
-    **{f"repaired_{kind}": _TOLD_ONCE for kind in REPAIR_KINDS},
-    **{f"no_{kind}": _OF_FILES for kind in REPAIR_KINDS},
-}
+    (_TOLD_ONCE, " ".join(f"repaired_{kind}" for kind in REPAIR_KINDS)),
+    (_OF_FILES, " ".join(f"no_{kind}" for kind in REPAIR_KINDS)),
+)
+CONCERNS: Final = {code: verbs for verbs, codes in _SAID_BY for code in codes.split()}
 """Verbs that say a finding, by its code. `check` and `identify` say all; a code that is not listed, every verb."""
 
 
