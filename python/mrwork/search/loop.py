@@ -359,15 +359,17 @@ def run_replicates(
                 break
             proposal = optimiser.ask(state)
             recalled = None if journal is None else _recalled_generation(journal, proposal)
-            misfit = _misfits(objective, proposal) if recalled is None else recalled.misfit
+            misfit, seconds = recalled or (_misfits(objective, proposal), 0.0)
             state = optimiser.tell(state, proposal, misfit)
-            if recalled is not None:
+            if recalled is None:
+                seconds = time.perf_counter() - began
+            else:
                 # The clock continues from the recorded time, so that `max_seconds` ends a resumed search as before.
-                began = time.perf_counter() - recalled.seconds
-            seconds = time.perf_counter() - began if recalled is None else recalled.seconds
+                began = time.perf_counter() - seconds
+            event = _event(state, misfit, seconds)
             if journal is not None and recalled is None:
-                _record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
-            if on_generation is not None and on_generation(_event(state, misfit, began)):
+                _record_generation(journal, proposal, event)
+            if on_generation is not None and on_generation(event):
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
@@ -394,7 +396,7 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
         )
 
 
-def _event(state: StateT, misfit: Floats, began: float) -> GenerationEvent[StateT]:
+def _event(state: StateT, misfit: Floats, seconds: float) -> GenerationEvent[StateT]:
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
@@ -402,7 +404,7 @@ def _event(state: StateT, misfit: Floats, began: float) -> GenerationEvent[State
         evaluations=int(course.evaluations.sum()),
         best_misfit=float(course.best_misfit[leader]),
         median_misfit=float(np.median(course.trace.median[:, -1])),
-        seconds=time.perf_counter() - began,
+        seconds=seconds,
         best_unit=course.best_unit[leader],
         n_running=course.running.size,
         misfit=misfit,
@@ -411,14 +413,6 @@ def _event(state: StateT, misfit: Floats, began: float) -> GenerationEvent[State
 
 
 _STEP = "generation"
-
-
-@array_dataclass()
-class Generation:
-    """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
-
-    misfit: Floats
-    seconds: float
 
 
 def _agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
@@ -437,37 +431,32 @@ def _agree_on_search(journal: Journal, optimiser: object, state: SearchState) ->
     )
 
 
-def _recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
-    """The generation that the journal has recorded for this proposal, `None` where there is none."""
-    if not journal.recalling:
-        return None
+def _recalled_generation(journal: Journal, proposal: Proposal) -> tuple[Floats, float] | None:
+    """Accepted misfits of the proposal, (n_ask,), and seconds of the search, if the journal has recorded them."""
 
-    def read(record: dict[str, Any]) -> Generation:
+    def read(record: dict[str, Any]) -> tuple[Floats, float]:
         misfit = array_of(record["misfit"])
         if misfit.shape != proposal.unit.shape[:1]:
             raise ValueError(f"misfits of the shape {misfit.shape}")
-        return Generation(misfit=misfit, seconds=float(record["search_seconds"]))
+        return misfit, float(record["search_seconds"])
 
-    return journal.recall(_STEP, _digest(proposal), read)
+    return journal.recall(_STEP, _digest(proposal), read) if journal.recalling else None
 
 
-def _record_generation(
-    journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
-) -> None:
+def _record_generation(journal: Journal, proposal: Proposal, event: GenerationEvent[Any]) -> None:
     """Record a generation: the data for a resumed search, and progress for readers of the journal."""
-    course = state.course
     journal.record(
         _STEP,
         _digest(proposal),
         {
-            "generation": course.generation.max(),
-            "evaluations": course.evaluations.sum(),
-            "best": course.best_misfit.min(),
-            "median": np.median(course.trace.median[:, -1]),
+            "generation": event.generation,
+            "evaluations": event.evaluations,
+            "best": event.best_misfit,
+            "median": event.median_misfit,
             # Random numbers depend on seed, replicate and generation only, so this is their whole state.
-            "next_stream": {"seed": course.rng, "generation": course.generation.max()},
-            "misfit": generation.misfit,
-            "search_seconds": generation.seconds,
+            "next_stream": {"seed": event.state.course.rng, "generation": event.generation},
+            "misfit": event.misfit,
+            "search_seconds": event.seconds,
         },
     )
 
