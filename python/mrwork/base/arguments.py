@@ -19,6 +19,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
 from functools import partial, wraps
+from itertools import chain, repeat
 from numbers import Real
 from types import NoneType
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
@@ -130,8 +131,8 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     )
     variadic = {parameter.kind: parameter.name for parameter in parameters if parameter.kind in _VARIADIC}
     rest = variadic.get(inspect.Parameter.VAR_POSITIONAL, "")
-    takes_any = inspect.Parameter.VAR_KEYWORD in variadic
     known = frozenset(signature.parameters)
+    takes_any = inspect.Parameter.VAR_KEYWORD in variadic
     required = tuple(
         parameter.name
         for parameter in parameters
@@ -140,6 +141,14 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
     shapes: dict[str, Shape] = {}
+
+    def accept(parameter: str, value: Any) -> Any:
+        if parameter not in kinds:
+            return value
+        try:
+            return kinds[parameter].accept(value)
+        except Refusal as refusal:
+            raise _error(parameter, name, refusal, owner) from None
 
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
@@ -153,21 +162,14 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
             raise _by_position(name, positional, len(args), signature)
         if twice := given.keys() & positional[: len(args)]:
             raise ArgumentError(f"`{min(twice)}` of {name} is given by position and by name; give it once")
-        values = [
-            _accept_value(kinds, name, parameter, value, owner)
-            for parameter, value in zip(positional, args, strict=False)
-        ]
-        more = [_accept_value(kinds, name, rest, value, owner) for value in args[len(values) :]]
-        named = {
-            parameter: _accept_value(kinds, name, parameter, value, owner)
-            for parameter, value in given.items()
-        }
+        values = list(map(accept, chain(positional, repeat(rest)), args))
+        named = {parameter: accept(parameter, value) for parameter, value in given.items()}
         if missing := [parameter for parameter in required[len(args) :] if parameter not in given]:
             listed = list_names([f"`{parameter}`" for parameter in missing], len(missing))
             raise ArgumentError(f"{name} lacks {listed}; give {'it' if len(missing) == 1 else 'them'}")
         if shapes:
             _check_shapes(shapes, name, dict(zip(positional, values, strict=False)) | named)
-        return function(*values, *more, **named)
+        return function(*values, **named)
 
     return checking
 
@@ -192,15 +194,6 @@ def _by_position(
     return ArgumentError(f"{function} {taken} and got {came} value{'' if came == 1 else 's'}; {remedy}")
 
 
-def _accept_value(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
-    if parameter not in kinds:
-        return value
-    try:
-        return kinds[parameter].accept(value)
-    except Refusal as refusal:
-        raise _error(parameter, function, refusal, owner) from None
-
-
 def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
     name = f"`{parameter}{refusal.place}`"
     sentence = escape_text(f"{name} of {function} {refusal.sentence}")
@@ -214,6 +207,7 @@ def _error(parameter: str, function: str, refusal: Refusal, owner: type = object
 
 
 def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
+    """Refuse an array with other axes, or other lengths than the arrays before it."""
     known: dict[str, tuple[int, str]] = {}
     for parameter, shape in shapes.items():
         value = given.get(parameter)
@@ -221,7 +215,7 @@ def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str
         if value is None or isinstance(value, int | float):
             continue
         try:
-            check_shape(shape, value, known, parameter)
+            _check_shape(shape, value, known, parameter)
         except Refusal as refusal:
             raise _error(parameter, function, refusal) from None
 
@@ -245,8 +239,7 @@ def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) 
 _SHOWN = 40
 
 
-def check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
-    """Refuse an array with other axes, or other lengths than `known`; new lengths are added to `known`."""
+def _check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
     given = tuple(np.shape(value))
     wanted = f"({', '.join(shape.axes)}{',' if len(shape.axes) == 1 else ''})"
     if len(given) != len(shape.axes):
@@ -392,13 +385,10 @@ def _bool(_: Notes) -> Kind:
     return Kind("true or false", accept, rank=0)
 
 
-def _text(_: Notes) -> Kind:
-    return Kind("a text", partial(_instance, str, "a text"), rank=0)
-
-
+_TEXT = Kind("a text", partial(_instance, str, "a text"), rank=0)
 _NONE = Kind("None", partial(_instance, NoneType, "None"), rank=0)
 _SCALARS: dict[type, Callable[[Notes], Kind]] = {
-    float: _float, int: _int, bool: _bool, str: _text, NoneType: lambda _: _NONE,
+    float: _float, int: _int, bool: _bool, str: lambda _: _TEXT, NoneType: lambda _: _NONE,
 }  # fmt: skip
 
 

@@ -131,7 +131,7 @@ class PlainLines(Display):
 
     def show(self, text: str, share: float | None) -> None:
         """Write a line, with the share in per cent."""
-        self._note(text if share is None else f"{_percent(share)}, {text}")
+        self._note(text if share is None else f"{100.0 * _clip_share(share):.0f} %, {text}")
 
     def close(self) -> None:
         """Leave the lines."""
@@ -296,10 +296,6 @@ def _in_notebook() -> bool:
 
 def _clip_share(share: float) -> float:
     return min(max(share, 0.0), 1.0)
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * _clip_share(share):.0f} %"
 
 
 def _bar(share: float) -> str:

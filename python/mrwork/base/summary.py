@@ -44,11 +44,6 @@ class Summary:
         """The facts that have a value."""
         return [(name, value) for name, value in self.facts if value]
 
-    @property
-    def shown_table(self) -> Sequence[Sequence[str]]:
-        """The header and the shown rows, of the columns that have an entry."""
-        return self.filled_columns(self.shown_rows)
-
     def filled_columns(self, rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
         """The header and these rows, of the columns that have an entry in any row."""
         filled = [number for number in range(len(self.columns)) if any(row[number] for row in self.rows)]
@@ -66,10 +61,10 @@ class Summary:
         width = max((len(name) for name, _ in self.shown_facts), default=0)
         lines += [f"  {name:<{width}}  {value}" for name, value in self.shown_facts]
         if self.rows:
-            lines += ["", *(f"  {line}" for line in align_rows(self.shown_table))]
+            lines += ["", *(f"  {line}" for line in align_rows(self.filled_columns(self.shown_rows)))]
+        lines += [f"  {self.left_out_in_words}"] if self.left_out_in_words else []
         lines = [
-            _cut_line(line)
-            for line in (*lines, *([f"  {self.left_out_in_words}"] if self.left_out_in_words else []))
+            line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..." for line in lines
         ]
         for note in self.notes:
             # A warning must be read to its end.
@@ -88,7 +83,7 @@ class Summary:
         if facts:
             parts.append(f"<table>{facts}</table>")
         if self.rows:
-            columns, *rows = self.shown_table
+            columns, *rows = self.filled_columns(self.shown_rows)
             head = "".join(f"<th>{escape(column)}</th>" for column in columns)
             body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
             parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
@@ -177,7 +172,3 @@ def _array_in_short(values: Any, shape: tuple[int, ...]) -> str:
 
 def _is_numeric(cell: str) -> bool:
     return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()
-
-
-def _cut_line(line: str) -> str:
-    return line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..."

@@ -15,43 +15,14 @@ STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2], exact by definition: third General Conference on Weights and Measures, 1901."""
 
 MeasuredQuantity = Literal[
-    "time",
-    "frequency",
-    "rate",
-    "displacement",
-    "velocity",
-    "acceleration",
-    "mass",
-    "force",
-    "stiffness",
-    "damping",
-    "current",
-    "voltage",
-    "current rate",
-    "voltage rate",
-]
+    "time", "frequency", "rate", "displacement", "velocity", "acceleration", "mass", "force", "stiffness", "damping",
+    "current", "voltage", "current rate", "voltage rate",
+]  # fmt: skip
 
 CommandUnit = Literal[
-    "A",
-    "V",
-    "mm",
-    "in",
-    "deg",
-    "%",
-    "bar",
-    "psi",
-    "kPa",
-    "MPa",
-    "lb",
-    "degC",
-    "degF",
-    "K",
-    "rpm",
-    "Hz",
-    "T",
-    "mT",
+    "A", "V", "mm", "in", "deg", "%", "bar", "psi", "kPa", "MPa", "lb", "degC", "degF", "K", "rpm", "Hz", "T", "mT",
     "W",
-]
+]  # fmt: skip
 """Unit of a command: of a current or voltage in SI, or that in which another scalar is recorded, never converted."""
 
 DriverUnit = Literal["A", "V"]
@@ -201,14 +172,12 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
 )
 """Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
 
-_MEGA: Final = "M"
-
 # Units are read in any case, except for mega, which would be milli.
 _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
     (quantity, symbol.casefold()): factor
     for quantity, units in FACTORS.items()
     for symbol, factor in units.items()
-    if not symbol.startswith(_MEGA)
+    if not symbol.startswith("M")
 }
 
 # The mark of an inch by itself; around a unit it is a quotation mark.
@@ -319,14 +288,12 @@ def _symbol_of(unit: str) -> tuple[str, str]:
     """Symbol of a unit as it is written, and without its case and spelling; empty where it is none."""
     text = unit.strip()
     symbol = _INCH.sub("in", text, count=1) if _INCH.match(text) else text.strip("'\"")
-    return (symbol, _without_spelling(symbol)) if len(symbol) <= _LONGEST else ("", "")
-
-
-def _without_spelling(symbol: str) -> str:
+    if len(symbol) > _LONGEST:
+        return "", ""
     text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
     text = "/".join(_WORDS.get(part, part) for part in text.split("/"))
     if match := _VELOCITY.fullmatch(text):
-        return f"{match[1]}/s"
-    if match := _ACCELERATION.fullmatch(text):
-        return f"{match[1] or match[2]}/s2"
-    return text
+        text = f"{match[1]}/s"
+    elif match := _ACCELERATION.fullmatch(text):
+        text = f"{match[1] or match[2]}/s2"
+    return symbol, text

@@ -130,7 +130,14 @@ def digest_of(*inputs: object) -> str:
 
 def package_version(name: str) -> str:
     """Version of an installed package; "unknown" if it is not installed."""
-    return _list_installed().get(name) or _find_version(name)
+    if listed := _list_installed().get(name):
+        return listed
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 @cache
@@ -147,15 +154,6 @@ def _list_installed() -> Mapping[str, str]:
     return versions
 
 
-def _find_version(name: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
-
-
 def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
     """One phrase for each fact that differs, such as "seed is 1 there and 2 here"; nested names are joined by dots."""
     if isinstance(recorded, Mapping) and isinstance(stated, Mapping):
@@ -163,12 +161,10 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
         pairs = [(key, recorded.get(key, _ABSENT), stated.get(key, _ABSENT)) for key in names]
     elif isinstance(recorded, list) and isinstance(stated, list) and len(recorded) == len(stated):
         pairs = [(str(n), one, other) for n, (one, other) in enumerate(zip(recorded, stated, strict=True), 1)]
+    elif recorded == stated:
+        return []
     else:
-        return (
-            []
-            if recorded == stated
-            else [f"{name} is {_shorten_value(recorded)} there and {_shorten_value(stated)} here"]
-        )
+        return [f"{name} is {_shorten_value(recorded)} there and {_shorten_value(stated)} here"]
     return [
         phrase
         for key, one, other in pairs
