@@ -356,83 +356,26 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
     Remarks are cut off, decimal commas become points, and times are written into rows without them.
     """
-    settings = dict(_entries(lines, 0, _separator(lines)))
     separator = _separator(lines)
-    end = _end_of_header(lines, 0, source)
-    plain = list(lines)
-    data: list[int] = []
-    first: _Block | None = None
-    for block in _blocks(lines, end + 1, separator, settings, source):
-        if first is not None and block.names != first.names:
-            raise RecordError(
-                f"{source}: line {block.names_line + 1} starts a block with other channels than the first; "
-                "export one test with the same channels throughout"
-            )
-        first = first or block
-        for number, index in enumerate(block.rows):
-            plain[index] = block.plain_row(lines[index], index, number)
-            data.append(index)
-    if first is None or not data:
-        raise RecordError(f"{source}: there is a LabVIEW header but no data line after it; check the export")
-    return plain, Layout(delimiter="\t", names=first.names, units=first.units, data=tuple(data))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Block:
-    """A block: its channels, where its rows are, and how they are to be read.
-
-    `step` is `None` where the rows have times; `width` is the number of fields of a channel, 2 where each has its own.
-    """
-
-    source: str
-    separator: str
-    comma: bool
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    names_line: int
-    rows: tuple[int, ...]
-    start: float
-    step: float | None
-    width: int
-
-    def plain_row(self, line: str, index: int, number: int) -> str:
-        """A row with the time and one field for each channel."""
-        fields = [field.strip() for field in line.split(self.separator)]
-        n_channels = len(self.names) - 1
-        if self.width == 2:
-            fields = fields[: 2 * n_channels]
-            times = {field for field in fields[::2] if field}
-            if len(times) > 1:
-                raise RecordError(
-                    f"{self.source}: line {index + 1}: the channels have different times, "
-                    f"{' and '.join(sorted(times)[:2])}; export them with one X column"
-                )
-            fields = [next(iter(times), ""), *fields[1::2]]
-        if self.step is not None:
-            fields = [repr(self.start + number * self.step), *fields[1:]]
-        fields = fields[: n_channels + 1]
-        if self.comma:
-            fields = [field.replace(",", ".") if is_number(field) else field for field in fields]
-        return "\t".join(fields)
-
-
-def _blocks(
-    lines: Sequence[str], start: int, separator: str, settings: Mapping[str, list[str]], source: str
-) -> Iterator[_Block]:
+    settings = dict(_entries(lines, 0, separator))
     comma = _first(settings, "Decimal_Separator") == ","
     columns = _first(settings, "X_Columns").casefold()
-    place = start
+    # Fields of a channel: its own times, and its samples.
+    width = 2 if columns == "multi" else 1
+    place = _end_of_header(lines, 0, source) + 1
+    plain = list(lines)
+    data: list[int] = []
+    layout: Layout | None = None
     while any(line.strip() for line in lines[place:]):
         entries = dict(_entries(lines, place, separator))
         end = _end_of_header(lines, place, source)
         names_line = next(
             (index for index in range(end + 1, len(lines)) if lines[index].strip()), len(lines) - 1
         )
-        fields = [field.strip() for field in lines[names_line].split(separator)]
-        if fields[-1].casefold() == "comment":
-            fields.pop()
-        width = 2 if columns == "multi" else 1
-        channels = tuple(fields[1::width])
+        header = [field.strip() for field in lines[names_line].split(separator)]
+        if header[-1].casefold() == "comment":
+            header.pop()
+        channels = header[1::width]
         rows: list[int] = []
         place = names_line + 1
         while place < len(lines) and lines[place].partition(separator)[0].strip() != "Channels":
@@ -442,18 +385,41 @@ def _blocks(
         step = _step(entries, comma, source) if columns == "no" else None
         is_time = _first(entries, "X_Dimension").casefold() in ("", "time")
         labels = entries.get("Y_Unit_Label", [])
-        yield _Block(
-            source=source,
-            separator=separator,
-            comma=comma,
-            names=("Time" if is_time else fields[0], *channels),
-            units=("s" if is_time else "", *(labels + [""] * len(channels))[: len(channels)]),
-            names_line=names_line,
-            rows=tuple(rows),
-            start=_number(_first(entries, "X0") or "0", comma, "X0", source),
-            step=step,
-            width=width,
+        start = _number(_first(entries, "X0") or "0", comma, "X0", source)
+        names = ("Time" if is_time else header[0], *channels)
+        if layout is None:
+            units = ("s" if is_time else "", *(labels + [""] * len(channels))[: len(channels)])
+            layout = Layout(delimiter="\t", names=names, units=units, data=())
+        elif names != layout.names:
+            raise RecordError(
+                f"{source}: line {names_line + 1} starts a block with other channels than the first; "
+                "export one test with the same channels throughout"
+            )
+        for number, index in enumerate(rows):
+            fields = [field.strip() for field in lines[index].split(separator)]
+            if width == 2:
+                fields = _with_one_time(fields[: 2 * len(channels)], f"{source}: line {index + 1}")
+            if step is not None:
+                fields = [repr(start + number * step), *fields[1:]]
+            fields = fields[: len(names)]
+            if comma:
+                fields = [field.replace(",", ".") if is_number(field) else field for field in fields]
+            plain[index] = "\t".join(fields)
+        data += rows
+    if layout is None or not data:
+        raise RecordError(f"{source}: there is a LabVIEW header but no data line after it; check the export")
+    return plain, replace(layout, data=tuple(data))
+
+
+def _with_one_time(fields: list[str], where: str) -> list[str]:
+    """The time that all channels of a row share, and their samples."""
+    times = {field for field in fields[::2] if field}
+    if len(times) > 1:
+        raise RecordError(
+            f"{where}: the channels have different times, {' and '.join(sorted(times)[:2])}; "
+            "export them with one X column"
         )
+    return [next(iter(times), ""), *fields[1::2]]
 
 
 def _step(entries: Mapping[str, list[str]], comma: bool, source: str) -> float:

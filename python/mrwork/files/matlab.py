@@ -20,26 +20,22 @@ from numpy.typing import NDArray
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
-from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
+from mrwork.store.child_reader import Member, members_of
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
     """Variables of a version 7.3 file, or the fields of its only struct; `None` for others than real numbers."""
-    try:
-        members = read_members(data, "hdf5")
-    except TooLargeError as error:
-        raise RecordError(f"{path}: {error}; save one test without others") from None
-    except UnreadableError as error:
-        raise RecordError(
-            f"{path}: not a readable version 7.3 .mat file ({error}); it is cut off or damaged, save it again"
-        ) from None
-    names = [name for name in members if name and "/" not in name]
+    name, damaged = "version 7.3 .mat file", "it is cut off or damaged, save it again"
+    members = members_of(
+        data, "hdf5", path, name=name, remedy=damaged, smaller="save one test without others"
+    )
+    names = [each for each in members if each and "/" not in each]
     prefix = ""
     if len(names) == 1 and members[names[0]].is_group:
         prefix = f"{names[0]}/"
-        names = [name.removeprefix(prefix) for name in members if name.startswith(prefix)]
-    return {name: _values(members[f"{prefix}{name}"]) for name in names}
+        names = [each.removeprefix(prefix) for each in members if each.startswith(prefix)]
+    return {each: _values(members[f"{prefix}{each}"]) for each in names}
 
 
 def _values(member: Member) -> NDArray[np.generic] | None:
@@ -202,20 +198,16 @@ def _version_5(data: Block, allowance: Allowance) -> Variables:
         raise DamagedError("the header has no byte-order mark")
     order = "<" if endian == b"IM" else ">"
     variables: Variables = {}
-    structs: dict[str, Variables] = {}
+    fields: Variables | None = None
     for kind, block in _elements(data[_V5_HEADER:], order):
         if kind == _COMPRESSED:
             kind, block = _unpack_element(block, order, allowance)
         if kind == _MATRIX:
             name, content = _matrix(block, order, allowance, fields=True)
             if isinstance(content, dict):
-                structs[name] = content
-                variables[name] = None
-            else:
-                variables[name] = content
-    if len(variables) == 1 and structs:
-        (variables,) = structs.values()
-    return variables
+                fields, content = content, None
+            variables[name] = content
+    return variables if fields is None or len(variables) > 1 else fields
 
 
 def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
@@ -284,14 +276,8 @@ def _matrix(
         n_items = sum(map(len, parts)) // 4
         allowance.take(_SPARSE_ITEM * n_items, f"sparse variable '{name}', of {n_items} items,")
         rows, starts = (_integers(part, order) for part in parts)
-        return name, sparse_version_5(
-            rows,
-            starts,
-            _items(kind, values, order, name, allowance),
-            (shape[0], shape[1]),
-            name,
-            allowance,
-        )
+        items = _items(kind, values, order, name, allowance)
+        return name, sparse_version_5(rows, starts, items, (shape[0], shape[1]), name, allowance)
     if matrix_class not in _NUMERIC_CLASSES:
         return name, None
     kind, block = next(elements, (0, b""))
@@ -350,14 +336,8 @@ def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowa
     if not (np.abs(stated) <= _LARGEST_INDEX).all():
         raise DamagedError(f"sparse variable '{name}' has rows or columns that are no whole numbers")
     places = stated.astype(np.int64)
-    return _fill_matrix(
-        places[:-1, 0] - 1,
-        places[:-1, 1] - 1,
-        triplets[:-1, 2],
-        (int(places[-1, 0]), int(places[-1, 1])),
-        name,
-        allowance,
-    )
+    shape, rows, columns = (int(places[-1, 0]), int(places[-1, 1])), places[:-1, 0] - 1, places[:-1, 1] - 1
+    return _fill_matrix(rows, columns, triplets[:-1, 2], shape, name, allowance)
 
 
 def sparse_version_5(

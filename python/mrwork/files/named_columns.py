@@ -24,7 +24,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
-from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
+from mrwork.store.child_reader import members_of
 from mrwork.store.input_file import RECORD, bytes_of, exists
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
@@ -202,10 +202,6 @@ class Missing:
     unit: str = ""
 
 
-def no_numbers(name: str) -> None:
-    """The numbers of no column are known."""
-
-
 def column_option(key: str, column: str, unit: str) -> str:
     """A --column option as a shell takes it."""
     return f"--column {shlex.quote(f'{key}={column}:{unit}')}"
@@ -362,12 +358,8 @@ def open_parquet(path: Path) -> ColumnTable:
     if importlib.util.find_spec("pyarrow") is None:
         raise RecordError(f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'")
     data = bytes_of(path, RECORD)
-    try:
-        columns = read_members(data, "parquet")
-    except TooLargeError as error:
-        raise RecordError(f"{path}: {error}; save one test, without other data") from None
-    except UnreadableError as error:
-        raise RecordError(f"{path}: not a readable Parquet file ({error}); write it again") from None
+    smaller = "save one test, without other data"
+    columns = members_of(data, "parquet", path, name="Parquet file", remedy="write it again", smaller=smaller)
     # A column of other contents is refused when it is asked for.
     vectors = {
         name: np.empty(1, dtype=np.object_) if column.array is None else column.array

@@ -19,7 +19,7 @@ from mrwork.errors import MrworkWarning, RecordError, reason_of
 from mrwork.files.delimited import open_delimited, table_of_text
 from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unit_in_name, unused_parts
-from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
+from mrwork.store.child_reader import members_of
 from mrwork.store.input_file import RECORD, bytes_of, check_file
 
 
@@ -32,14 +32,8 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
     data = bytes_of(path, RECORD)
-    try:
-        members = read_members(data, "xlsx")
-    except TooLargeError as error:
-        raise RecordError(f"{path}: {error}; save one test, without other sheets") from None
-    except UnreadableError as error:
-        raise RecordError(
-            f"{path}: not a readable .xlsx workbook ({error}); save it again, without a password, or as CSV"
-        ) from None
+    again, smaller = "save it again, without a password, or as CSV", "save one test, without other sheets"
+    members = members_of(data, "xlsx", path, name=".xlsx workbook", remedy=again, smaller=smaller)
     digest = hashlib.sha256(data).hexdigest()
     texts = {
         str(member.attributes["name"]): member.array.tobytes()

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.values import array_dataclass
-from mrwork.errors import LibraryError
+from mrwork.errors import LibraryError, RecordError
 from mrwork.store.child_program import NO_MEMORY, limit_of
 from mrwork.store.input_file import compute_allowance
 
@@ -101,6 +101,18 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
         finally:
             ended.cancel()
             child.kill()
+
+
+def members_of(
+    data: bytes, form: Format, path: Path, *, name: str, remedy: str, smaller: str
+) -> dict[str, Member]:
+    """Members of the file at `path` as by `read_members`; one that is no readable `name` is refused."""
+    try:
+        return read_members(data, form)
+    except TooLargeError as error:
+        raise RecordError(f"{path}: {error}; {smaller}") from None
+    except UnreadableError as error:
+        raise RecordError(f"{path}: not a readable {name} ({error}); {remedy}") from None
 
 
 def memory_of_child(size: int) -> int:
