@@ -31,7 +31,6 @@ from mrwork.files.named_columns import (
     column_option,
     is_plain,
     is_second_choice,
-    no_numbers,
     scalar_unit_in_name,
     suggested_options,
     unit_at_end,
@@ -187,25 +186,27 @@ class StatedCommand:
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
     """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
     candidates = [
-        (name, unit) for name in names for unit in [scalar_unit_in_name(name, units.get(name, ""))] if unit
+        StatedCommand(column=name, unit=unit)
+        for name in names
+        if (unit := scalar_unit_in_name(name, units.get(name, "")))
     ]
     if len(candidates) > 1:
-        (first, unit), (second, _) = candidates[:2]
+        first, second = candidates[:2]
         raise RecordError(
-            f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
-            f"{column_option(COMMAND, first, unit)}"
+            f"{source}: columns '{first.column}' and '{second.column}' both look like the command; say which one to "
+            f"use, as in {column_option(COMMAND, first.column, str(first.unit))}"
         )
-    return StatedCommand(column=candidates[0][0], unit=candidates[0][1]) if candidates else None
+    return next(iter(candidates), None)
 
 
 def choose_columns(
     names: Sequence[str],
-    columns: Mapping[str, str] | None,
+    columns: Mapping[str, str],
     *,
     source: str,
-    units: Mapping[str, str] | None = None,
-    stamps: Collection[str] = (),
-    read: ReadColumn = no_numbers,
+    units: Mapping[str, str],
+    stamps: Collection[str],
+    read: ReadColumn,
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
@@ -213,9 +214,9 @@ def choose_columns(
     by name. `units`: units that the file states apart, by name. `stamps`: columns of times of the day. `read`: reads a
     column, for the unit that a message suggests.
     """
-    named = _Names(names=names, free=names, units=units or {}, stamps=stamps, source=source)
+    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source)
     chosen: dict[TestQuantity, ColumnChoice] = {}
-    for name, specification in (columns or {}).items():
+    for name, specification in columns.items():
         quantity = _quantity(name)
         chosen[quantity] = named.parse_specification(quantity, specification)
     taken = {choice.column for choice in chosen.values()}
@@ -239,19 +240,9 @@ def choose_columns(
 class _UnclearError(Restorable, Exception):
     """What cannot be told of a quantity: the problem, and what to do; the column and its unit where they are known."""
 
-    def __init__(
-        self,
-        problem: str,
-        remedy: str,
-        *,
-        kind: type[MrworkError],
-        quantity: TestQuantity,
-        column: str = "",
-        unit: str = "",
-    ) -> None:
+    def __init__(self, problem: str, remedy: str, missing: Missing, kind: type[MrworkError]) -> None:
         super().__init__(problem)
-        self.problem, self.remedy, self.kind = problem, remedy, kind
-        self.missing = Missing(quantity=quantity, column=column, unit=unit)
+        self.problem, self.remedy, self.missing, self.kind = problem, remedy, missing, kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,14 +282,9 @@ class _Names:
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:
             (first, unit), (second, _) = fitting[:2]
-            raise _UnclearError(
-                f"columns '{first}' and '{second}' both look like the {quantity}",
-                "say which one to use",
-                kind=RecordError,
-                quantity=quantity,
-                column=first,
-                unit=unit,
-            )
+            problem = f"columns '{first}' and '{second}' both look like the {quantity}"
+            missing = Missing(quantity=quantity, column=first, unit=unit)
+            raise _UnclearError(problem, "say which one to use", missing, RecordError)
         if fitting:
             name, unit = fitting[0]
             return ColumnChoice(column=name, unit=unit, factor=factor_to_si(unit, quantity, context=name))
@@ -310,14 +296,10 @@ class _Names:
             ):
                 continue
             if quantity_of(unit) is None:
-                problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
-                raise _UnclearError(
-                    f"column '{name}' {problem} ({known_units(quantity)} are known)",
-                    f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit",
-                    kind=UnitError,
-                    quantity=quantity,
-                    column=name,
-                )
+                lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
+                problem = f"column '{name}' {lacks} ({known_units(quantity)} are known)"
+                remedy = f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit"
+                raise _UnclearError(problem, remedy, Missing(quantity=quantity, column=name), UnitError)
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
         if quantity in REQUIRED:
             raise self._without(quantity)
@@ -359,7 +341,7 @@ class _Names:
             shown = list_names([f"'{name}'" for name in self.names], _MOST_SHOWN)
             problem = f"no column for the {quantity} among {shown}"
             remedy = f"rename one, for example to '{_EXAMPLE[quantity]}', or say which it is"
-        return _UnclearError(problem, remedy, kind=RecordError, quantity=quantity)
+        return _UnclearError(problem, remedy, Missing(quantity=quantity), RecordError)
 
     @property
     def _is_nameless(self) -> bool:

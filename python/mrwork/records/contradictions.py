@@ -177,13 +177,8 @@ def drift_of_displacement(test: DamperTest, motion: SmoothMotion) -> Measured | 
         at = np.array([time[cycle].mean() for cycle in cycles])
         centre = np.array([motion.displacement[cycle].mean() for cycle in cycles])
         drift, level = (float(each) for each in np.polyfit(at, centre, 1))
-    share = (
-        abs(drift)
-        * test.n_time
-        * test.dt
-        / max(np.ptp(motion.displacement - drift * time), np.finfo(float).tiny)
-    )
-    if not _DRIFT < share < _RAMP:
+    stroke = max(np.ptp(motion.displacement - drift * time), np.finfo(float).tiny)
+    if not _DRIFT < abs(drift) * test.n_time * test.dt / stroke < _RAMP:
         return None
     kept = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
     recorded, moved = motion.displacement[kept], motion.velocity[kept]

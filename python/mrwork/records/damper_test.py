@@ -12,11 +12,11 @@ from math import ceil
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.hints import Within
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
 from mrwork.base.numbers import estimate_in_words
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
@@ -416,26 +416,17 @@ class DamperTest(WithAxes, Summarised):
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)
         compared[self.counted] = True
-        channels = {
+        words = "command, held until the next sample"
+        columns: dict[str, tuple[ArrayLike, str, str]] = {
             "displacement": (self.displacement, "m", "damper displacement"),
             "velocity": (self.velocity, "m/s", f"damper velocity, {self.velocity_source}"),
             "force": (self.force, "N", "damper force, as recorded"),
             "compared": (compared, "", "whether the sample is compared with a model"),
         }
-        words = "command, held until the next sample"
-        commands = {
-            command.quantity: (np.broadcast_to(command.values, self.force.shape), command.unit, words)
-            for command in self.commands
-        }
-        return NamedArrays(
-            title=f"Damper test {self.name}",
-            rows=("time",),
-            labels={"time": labels_of(self.time, unit="s", long_name="time")},
-            arrays={
-                name: NamedArray.of(values, "time", unit=unit, long_name=words)
-                for name, (values, unit, words) in (channels | commands).items()
-            },
-        )
+        for command in self.commands:
+            held = np.broadcast_to(command.values, self.force.shape)
+            columns[command.quantity] = held, command.unit, words
+        return over_axis(f"Damper test {self.name}", "time", time_labels(self.time), columns)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -485,9 +476,7 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
 
 
 def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
-    if one is other:
-        return True
-    return (
+    return one is other or (
         one.dt == other.dt
         and np.array_equal(one.force, other.force)
         and np.array_equal(one.displacement, other.displacement)

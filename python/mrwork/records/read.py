@@ -88,8 +88,6 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]],
     drift_finding,
 )
 
-_DERIVED: Final[VelocitySource] = "derived"
-
 
 @checked
 def test_from_arrays(
@@ -162,12 +160,8 @@ def test_from_arrays(
         force=_channel(force, "force", source),
         velocity=None if velocity is None else _channel(velocity, "velocity", source),
     )
-    commands: list[Command] = []
-    about_commands: list[Finding] = []
-    for samples, unit in sent:
-        read, about = _command(samples, unit, source, raw.time.size)
-        commands.append(read)
-        about_commands += about
+    read = [_command(samples, unit, source, raw.time.size) for samples, unit in sent]
+    commands = [each for each, _ in read]
     given = replace(raw, commands=tuple(command for command in commands if command.varies))
     for channel_name, channel in given.channels.items():
         if channel.size != raw.time.size:
@@ -175,7 +169,6 @@ def test_from_arrays(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
-    findings: list[Finding] = []
     complete, first_row, dropped = complete_rows(given, source=source, locate=where)
     check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
     for channel_name, channel in complete.channels.items():
@@ -185,7 +178,6 @@ def test_from_arrays(
     smooth, spiky, about_spikes = without_spikes(complete)
     uniform = uniform_step(smooth, spiky, source=source)
     signals, dt = uniform.signals, uniform.dt
-    findings += [*dropped, *about_spikes, *uniform.findings]
 
     displaced = signals.displacement
     motion = smooth_motion(displaced, dt)
@@ -196,7 +188,8 @@ def test_from_arrays(
         f"{window} samples ({1e3 * window * motion.smoother.dt:.3g} ms)"
     )
     about_velocity: tuple[Finding, ...] = (Finding.note("velocity_derived", message),)
-    moving, velocity_source = motion.velocity, _DERIVED
+    moving = motion.velocity
+    velocity_source: VelocitySource = "derived"
     if signals.velocity is not None:
         late: tuple[Finding, ...] = ()
         if complete.velocity is not None and not keep_velocity:
@@ -212,14 +205,17 @@ def test_from_arrays(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
-    findings += [
+    findings = [
+        *dropped,
+        *about_spikes,
+        *uniform.findings,
         *about_velocity,
         *about_sign,
         # A varying command weighs the directions of motion differently, so that the mean force is no static one.
         *(() if given.commands else checks.force_offset(resisting, motion.velocity)),
         *checks.rest_before_motion(displaced, dt, motion.frequency),
         *checks.samples_per_cycle(motion.frequency, dt),
-        *about_commands,
+        *(finding for _, about in read for finding in about),
         *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
     ]
     test = DamperTest(
@@ -473,7 +469,7 @@ def read_damper_tests(
     >>> tests = read_damper_tests("rig/", use="fit")  # doctest: +SKIP
     """
     given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    rows = listed_tests(given[0] if isinstance(paths, str | os.PathLike) else given, use=use)
+    rows = listed_tests(paths if isinstance(paths, str | os.PathLike) else given, use=use)
     beside = {
         folder: Finding.note("files_not_read", sentence) for folder, sentence in files_not_read(given).items()
     }

@@ -136,8 +136,7 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     far = (samples < low - reach) | (samples > high + reach)
     if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
         return is_spike
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in _runs(far):
         leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
         there = first == 0 or leaps[0] > reach
         back = last == samples.size or leaps[-1] > reach
