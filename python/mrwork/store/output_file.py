@@ -18,6 +18,7 @@ Windows has no `flock`, and nothing is locked there.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import socket
@@ -34,6 +35,7 @@ from mrwork.errors import JournalError, MrworkWarning, OutputError
 from mrwork.store.input_file import exists, is_folder, special_kind
 
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
+DISK_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
@@ -92,14 +94,18 @@ def new_file(path: Path) -> BinaryIO:
 
 
 @contextmanager
-def explain_failure(what: str, remedy: str) -> Iterator[None]:
-    """Turn an error of the system in the block into an `OutputError`: cannot do `what`, the reason, the remedy."""
+def explain_failure(what: str, remedy: str, *, full: str = "") -> Iterator[None]:
+    """Turn an error of the system in the block into an `OutputError`: cannot do `what`, the reason, the remedy.
+
+    `full` says both on a full disk.
+    """
     try:
         yield
     except OutputError:
         raise
     except OSError as reason:
-        raise OutputError(f"cannot {what}: {reason.strerror or reason}; {remedy}") from reason
+        why = full if reason.errno in DISK_FULL else ""
+        raise OutputError(f"cannot {what}: {why or f'{reason.strerror or reason}; {remedy}'}") from reason
 
 
 @contextmanager

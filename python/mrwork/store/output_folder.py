@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -37,7 +37,7 @@ from mrwork.store.input_file import (
     is_folder,
     special_kind,
 )
-from mrwork.store.output_file import Lock, is_lock, refuse_special
+from mrwork.store.output_file import DISK_FULL, Lock, explain_failure, is_lock, refuse_special
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
@@ -114,11 +114,6 @@ class Destination:
             f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
             "choose another folder, or give --replace"
         )
-
-    def list_user_files(self) -> list[Path]:
-        """Files and folders of the user at the destination, which are kept."""
-        run = self.run()
-        return [] if run is None else run.of_user()
 
     def run(self) -> FolderOfRun | None:
         """The run at the destination, `None` for an absent or empty folder; anything else is refused."""
@@ -342,7 +337,6 @@ _PROBE = ".mrwork_probe-"
 _WRITER, _NEW, _OLD = "writer", "new", "old"
 # Age of the folder of a writer that may be one of a killed one [s].
 _LEFT = 60.0
-_DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 def check_destination(destination: Destination) -> None:
@@ -382,7 +376,8 @@ def write_folder(
                 fresh = beside / _NEW
                 fresh.mkdir()
                 digests = _fill(fresh, contents, copied, linked or {}, folders)
-                _keep(destination.list_user_files(), fresh)
+                run = destination.run()
+                _keep(run.of_user() if run else [], fresh)
                 # Last, so that no file of the run is newer.
                 (fresh / MANIFEST).write_bytes(complete_manifest(manifest, destination.kind, digests))
                 if flush:
@@ -481,24 +476,14 @@ def _flush(folder: Path) -> None:
             os.fsync(descriptor)
         except OSError as reason:
             # Some systems cannot flush a folder, which is harmless; a full disk is an error.
-            if path.is_file() or reason.errno in _DISK_FULL:
+            if path.is_file() or reason.errno in DISK_FULL:
                 raise
         finally:
             os.close(descriptor)
 
 
-@contextmanager
-def _explain_failure(destination: Destination) -> Iterator[None]:
+def _explain_failure(destination: Destination) -> AbstractContextManager[None]:
     """Turn an error of the system in the block into an `OutputError` on the run."""
-    try:
-        yield
-    except OutputError:
-        raise
-    except OSError as reason:
-        if reason.errno in _DISK_FULL:
-            cause, remedy = "the disk is full", "free some space"
-        else:
-            cause, remedy = reason.strerror or str(reason), "choose another folder"
-        raise OutputError(
-            f"cannot write the run to {destination.path}: {cause}; {remedy}, what was there is untouched"
-        ) from reason
+    what, kept = f"write the run to {destination.path}", "what was there is untouched"
+    full = f"the disk is full; free some space, {kept}"
+    return explain_failure(what, f"choose another folder, {kept}", full=full)
