@@ -28,19 +28,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base import hints as nodes
-from mrwork.base.hints import (
-    LARGEST,
-    May,
-    Node,
-    Notes,
-    Shape,
-    Within,
-    fields_of,
-    hint_in,
-    node_of,
-    notes_of_default,
-    shape_of,
-)
+from mrwork.base.hints import LARGEST, Node, Notes, fields_of, hint_in, node_of, notes_of_default, shape_of
+from mrwork.base.hints import May as May
+from mrwork.base.hints import Shape as Shape
+from mrwork.base.hints import Within as Within
 from mrwork.base.keys import closest, suggestion
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -53,26 +44,6 @@ from mrwork.errors import (
     UnknownChoiceError,
     escape_text,
 )
-
-__all__ = [
-    "AnyArray",
-    "AnyArrayLike",
-    "AnyNumbers",
-    "Count",
-    "Level",
-    "May",
-    "NotNegative",
-    "Positive",
-    "Rows",
-    "Samples",
-    "Seed",
-    "Shape",
-    "Share",
-    "Threads",
-    "Whole",
-    "Within",
-    "checked",
-]
 
 Positive = Annotated[float, Within(above=0.0)]
 NotNegative = Annotated[float, Within(least=0.0)]

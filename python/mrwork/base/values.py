@@ -106,11 +106,8 @@ def _restore_instance(kind: type, values: Mapping[str, Any], read_only: list[str
 def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
     if isinstance(value, np.ndarray):
         yield value
-    elif isinstance(value, Mapping):
-        for entry in value.values():
-            yield from _arrays_within(entry)
-    elif isinstance(value, list | tuple):
-        for entry in value:
+    elif isinstance(value, Mapping | list | tuple):
+        for entry in value.values() if isinstance(value, Mapping) else value:
             yield from _arrays_within(entry)
 
 

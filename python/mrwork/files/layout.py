@@ -76,7 +76,10 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     filled = [index for index, line in enumerate(lines) if is_data(line)]
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")
-    rows = _first_rows(lines, filled)
+    middle = _run(lines, filled[len(filled) // 2 :])
+    # The first rows that look like those in the middle are no list of limits.
+    is_long = middle is not None and middle.length >= _ENOUGH_ROWS
+    rows = _run(lines, filled, like=middle if is_long else None)
     return _of_first_line(lines, filled, source) if rows is None else _layout_above(lines, filled, rows)
 
 
@@ -156,14 +159,6 @@ def _reads_as_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
-    """The first rows of numbers that look like those in the middle, no list of limits; `None` without any."""
-    middle = _run(lines, filled[len(filled) // 2 :])
-    if middle is None or middle.length < _ENOUGH_ROWS:
-        return _run(lines, filled)
-    return _run(lines, filled, like=middle)
 
 
 def _run(

@@ -14,6 +14,7 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.numbers import counted
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.files.layout import DECIMAL_COMMA, MISSING, NUMBER, RULE, split
@@ -43,8 +44,8 @@ class Cells:
             else "complete or delete the line"
         )
         raise RecordError(
-            f"{self.source}: line {line} has {_count(n_fields, 'field')} where the header "
-            f"names {_count(len(self.names), 'column')}; {hint}"
+            f"{self.source}: line {line} has {counted(n_fields, 'field')} where the header "
+            f"names {counted(len(self.names), 'column')}; {hint}"
         )
 
     def refuse_text(self, line: int, column: int, text: str, expected: str = "a number") -> NoReturn:
@@ -65,10 +66,6 @@ def number_in(text: str, *, with_commas: bool) -> float | None:
     if with_commas and DECIMAL_COMMA.fullmatch(text):
         return float(text.replace(",", "."))
     return None
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 # Bytes of the rows that are read at once.

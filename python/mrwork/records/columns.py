@@ -140,27 +140,26 @@ class StatedCommand:
     @classmethod
     def of(cls, text: str) -> StatedCommand:
         """Read ``"0.5 A"``, ``"COLUMN:UNIT"`` or ``"COLUMN"``."""
-        number = _NUMBER_AND_UNIT.fullmatch(text.strip())
-        unit = number[2] if number else text.rpartition(":")[2].strip()
+        stated = text.strip()
+        number = _NUMBER_AND_UNIT.fullmatch(stated)
+        unit = number[2] if number else stated.rpartition(":")[2].strip()
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
         if quantity is None:
-            if not text.strip() or (
-                _STARTS_AS_NUMBER.match(text.strip()) and number is None and ":" not in text
-            ):
+            if number is not None or ":" in stated:
+                return cls._of_other_unit(stated, unit, None if number is None else number[1])
+            if not stated or _STARTS_AS_NUMBER.match(stated):
                 raise SettingError(
-                    f"the command is '{text.strip()}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
+                    f"the command is '{stated}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
                 )
-            if number is None and ":" not in text:
-                return cls(column=text.strip())
-            return cls._of_other_unit(text.strip(), unit, None if number is None else number[1])
+            return cls(column=stated)
         if number is None:
             _parse_specification(quantity, text)
-            return cls(quantity=quantity, column=text.strip())
-        factor = factor_to_si(unit, quantity, context=f"the command '{text.strip()}'")
+            return cls(quantity=quantity, column=stated)
+        factor = factor_to_si(unit, quantity, context=f"the command '{stated}'")
         value = factor * float(number[1].replace(",", "."))
         if not 0.0 <= value <= LARGEST_COMMAND:
             raise SettingError(
-                f"the command is '{text.strip()}'; give one from 0 to {LARGEST_COMMAND:g} A or V: the force does not "
+                f"the command is '{stated}'; give one from 0 to {LARGEST_COMMAND:g} A or V: the force does not "
                 "depend on its direction"
             )
         return cls(value=value, unit="A" if quantity == "current" else "V")

@@ -14,7 +14,7 @@ from mrwork.base.summary import Summarised, list_names
 from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import decode_text, read_text_bytes
-from mrwork.files.layout import delimiter_of, is_data, split
+from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
@@ -171,9 +171,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
             f"{place}: the table is empty; its first line names the columns {', '.join(_HEADER)}"
         )
     delimiter = delimiter_of(filled[0][1])
-    header = [name.strip().casefold() for name in split(filled[0][1], delimiter)]
-    while header and not header[-1]:
-        header.pop()
+    header = [name.strip().casefold() for name in without_empty_end(split(filled[0][1], delimiter))]
     unknown = [name for name in header if name not in _HEADER]
     if unknown or "file" not in header or len(set(header)) < len(header):
         near = closest(unknown[0], _HEADER) if unknown else ""
@@ -223,9 +221,8 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     check_given_once(rows)
     lines: list[Sequence[str]] = [_HEADER]
     for row in rows:
-        file = Path(row.file)
-        inside = file.resolve().is_relative_to(place.parent.resolve())
-        name = file.resolve().relative_to(place.parent.resolve()) if inside else file.resolve()
+        file, folder = Path(row.file).resolve(), place.parent.resolve()
+        name = file.relative_to(folder) if file.is_relative_to(folder) else file
         entries = (row.columns.get(key, "") for key in _SPECIFIED)
         lines.append((name.as_posix(), row.use or UNUSED, *entries, row.doubt))
     with replacing(place) as stream:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Count, checked
+from mrwork.base.numbers import counted
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
@@ -76,7 +77,7 @@ def complete_rows(
     complete = np.logical_and.reduce([np.isfinite(channel) for channel in signals.channels.values()])
     n_time = int(np.count_nonzero(complete))
     if n_time < FEWEST_SAMPLES:
-        held = f"{n_time} complete samples" if n_time != 1 else "1 complete sample"
+        held = counted(n_time, "complete sample")
         raise RecordError(f"{source}: has {held}; a test needs at least {FEWEST_SAMPLES}")
     first = int(np.argmax(complete))
     last = complete.size - int(np.argmax(complete[::-1]))

@@ -136,13 +136,7 @@ class StandardGA:
         children[known_best, 0] = course.best_unit[rows][known_best]
         known[known_best, 0] = course.best_misfit[rows][known_best]
         changed[known_best, 0] = False
-        return propose(
-            course,
-            children,
-            known=known,
-            changed=changed,
-            limit=self.ceiling.limit(course),
-        )
+        return propose(course, children, known=known, changed=changed, limit=self.ceiling.limit(course))
 
     @checked
     def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:

@@ -113,15 +113,7 @@ LARGEST_POPULATION = 1_000_000
 """Most candidates of a generation."""
 
 # The index is the code in `Course.ended`, 0 for none. Where several rules apply, the first is reported.
-REASONS = (
-    None,
-    "target",
-    "max_generations",
-    "max_evaluations",
-    "spread",
-    "hypothesis_test",
-    "stall",
-)
+REASONS = (None, "target", "max_generations", "max_evaluations", "spread", "hypothesis_test", "stall")
 _CODE = {reason: code for code, reason in enumerate(REASONS)}
 
 
@@ -181,16 +173,8 @@ class StopRules:
     ) -> NDArray[np.int8]:
         """Code of the rule that ends each replicate, shape (n,), 0 for none, see `Course.stop_reasons`.
 
-        Parameters
-        ----------
-        trace
-            Least misfit up to each generation, shape (n, n_generations).
-        evaluations
-            Simulations so far, shape (n,).
-        population
-            Shape (n, n_population, n_params).
-        best_unit
-            Shape (n, n_params).
+        `trace` is the least misfit up to each generation, shape (n, n_generations), `evaluations` the simulations so
+        far, shape (n,); `population` (n, n_population, n_params) has the best member `best_unit` (n, n_params).
         """
         ended = np.zeros(len(trace), np.int8)
         generation, best = trace.shape[1], trace[:, -1]
@@ -214,10 +198,8 @@ class StopRules:
             floor = self.floor_share * np.where(known, best, 0.0)
             end(known & hypothesis_test(trace, confidence=self.confidence, floor=floor), "hypothesis_test")
         if self.stall_generations is not None:
-            end(
-                has_stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance),
-                "stall",
-            )
+            has_ended = has_stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance)
+            end(has_ended, "stall")
         return ended
 
 

@@ -327,9 +327,7 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     # An intact last line ends with a newline, after which `split` returns an empty item.
     lines = [line + b"\n" for line in lines[:-1]] + ([lines[-1]] if lines[-1] else [])
     entries = [_entry_of(line) for line in lines]
-    sound = 0
-    while sound < len(entries) and entries[sound] is not None:
-        sound += 1
+    sound = entries.index(None) if None in entries else len(entries)
     if any(entry is not None for entry in entries[sound:]):
         raise JournalError(
             f"{path} is damaged in line {sound + 1}, with sound lines after it; run again without --resume"

@@ -89,9 +89,18 @@ STUDY_RUN: Final = RunKind(
     verb="respond",
     kind="study",
     written=frozenset(
-        {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE, f"{HISTORIES}/*.npz"}
-    )
-    | {ENSEMBLE},
+        {
+            MANIFEST,
+            JOURNAL,
+            REPORT,
+            RESULTS,
+            STUDY,
+            CRITERIA_TABLE,
+            PROFILES_TABLE,
+            f"{HISTORIES}/*.npz",
+            ENSEMBLE,
+        }
+    ),
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
