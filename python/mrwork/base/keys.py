@@ -292,11 +292,8 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
         if name in known or place.is_full:
             continue
         near = meant(name, [*known])
-        left = [
-            other
-            for other in known
-            if other not in table and _fits(declared[known[other].name], value, known[other])
-        ]
+        free = {other: entry for other, entry in known.items() if other not in table}
+        left = [other for other, entry in free.items() if _fits(declared[entry.name], value, entry)]
         taken = [other for other in left if other in near]
         may_be = taken or left
         lacks = list_names([other for other in may_be if is_required(known[other])])
@@ -381,12 +378,8 @@ def _read_items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) 
     tables = isinstance(item, Record)
     names = isinstance(item, nodes.Enumerated) or (isinstance(item, Scalar) and item.kind is str)
     if not isinstance(value, list):
-        example = (
-            "an array, as [1, 2]"
-            if isinstance(item, nodes.Enumerated) or not names
-            else 'an array, as ["name"]'
-        )
-        _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else example)
+        example = '["name"]' if names and isinstance(item, Scalar) else "[1, 2]"
+        _refuse(place, value, f"tables, as [[{place.path[-1]}]]" if tables else f"an array, as {example}")
     if not value and place.path[-1] == name_in_file(entry) and not tables:
         leave = "" if is_required(entry) else ", or leave it out"
         place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
@@ -404,10 +397,9 @@ def _read_items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) 
     given = list(zip(kinds, value, places, strict=True))
     if not tables:
         # Many numbers are soon read where all are right.
+        alone = ((kind, one, replace(where, mistakes=None)) for kind, one, where in given)
         with suppress(SettingError):
-            return tuple(
-                _read_value(kind, one, replace(where, mistakes=None), entry) for kind, one, where in given
-            )
+            return tuple(_read_value(*each, entry) for each in alone)
     read = [place.attempt(_read_value, kind, one, where, entry) for kind, one, where in given]
     return tuple(result() for result in read)
 

@@ -121,13 +121,9 @@ def at_point(text: str) -> tuple[str, str]:
 
 def probability(value: float) -> str:
     """A probability as it is printed: two decimals, more where it is small, none below a thousandth."""
-    if math.isnan(value):
-        return format_fixed(value, 0)
-    return (
-        f"< {_LEAST_PROBABILITY:g}"
-        if value < _LEAST_PROBABILITY
-        else format_fixed(value, 3 if value < 0.1 else 2)
-    )
+    if value < _LEAST_PROBABILITY:
+        return f"< {_LEAST_PROBABILITY:g}"
+    return format_fixed(value, 3 if value < 0.1 else 2)
 
 
 def tests_of(count: int, total: int) -> str:

@@ -6,6 +6,7 @@ import hashlib
 import re
 from codecs import BOM_UTF8
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -96,6 +97,7 @@ _HEAD: Final = 65536
 _WINDOW: Final = 20
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class RegularTable(ColumnTable):
     """A text table whose rows have been read.
 
@@ -103,51 +105,42 @@ class RegularTable(ColumnTable):
     been read, are left to the table that `careful` opens, if any. `lines` gives the index of the line of a row.
     """
 
-    def __init__(
-        self,
-        *,
-        layout: Layout,
-        cells: Cells,
-        sha256: str,
-        rows: Rows,
-        lines: Callable[[int], int],
-        sure: frozenset[int],
-        stamps: frozenset[str],
-        careful: Callable[[], ColumnTable] | None,
-    ) -> None:
-        self.names = layout.names
-        self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(stamps, "s")
-        self.sha256 = sha256
-        self.stamps = stamps
-        self._cells = cells
-        self._rows = rows
-        self._lines = lines
-        self._sure = sure
-        self._careful = careful
+    layout: Layout
+    cells: Cells
+    sha256: str
+    rows: Rows
+    lines: Callable[[int], int]
+    sure: frozenset[int]
+    stamps: frozenset[str]
+    careful: Callable[[], ColumnTable] | None
+
+    def __post_init__(self) -> None:
+        self.names = self.layout.names
+        self.units = dict(zip(self.names, self.layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
 
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """The requested columns, each of shape (n_time,)."""
         places = [self.names.index(name) for name in wanted]
-        rows = self._rows
+        rows = self.rows
         known = rows.width is not None or all(
             place in rows.columns or place in rows.no_numbers for place in places
         )
-        if self._careful is not None and (
-            self.stamps.intersection(wanted) or not (known and self._sure.intersection(places))
+        if self.careful is not None and (
+            self.stamps.intersection(wanted) or not (known and self.sure.intersection(places))
         ):
-            return self._careful().read(wanted)
+            return self.careful().read(wanted)
         if rows.width is not None:
             row, n_fields = rows.width
-            self._cells.refuse_width(self._lines(row) + 1, n_fields)
+            self.cells.refuse_width(self.lines(row) + 1, n_fields)
         wrong = [(rows.no_numbers[place], place) for place in places if place in rows.no_numbers]
         if wrong:
             (row, text), place = min(wrong, key=lambda each: each[0][0])
-            self._cells.refuse_text(self._lines(row) + 1, place, text)
+            self.cells.refuse_text(self.lines(row) + 1, place, text)
         return {name: rows.columns[place] for name, place in zip(wanted, places, strict=True)}
 
     def locate(self, row: int) -> str:
         """Line of a row."""
-        return f"line {self._lines(row) + 1}" if row < self._rows.n_rows else f"row {row + 1}"
+        return f"line {self.lines(row) + 1}" if row < self.rows.n_rows else f"row {row + 1}"
 
 
 def regular_table(

@@ -126,12 +126,8 @@ def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
     try:
         # A version 4 file starts with a small integer, a version 5 file with text.
         read = _version_4 if 0 in data[:4] else _version_5
-        allowance = (
-            Allowance(path, 0, least=_FOR_MATRICES)
-            if kind is MATRIX
-            else Allowance(path, len(data), least=LEAST)
-        )
-        variables = read(memoryview(data), allowance)
+        size, least = (0, _FOR_MATRICES) if kind is MATRIX else (len(data), LEAST)
+        variables = read(memoryview(data), Allowance(path, size, least=least))
     except (DamagedError, struct.error, zlib.error) as error:
         raise RecordError(
             f"{path}: not a readable .mat file ({error}); it is cut off or damaged, save it again"

@@ -225,9 +225,8 @@ def suggested_options(
             return ""
         suggested.add(column)
         left = [name for name in left if name != column]
-        unit = each.unit or (
-            units.get(column, "") if quantity_of(units.get(column, "")) == each.quantity else ""
-        )
+        stated = units.get(column, "")
+        unit = each.unit or (stated if quantity_of(stated) == each.quantity else "")
         is_sure = is_sure and bool(each.column and unit)
         unit = unit or likely_unit(each.quantity, column, numbers.get(column))
         options.append(column_option(each.quantity, column, unit))

@@ -90,7 +90,9 @@ class RecordedMotion(Related):
             samples, means = _mean_cycle(displacement, cycles), _means_of_cycle(force, cycles)
             step = test.dt * (cycles[-1].stop - cycles[0].start) / (len(cycles) * samples.size)
         else:
-            n_each = _samples_of_a_mean(displacement, test.dt)
+            # A 32nd of a period: of the dominant frequency, or of a quarter of the band edge.
+            band = spectrum(displacement, test.dt)
+            n_each = max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * test.dt * _PER_CYCLE)))
             samples, means = _means(displacement, n_each), _means(force, n_each)
             step = test.dt * n_each
         half_stroke, shape = _encode_samples(samples)
@@ -138,9 +140,8 @@ class RecordedMotion(Related):
         Of varying commands, the largest values are compared here and the shapes with the motion.
         """
         known = self._same_known_command(other)
-        if known is not None:
-            return known
-        return abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
+        alike = abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
+        return alike if known is None else known
 
     def _same_known_command(self, other: RecordedMotion) -> bool | None:
         """Whether the commands are equal; `None` where one is unknown."""
@@ -287,9 +288,7 @@ def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) 
 
 
 def _closest(likenesses: Iterable[Likeness | None]) -> Likeness | None:
-    return max(
-        (each for each in likenesses if each is not None), key=lambda each: each.correlation, default=None
-    )
+    return max(filter(None, likenesses), key=lambda each: each.correlation, default=None)
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
@@ -318,12 +317,6 @@ def _means_of_cycle(force: Floats, cycles: Sequence[slice]) -> Floats:
     total = np.concatenate([[0.0], np.cumsum(force)])
     sums = np.diff(np.interp(place, np.arange(total.size), total), axis=1)
     return np.asarray((sums / np.diff(place, axis=1)).mean(axis=0))
-
-
-def _samples_of_a_mean(displacement: Floats, dt: float) -> int:
-    """Number of samples in a 32nd of a period: of the dominant frequency, or of a quarter of the band edge."""
-    band = spectrum(displacement, dt)
-    return max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * dt * _PER_CYCLE)))
 
 
 def _means(samples: Floats, n_each: int) -> Floats:

@@ -171,8 +171,6 @@ def test_from_arrays(
             )
     complete, first_row, dropped = complete_rows(given, source=source, locate=where)
     check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
-    for channel_name, channel in complete.channels.items():
-        checks.check_possible(channel, channel_name, source=source)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
     smooth, spiky, about_spikes = without_spikes(complete)

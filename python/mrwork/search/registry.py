@@ -141,8 +141,7 @@ class CMAEvolution:
         population = state.population[rows].copy()
         for index, row in enumerate(rows):
             population[index] = state.searches[row].ask(int(course.generation[row]))
-        changed = np.ones(population.shape[:2], np.bool_)
-        return propose(course, population, known=state.misfit[rows], changed=changed)
+        return propose(course, population)
 
     def tell(self, state: CMAState, proposal: Proposal, misfit: Floats) -> CMAState:
         """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""
