@@ -121,11 +121,8 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     words, at_end = _words_and_unit(name)
     match = _NAME.fullmatch(name)
     for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
-        unit = command_unit_of(text)
-        own = _words(said)
-        if unit is None or not own:
-            continue
-        if own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
+        unit, own = command_unit_of(text), _words(said)
+        if unit and own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
             return unit
     return None
 

@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import io
 import logging
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -91,7 +92,7 @@ def open_tdms(path: Path) -> ColumnTable:
         raise RecordError(f"{path}: not a readable .tdms file ({reason_of(error)}); save it again") from error
     if reports:
         warn(
-            f"{path}: npTDMS reports: {reports[0]}; check that no samples are missing, or save it again",
+            f"{path}: npTDMS reports: {reports[0].getMessage()}; check that no samples are missing, or save it again",
             MrworkWarning,
             stacklevel=3,
         )
@@ -118,28 +119,21 @@ def open_tdms(path: Path) -> ColumnTable:
 
 
 @contextmanager
-def _reports() -> Iterator[list[str]]:
-    kept = _Kept(logging.WARNING)
+def _reports() -> Iterator[list[logging.LogRecord]]:
+    from logging.handlers import BufferingHandler  # this format alone needs it
+
+    kept = BufferingHandler(sys.maxsize)
+    kept.setLevel(logging.WARNING)
     # Each of its modules has a logger of its own, which prints on stderr.
     names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
     before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, names)]
     for logger, _, _ in before:
         logger.handlers, logger.propagate = [kept], False
     try:
-        yield kept.messages
+        yield kept.buffer
     finally:
         for logger, handlers, propagate in before:
             logger.handlers, logger.propagate = handlers, propagate
-
-
-class _Kept(logging.Handler):
-    def __init__(self, level: int) -> None:
-        super().__init__(level)
-        self.messages: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep the text of a message."""
-        self.messages.append(record.getMessage())
 
 
 def _unit(channel: Any) -> str:

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final, Literal, cast
 
@@ -94,7 +95,11 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
     ended.start()
     with child:
         try:
-            _send(cast(IO[bytes], child.stdin), data)
+            # Where it has ended already, `_reason` finds why.
+            with suppress(BrokenPipeError):
+                stdin = cast(IO[bytes], child.stdin)
+                stdin.write(data)
+                stdin.close()
             return receive_members(cast(IO[bytes], child.stdout), compute_allowance(len(data)))
         except EOFError:
             raise UnreadableError(_reason(child, seconds)) from None
@@ -118,15 +123,6 @@ def members_of(
 def memory_of_child(size: int) -> int:
     """Bytes that the child may take for a file of `size` bytes: a column is held packed, unpacked and converted."""
     return 2 * size + 3 * compute_allowance(size) + _OVERHEAD
-
-
-def _send(stdin: IO[bytes], data: bytes) -> None:
-    try:
-        stdin.write(data)
-        stdin.close()
-    except BrokenPipeError:
-        # It has ended already; `_reason` finds why.
-        pass
 
 
 def receive_members(stdout: IO[bytes], most: int) -> dict[str, Member]:
