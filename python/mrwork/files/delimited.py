@@ -76,13 +76,17 @@ def nanoseconds(text: str) -> int | None:
 def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
     seconds = np.full(len(times), np.nan)
-    rows = [row for row, time in enumerate(times) if time is not None]
-    # Integers of Python: those of NumPy end in the year 2262.
-    known = np.array([times[row] for row in rows], dtype=np.object_)
-    if not with_dates:
-        is_next_day = np.diff(known, prepend=known[:1]) < -12 * _HOUR
-        known = known + _DAY * np.cumsum(is_next_day, dtype=np.object_)
-    seconds[rows] = (known - known[:1]) * 1e-9
+    first: int | None = None
+    last, days = 0, 0
+    for row, time in enumerate(times):
+        if time is None:
+            continue
+        if first is None:
+            first = last = time
+        elif not with_dates and time < last - 12 * _HOUR:
+            days += 1
+        last = time
+        seconds[row] = (time + days * _DAY - first) * 1e-9
     return seconds
 
 
