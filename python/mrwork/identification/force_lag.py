@@ -219,7 +219,8 @@ def _advice(
         also = f" (or a {other.kind} of {1e3 * other.seconds:.2g} ms, which describes them about as well)"
     sense, channel, remedy = ("late", "force", "try a model whose force relaxes")
     if best.seconds < 0.0:
-        sense, channel, remedy = ("early", "motion", "subtract a moving mass by --repair mass, or try a model with more friction")
+        sense, channel = "early", "motion"
+        remedy = "subtract a moving mass by --repair mass, or try a model with more friction"
     return (
         f"the force is {sense} against the model: with a {best.kind} of "
         f"{estimate_in_words(1e3 * best.seconds, 1e3 * error)} ms that all tests have in common{also}, fits "
