@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -220,12 +219,7 @@ def posterior(
             },
         ).to_pandas()
     panels = triangle_for(ax, len(names), "posterior")
-    lower = {
-        (row, column): panels[row, column]
-        for row, column in chain.from_iterable(
-            ((row, column) for column in range(row + 1)) for row in range(len(names))
-        )
-    }
+    lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
     add_corner(lower, result, names, fitted)
     for (row, column), axes in lower.items():
         below, left = (with_unit(name, units[name]) for name in (names[column], names[row]))

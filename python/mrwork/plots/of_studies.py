@@ -23,7 +23,7 @@ from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
 from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
 from mrwork.report import style
-from mrwork.report.canvas import draw_points
+from mrwork.report.canvas import draw_points, vertical_grid
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.study.figures import (
     ENERGY_PARTS,
@@ -243,8 +243,7 @@ def energies(
     backwards = slice(None, None, -1)
     add_energy_bars(axes, [each.label for each in runs][backwards], parts[backwards].tolist())
     if ax is None:
-        axes.grid(visible=True, axis="x")
-        axes.grid(visible=False, axis="y")
+        vertical_grid(axes)
     axes.set_xlabel("Energy (J)")
     add_key(axes)
     return axes

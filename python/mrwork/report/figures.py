@@ -46,11 +46,6 @@ class Comparison:
         """Measured minus model force [N], shape (n_time,)."""
         return self.test.force - self.model_force
 
-    @property
-    def data_label(self) -> str:
-        """Name of the data in a legend."""
-        return data_label(self.test)
-
 
 def data_label(test: DamperTest) -> str:
     """Name of the data of a test in a legend; synthetic data are never called measured."""
@@ -197,13 +192,8 @@ def repair_panel(test: DamperTest, original: DamperTest, unit: DisplayUnit) -> F
         (original, style.DATA, 1.6, "as recorded"),
         (test, style.RESIDUAL, 0.9, "repaired"),
     ):
-        axes.plot(
-            drawn.displacement * scale.factor,
-            drawn.force * unit.factor,
-            color=colour,
-            linewidth=width,
-            label=label,
-        )
+        stroke, force = drawn.displacement * scale.factor, drawn.force * unit.factor
+        axes.plot(stroke, force, color=colour, linewidth=width, label=label)
     finish_signed(axes, f"Force ({unit.symbol})", f"Displacement ({scale.symbol})")
     legend(axes)
     return figure
@@ -237,10 +227,15 @@ def draw_record(figure: Figure, column: int, comparison: Comparison, unit: Displ
     add_record(upper, test, comparison.model_force, unit)
     _finish_force(upper, comparison, unit)
     _draw_residual(lower, comparison, unit, slice(0, test.n_time), linewidth=0.8)
-    window = zoom_window(test.displacement)
     for axes in (upper, lower):
-        ends = test.time[window.start], test.time[window.stop - 1]
-        axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
+        _shade_window(axes, test)
+
+
+def _shade_window(axes: Axes, test: DamperTest) -> None:
+    """Shade the part of a record that another panel enlarges."""
+    window = zoom_window(test.displacement)
+    ends = test.time[window.start], test.time[window.stop - 1]
+    axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
 
 
 def add_record(axes: Axes, test: DamperTest, model_force: Floats | None, unit: DisplayUnit) -> None:
@@ -257,7 +252,7 @@ def draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: Displ
     time = test.time[window.samples]
     measured = test.force[window.samples] * unit.factor
     drawn = even_samples(time, measured, POINTS_IN_WINDOW, aspect=_HISTORY_ASPECT)
-    draw_points(upper, time[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
+    draw_points(upper, time[drawn], measured[drawn], size=_POINT, label=data_label(test))
     model = comparison.model_force[window.samples] * unit.factor
     upper.plot(time, model, color=style.MODEL, linewidth=1.4, label="model")
     _finish_force(upper, comparison, unit)
@@ -273,10 +268,7 @@ def draw_command(figure: Figure, column: int, comparison: Comparison, unit: Disp
             add_command(axes, test.time, command)
             finish_signed(axes, f"Command ({symbol})", "Time (s)")
             break
-    window = zoom_window(test.displacement)
-    axes.axvspan(
-        test.time[window.start], test.time[window.stop - 1], color=style.WINDOW, linewidth=0, zorder=-1
-    )
+    _shade_window(axes, test)
     axes.set_xlim(float(test.time[0]), float(test.time[-1]))
 
 

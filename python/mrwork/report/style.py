@@ -54,21 +54,18 @@ def register() -> None:
 @cache
 def font_faces() -> str:
     """CSS that embeds the family in a page, with the characters that figures use; about 50 kB."""
+    templates = files("mrwork.report") / "templates"
+    subsets = {weight: (templates / subset_name(weight)).read_bytes() for weight in _FILES}
     return "".join(
         f'@font-face {{ font-family: "{FAMILY}"; font-weight: {weight}; '
-        f"src: url(data:font/woff;base64,{_subset(weight)}) format('woff'); }}\n"
-        for weight in _FILES
+        f"src: url(data:font/woff;base64,{base64.b64encode(subset).decode()}) format('woff'); }}\n"
+        for weight, subset in subsets.items()
     )
 
 
 def subset_name(weight: int) -> str:
     """Name of the subset of a weight among the templates of the pages."""
     return f"figures-{weight}.woff"
-
-
-def _subset(weight: int) -> str:
-    file = files("mrwork.report") / "templates" / subset_name(weight)
-    return base64.b64encode(file.read_bytes()).decode("ascii")
 
 
 INK = "#1b2329"

@@ -9,7 +9,6 @@ from functools import partial
 from typing import get_args
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.base import numbers
@@ -21,7 +20,14 @@ from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import gathered_findings
 from mrwork.report import figures
-from mrwork.report.figures import Comparison, Motion, common_force_unit, small_velocity_loops, zoom_window
+from mrwork.report.figures import (
+    Comparison,
+    Motion,
+    common_force_unit,
+    data_label,
+    small_velocity_loops,
+    zoom_window,
+)
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 
@@ -145,61 +151,68 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
 def _test_panels(
     identifier: str, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit
 ) -> tuple[Panel, ...]:
-    test, data = comparison.test, comparison.data_label
+    test, data = comparison.test, data_label(comparison.test)
     agrees = f"for test {test.name}: {data} and model, fit {agreement[0]} %, RMSE {agreement[2]} N"
     window = zoom_window(test.displacement)
     in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
-
-    def of(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
-        return panel(f"{identifier}-{suffix}", title, figure, f"{what} {agrees}", note)
-
-    of_motion = (
-        (f"Force against {over}", over, partial(figures.draw_loop, over)) for over in get_args(Motion)
-    )
-    panels: tuple[Panel, ...] = (
-        of(
+    drawings: tuple[tuple[str, str, figures.Drawing, str, str], ...] = (
+        (
             "record",
             "Whole record",
-            figures.figure_of_test(comparison, unit, figures.draw_record),
+            figures.draw_record,
             "Force against time over the whole record, with the residual below,",
             f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
         ),
-        of(
+        (
             "cycles",
             _window_title(comparison),
-            figures.figure_of_test(comparison, unit, figures.draw_cycles),
+            figures.draw_cycles,
             "Force against time over a few cycles, with the residual below,",
             in_window,
         ),
         *(
-            of(over, title, figures.figure_of_test(comparison, unit, draw), title, in_loop)
-            for title, over, draw in of_motion
+            (
+                over,
+                f"Force against {over}",
+                partial(figures.draw_loop, over),
+                f"Force against {over}",
+                in_loop,
+            )
+            for over in get_args(Motion)
         ),
     )
+    panels = [
+        panel(
+            f"{identifier}-{suffix}",
+            title,
+            figures.figure_of_test(comparison, unit, draw),
+            f"{what} {agrees}",
+            note,
+        )
+        for suffix, title, draw, what, note in drawings
+    ]
     if test.has_varying_command:
-        panels += (
+        panels.append(
             panel(
                 f"{identifier}-command",
                 "Command",
                 figures.figure_of_test(comparison, unit, figures.draw_command),
                 f"Command against time of test {test.name}, {test.command_in_words}",
                 "The loops belong to the whole record, so they are wide where the command changes.",
-            ),
+            )
         )
-    return (
-        panels if test.original is None else (*panels, _repair_panel(identifier, test, test.original, unit))
-    )
-
-
-def _repair_panel(identifier: str, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Panel:
-    return panel(
-        f"{identifier}-repair",
-        "Before and after repair",
-        figures.repair_panel(test, original, unit),
-        f"Force against displacement of test {test.name}, as recorded and repaired",
-        "The findings below list the repairs; the model is compared with the repaired record.",
-    )
+    if test.original is not None:
+        panels.append(
+            panel(
+                f"{identifier}-repair",
+                "Before and after repair",
+                figures.repair_panel(test, test.original, unit),
+                f"Force against displacement of test {test.name}, as recorded and repaired",
+                "The findings below list the repairs; the model is compared with the repaired record.",
+            )
+        )
+    return tuple(panels)
 
 
 def _window_title(comparison: Comparison) -> str:
@@ -277,7 +290,7 @@ def _small_panels(comparisons: Sequence[Comparison], on_test: Callable[[str], No
                 f"o{number}",
                 name + (" (synthetic)" if comparison.test.synthetic else ""),
                 figure,
-                f"Force against velocity of test {name}, {comparison.data_label} and model, fit {percent} %",
+                f"Force against velocity of test {name}, {data_label(comparison.test)} and model, fit {percent} %",
                 f"fit {percent} %",
             )
         )
@@ -294,27 +307,18 @@ _LARGER = 2.0
 
 @array_dataclass()
 class _HalfCycles:
-    """Half cycles of all tests: amplitude [m] and class of each; sums over samples, rows at and between reversals.
+    """Half cycles: amplitude [m]; samples that count, their squared errors and squared forces, at reversals or not.
 
-    `count`, `squared_error` and `squared_force` [N^2] have the shape (2, n_half_cycles).
+    `sums` [1, N^2, N^2] has the shape (3, 2, n_half_cycles); of its rows the first is at reversals.
     """
 
     amplitude: Floats
-    number: NDArray[np.intp]
-    count: Floats
-    squared_error: Floats
-    squared_force: Floats
+    sums: Floats
 
-    def of_class(self, number: int) -> _HalfCycles:
-        """Those of one class."""
-        chosen = self.number == number
-        return _HalfCycles(
-            amplitude=self.amplitude[chosen],
-            number=self.number[chosen],
-            count=self.count[:, chosen],
-            squared_error=self.squared_error[:, chosen],
-            squared_force=self.squared_force[:, chosen],
-        )
+    @property
+    def n_samples(self) -> float:
+        """Number of samples that count."""
+        return float(self.sums[0].sum())
 
     @property
     def in_words(self) -> str:
@@ -325,17 +329,17 @@ class _HalfCycles:
     @property
     def rmse(self) -> float:
         """Root mean square error [N]."""
-        return _root(self.squared_error.sum(), self.count.sum())
+        return _root(self.sums[1].sum(), self.n_samples)
 
     @property
     def relative(self) -> float:
         """Root mean square error over that of the force."""
-        return _root(self.squared_error.sum(), self.squared_force.sum())
+        return _root(self.sums[1].sum(), self.sums[2].sum())
 
     @property
     def rmse_at_and_between_reversals(self) -> tuple[float, float]:
         """Root mean square error of the samples at reversals and of the others [N]."""
-        at, between = map(_root, self.squared_error.sum(axis=1), self.count.sum(axis=1))
+        at, between = map(_root, self.sums[1].sum(axis=1), self.sums[0].sum(axis=1))
         return at, between
 
     @property
@@ -348,8 +352,10 @@ class _HalfCycles:
 def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
     """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
     every = _half_cycles(comparisons)
-    classes = [every.of_class(number) for number in np.unique(every.number)]
-    classes = [each for each in classes if each.count.any()]
+    number = _classes(every.amplitude)
+    chosen = [number == each for each in np.unique(number)]
+    classes = [_HalfCycles(amplitude=every.amplitude[of], sums=every.sums[..., of]) for of in chosen]
+    classes = [each for each in classes if each.n_samples]
     if not classes:
         return None
     return Section(
@@ -393,7 +399,7 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
             TableColumn(
                 heading="half cycles", cell=lambda each: numbers.format_fixed(each.amplitude.size, 0)
             ),
-            TableColumn(heading="samples", cell=lambda each: numbers.format_fixed(each.count.sum(), 0)),
+            TableColumn(heading="samples", cell=lambda each: numbers.format_fixed(each.n_samples, 0)),
             TableColumn(
                 heading="RMSE", unit="N", cell=lambda each: numbers.format_fixed(each.rmse, decimals)
             ),
@@ -421,15 +427,7 @@ def _half_cycles(comparisons: Sequence[Comparison]) -> _HalfCycles:
         ends = half_cycle_ends(test.displacement)
         amplitudes.append(0.5 * np.abs(np.diff(test.displacement[ends])))
         sums.append(_sums(test, ends, comparison.residual))
-    amplitude = np.concatenate(amplitudes)
-    count, squared_error, squared_force = np.concatenate(sums, axis=-1)
-    return _HalfCycles(
-        amplitude=amplitude,
-        number=_classes(amplitude),
-        count=count,
-        squared_error=squared_error,
-        squared_force=squared_force,
-    )
+    return _HalfCycles(amplitude=np.concatenate(amplitudes), sums=np.concatenate(sums, axis=-1))
 
 
 def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Floats) -> Floats:

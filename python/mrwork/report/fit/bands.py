@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.base import numbers
 from mrwork.base.numbers import percent
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
@@ -25,7 +25,7 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
-from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, even_samples
+from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, data_label, even_samples
 from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
@@ -60,12 +60,8 @@ _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
 }
 
 
-@array_dataclass()
-class _ParameterDraws:
-    """Parameters `theta`, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
-
-    theta: Floats
-    origin: str
+_ParameterDraws = tuple[Floats, str]
+"""Parameters, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 
 
 def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | None:
@@ -101,20 +97,16 @@ def _prose(bands: StoredBands | None) -> tuple[str, ...]:
         "those of the model, and bars the bands."
     )
     if bands is None:
-        second = (
+        return first, (
             "There is no prediction band yet: `mrwork calibrate RUN TESTS` computes one from tests that the fit has "
             "not seen."
         )
-    else:
-        names = [conditions_in_words(each.test) for each in bands.predictions] or list(
-            bands.calibration.tests
-        )
-        second = (
-            f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations "
-            "and commands like these, not beyond them."
-        )
-        return first, second, *bands.calibration.remarks
-    return first, second
+    names = [conditions_in_words(each.test) for each in bands.predictions] or bands.calibration.tests
+    second = (
+        f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations "
+        "and commands like these, not beyond them."
+    )
+    return first, second, *bands.calibration.remarks
 
 
 def _own_groups(
@@ -126,7 +118,7 @@ def _own_groups(
     unit: DisplayUnit,
 ) -> tuple[Group, Group]:
     prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
-    forces = None if draws is None else _drawn_forces(fit, draws, comparison.test)
+    forces = None if draws is None else _drawn_forces(fit, draws[0], comparison.test)
     banded = Banded(
         prediction=prediction,
         predicted=None if bands is None else bands.calibration.band(prediction, MAIN_LEVEL),
@@ -137,7 +129,7 @@ def _own_groups(
         if band is not None:
             share = percent(score(band, prediction.measured).coverage)
             parts.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
-    origin = "" if draws is None else f" Parameters were drawn from {draws.origin}."
+    origin = "" if draws is None else f" Parameters were drawn from {draws[1]}."
     text = f"This test was fitted: {'; '.join(parts)}. The coverage of other tests may differ.{origin}"
     errors = [] if bands is None else list(bands.predictions)
     whole = Group(
@@ -253,7 +245,7 @@ def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None
     if stored is not None:
         theta = stored.theta
         chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
-        return _ParameterDraws(theta=theta[chosen], origin="the posterior")
+        return theta[chosen], "the posterior"
     problem = Problem.of_fit(fit, tuple(tests))
     form, start = problem.form, problem.inside(fit.theta)
     try:
@@ -264,18 +256,16 @@ def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None
     except (SettingError, np.linalg.LinAlgError):
         return None
     values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
-    return _ParameterDraws(
-        theta=np.asarray(form.to_model(values)), origin="the Fisher ellipsoid about the fit"
-    )
+    return np.asarray(form.to_model(values)), "the Fisher ellipsoid about the fit"
 
 
-def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Floats | None:
+def _drawn_forces(fit: Fit, theta: Floats, test: DamperTest) -> Floats | None:
     """Forces of the draws on a test [N], shape (n_draws, n_time), with nuisance parameters removed as in the fit.
 
     `None` where too many of them cannot be simulated.
     """
     try:
-        forces = simulate_draws(fit.spec, draws.theta, test)
+        forces = simulate_draws(fit.spec, theta, test)
     except SimulationError:
         return None
     if not fit.nuisances:
@@ -299,11 +289,6 @@ class Banded:
     prediction: Prediction
     predicted: Band | None = None
     parameters: Band | None = None
-
-    @property
-    def data_label(self) -> str:
-        """Label of the data in a legend."""
-        return "synthetic" if self.prediction.test.synthetic else "measured"
 
 
 def add_bands(axes: Axes, banded: Banded, unit: DisplayUnit, over: Motion | None = None) -> None:
@@ -337,7 +322,7 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
         residual[drawn] * unit.factor,
         color=style.INK,
         linewidth=1.0,
-        label=banded.data_label,
+        label=data_label(test),
     )
     finish_signed(axes, f"Force minus model ({unit.symbol})", "Time (s)")
     axes.set_xlim(float(time[0]), float(time[-1]))
@@ -397,26 +382,19 @@ def _fill_over(
 ) -> None:
     """Bands over time, less `origin` [N]."""
     drawn = _thin(time.size)
-    if banded.predicted is not None:
-        lower, upper = (
-            (end[samples] - origin)[drawn] * unit.factor
-            for end in (banded.predicted.lower, banded.predicted.upper)
-        )
+    for band, colour, width, zorder in (
+        (banded.predicted, style.BAND, 0.0, 1.0),
+        (banded.parameters, style.PARAMETER_BAND, 0.8, 2.1),
+    ):
+        if band is None:
+            continue
+        lower, upper = ((end[samples] - origin)[drawn] * unit.factor for end in (band.lower, band.upper))
+        label = _legend_label(band)
         axes.fill_between(
-            time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_legend_label(banded.predicted)
+            time[drawn], lower, upper, color=colour, linewidth=width, label=label, zorder=zorder
         )
-        for end in (lower, upper):
+        for end in (lower, upper) if band is banded.predicted else ():
             axes.plot(time[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
-    if banded.parameters is not None:
-        axes.fill_between(
-            time[drawn],
-            (banded.parameters.lower[samples] - origin)[drawn] * unit.factor,
-            (banded.parameters.upper[samples] - origin)[drawn] * unit.factor,
-            color=style.PARAMETER_BAND,
-            linewidth=0.8,
-            label=_legend_label(banded.parameters),
-            zorder=2.1,
-        )
 
 
 def _fill_loop(axes: Axes, across: Floats, band: Band, samples: slice, unit: DisplayUnit) -> None:
@@ -450,7 +428,7 @@ def _draw_lines(axes: Axes, across: Floats, banded: Banded, samples: slice, unit
     line = _along(across, model)
     axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
     drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
-    label = banded.data_label
+    label = data_label(banded.prediction.test)
     draw_points(axes, across[drawn], measured[drawn], size=2.6, colour=style.INK, label=label, zorder=2.2)
 
 

@@ -112,9 +112,9 @@ def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
 
 def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     shares = [row[MAIN_LEVEL].samples.coverage for row in rows]
-    mean = float(np.mean(shares))
+    mean, others = float(np.mean(shares)), "other" if len(shares) == 2 else f"other {len(shares) - 1}"
     text = (
-        f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % "
+        f"The band of each test is calibrated on the {others} only. On average {percent(mean)} % "
         f"of the samples lie inside the 90 % bands, from {percent(min(shares))} to "
         f"{percent(max(shares))} %. "
     )
@@ -138,12 +138,11 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     return text
 
 
-def _others(count: int) -> str:
-    return "other" if count == 1 else f"other {count}"
-
-
 def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
-    cells = [_cells(row) for row in rows]
+    cells = np.array([_cells(row) for row in rows])
+    means = [
+        float(np.mean(known)) if (known := column[np.isfinite(column)]).size else np.nan for column in cells.T
+    ]
     headings = (
         ("test", ""),
         *((f"in {100 * level:.0f} % band", "%") for level in LEVELS),
@@ -157,8 +156,8 @@ def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
             TableColumn(heading=heading, unit=unit, cell=itemgetter(place))
             for place, (heading, unit) in enumerate(headings)
         ],
-        [(name, *_texts(values)) for name, values in zip(names, cells, strict=True)],
-        foot=("Mean", *_texts([_mean(values) for values in zip(*cells, strict=True)])),
+        [(name, *_texts(values)) for name, values in zip(names, cells.tolist(), strict=True)],
+        foot=("Mean", *_texts(means)),
         note="A cycle is inside where its dissipated energy lies in the 90 % band of the energy. Width and interval "
         "score are in standard deviations of the test's force. The score is the mean width plus twenty times the "
         "mean distance of samples outside; lower is better.",
@@ -167,26 +166,13 @@ def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
 
 def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
     main = row[MAIN_LEVEL]
-    return [
-        *(row[level].samples.coverage for level in LEVELS),
-        main.cycles_inside,
-        main.samples.width,
-        main.samples.interval_score,
-    ]
+    shares = [row[level].samples.coverage for level in LEVELS]
+    return [*shares, main.cycles_inside, main.samples.width, main.samples.interval_score]
 
 
-def _texts(values: list[float]) -> list[str]:
+def _texts(values: Sequence[float]) -> list[str]:
     *shares, width, score = values
-    return [
-        *(percent(share) for share in shares),
-        numbers.format_fixed(width, 3),
-        numbers.format_fixed(score, 3),
-    ]
-
-
-def _mean(values: tuple[float, ...]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
+    return [*map(percent, shares), numbers.format_fixed(width, 3), numbers.format_fixed(score, 3)]
 
 
 COVERAGE = SectionKind(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, get_args
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
@@ -24,25 +24,16 @@ from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Aligned:
-    """A number cut at its decimal point; `width` [characters] holds the longest tail of its column."""
-
-    head: str
-    tail: str
-    width: int
-
-
 class ParameterRow(NamedTuple):
     """One estimate as text; `error` is its uncertainty, a standard error or an interval."""
 
     name: str
-    value: Aligned
-    error: Aligned
-    relative: Aligned
+    value: Markup
+    error: Markup
+    relative: Markup
     unit: str
-    lower: Aligned
-    upper: Aligned
+    lower: Markup
+    upper: Markup
     verdict: str
     reason: str
 
@@ -50,21 +41,24 @@ class ParameterRow(NamedTuple):
 def parameter_rows(fit: Fit) -> list[ParameterRow]:
     """A row per estimate, in the order of the model's spec."""
     estimates = fit.estimates
-    pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
-    values = _align_texts([value for value, _ in pairs])
-    errors = _align_texts([error for _, error in pairs])
-    if fit.intervals is not None:
-        values = _align_texts([numbers.significant(estimate.value, 5) for estimate in estimates])
-        errors = [_plain(_interval(fit.intervals, estimate)) for estimate in estimates]
-    relatives = _align_texts(
-        [relative_error(estimate.value, estimate.standard_error) for estimate in estimates]
+    if fit.intervals is None:
+        pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
+        values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
+    else:
+        values = [numbers.significant(each.value, 5) for each in estimates]
+        errors = [_interval(fit.intervals, each) for each in estimates]
+    verdicts, reasons = zip(*(_verdict(fit, each) for each in estimates), strict=True)
+    columns = (
+        [each.name for each in estimates],
+        _align_texts(values),
+        _align_texts(errors) if fit.intervals is None else map(Markup.escape, errors),
+        _align_texts([relative_error(each.value, each.standard_error) for each in estimates]),
+        [shown_unit(each.unit) for each in estimates],
+        _align_texts([numbers.shortest(each.lower) for each in estimates]),
+        _align_texts([numbers.shortest(each.upper) for each in estimates]),
+        verdicts,
+        reasons,
     )
-    lowers = _align_texts([numbers.shortest(estimate.lower) for estimate in estimates])
-    uppers = _align_texts([numbers.shortest(estimate.upper) for estimate in estimates])
-    units = [shown_unit(estimate.unit) for estimate in estimates]
-    verdicts, reasons = zip(*(_verdict(fit, estimate) for estimate in estimates), strict=True)
-    names = [estimate.name for estimate in estimates]
-    columns = (names, values, errors, relatives, units, lowers, uppers, verdicts, reasons)
     return [ParameterRow(*cells) for cells in zip(*columns, strict=True)]
 
 
@@ -78,15 +72,7 @@ def _verdict(fit: Fit, estimate: Estimate) -> tuple[str, str]:
 
 def _interval(intervals: Intervals, estimate: Estimate) -> str:
     interval = intervals.of(estimate.name)
-    return (
-        numbers.format_fixed(None, 0)
-        if interval is None
-        else interval.in_words(lambda end: numbers.significant(end, 4))
-    )
-
-
-def _plain(text: str) -> Aligned:
-    return Aligned(head=text, tail="", width=0)
+    return numbers.NOTHING if interval is None else interval.in_words(lambda end: numbers.significant(end, 4))
 
 
 def caution(fit: Fit) -> str:
@@ -136,10 +122,12 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} ({shown})" if shown else name
 
 
-def _align_texts(texts: Sequence[str]) -> list[Aligned]:
+def _align_texts(texts: Sequence[str]) -> list[Markup]:
+    """Numbers cut at their decimal points, with as much room behind these as the longest tail takes."""
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
-    return [Aligned(head=head, tail=tail, width=width) for head, tail in parts]
+    form = Markup('{}<span class="tail" style="width:{}ch">{}</span>' if width else "{}")
+    return [form.format(head, width, tail) for head, tail in parts]
 
 
 _ADVICE: dict[VerdictName, str] = {

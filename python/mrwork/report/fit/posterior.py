@@ -182,12 +182,11 @@ def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     size = count * _SIDE + _EDGE
     figure = Figure(figsize=(size, size - _EDGE + _BELOW + 0.1))
     panels = {}
-    for row in range(count):
-        for column in range(row + 1):
-            left, bottom = _EDGE + column * _SIDE, _BELOW + (count - 1 - row) * _SIDE
-            panels[row, column] = axes_between(
-                figure, left=left, right=left + _SIDE - 0.1, bottom=bottom, top=bottom + _SIDE - 0.1
-            )
+    for row, column in np.argwhere(np.tri(count)).tolist():
+        left, bottom = _EDGE + column * _SIDE, _BELOW + (count - 1 - row) * _SIDE
+        panels[row, column] = axes_between(
+            figure, left=left, right=left + _SIDE - 0.1, bottom=bottom, top=bottom + _SIDE - 0.1
+        )
     add_corner(panels, draws, names, fitted)
     for (row, column), axes in panels.items():
         label_corner(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
@@ -203,9 +202,7 @@ def add_corner(
     """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
     values = [draws.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
-    spans = [
-        (float(low), float(high)) for low, high in (np.quantile(each, [0.002, 0.998]) for each in values)
-    ]
+    spans = [tuple(np.quantile(each, [0.002, 0.998]).tolist()) for each in values]
     for (row, column), axes in panels.items():
         if row == column:
             _density(axes, values[row], spans[row], fitted.get(names[row]))

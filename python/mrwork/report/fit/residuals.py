@@ -54,6 +54,7 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
     note = (
         f"The figures show the {_DRAWN} tests with the largest misfit." if len(comparisons) > _DRAWN else ""
     )
+    unit = common_force_unit(comparisons)
     return Section(
         anchor="residuals",
         title="Residuals",
@@ -64,7 +65,7 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
                 Group(
                     title=comparisons[index].test.name,
                     synthetic=comparisons[index].test.synthetic,
-                    panels=_panels(index + 1, comparisons[index], tests[index], comparisons),
+                    panels=_panels(index + 1, comparisons[index], tests[index], unit),
                 )
                 for index in sorted(worst)
             ),
@@ -79,18 +80,10 @@ def _summary(tests: Sequence[ResidualTests]) -> str:
         if not places:
             return "Residuals: consistent with white noise."
         return f"Residuals {'; those '.join(places)}."
-    repeating = _repeating(tests)
-    share = (
-        [f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"]
-        if repeating
-        else []
-    )
-    parts = [
-        f"correlated on {tests_of(correlated, len(tests))}",
-        *share,
-        *(f"those {each}" for each in places),
-    ]
-    return f"Residuals: {'; '.join(parts)}."
+    parts = [f"correlated on {tests_of(correlated, len(tests))}"]
+    if repeating := _repeating(tests):
+        parts.append(f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle")
+    return f"Residuals: {'; '.join([*parts, *(f'those {each}' for each in places)])}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,16 +229,13 @@ def _ratio(excess: Excess) -> str:
 
 
 def _panels(
-    number: int, comparison: Comparison, tests: ResidualTests, comparisons: Sequence[Comparison]
+    number: int, comparison: Comparison, tests: ResidualTests, unit: DisplayUnit
 ) -> tuple[Panel, ...]:
-    unit = common_force_unit(comparisons)
-    name = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
-
-    def of(suffix: str, title: str, figure: Figure, what: str, note: str = "") -> Panel:
-        return panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)
-
-    return (
-        of(
+    test = comparison.test
+    name = test.name + (" (synthetic)" if test.synthetic else "")
+    phase = np.degrees(Prediction(test=test, model_force=comparison.model_force).phase)
+    figures = (
+        (
             "lag",
             "Autocorrelation of the residual",
             autocorrelation_figure(comparison),
@@ -254,7 +244,7 @@ def _panels(
             if not tests.is_white
             else "The residual stays in the band of white noise.",
         ),
-        of(
+        (
             "normal",
             "Normal quantiles",
             quantile_figure(comparison),
@@ -262,23 +252,29 @@ def _panels(
             "Normally distributed residuals lie on the line; ends that leave it show more or fewer large errors than "
             "a normal distribution has.",
         ),
-        of(
+        (
             "phase",
             "Residual over the cycle",
-            phase_figure(comparison, unit),
+            _over(phase, "Phase of the motion (°)", comparison, unit, degrees=True),
             "Residual against the phase of the motion, with its mean",
             "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
             "from zero, the model makes the same error in each cycle.",
         ),
         *(
-            of(
+            (
                 over,
                 f"Residual over {over}",
-                motion_figure(comparison, unit, over),
+                _over(abscissa[test.counted], label, comparison, unit),
                 f"Residual against {over}, with its mean",
+                "",
             )
             for over in get_args(Motion)
+            for abscissa, label in [axis_values(test, over)]
         ),
+    )
+    return tuple(
+        panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)
+        for suffix, title, figure, what, note in figures
     )
 
 
@@ -332,22 +328,11 @@ def quantile_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def phase_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Residual over the phase of the motion, which is 0 at full extension."""
-    prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
-    return _over(np.degrees(prediction.phase), "Phase of the motion (°)", comparison, unit, degrees=True)
-
-
-def motion_figure(comparison: Comparison, unit: DisplayUnit, over: Motion) -> Figure:
-    """Residual over displacement or velocity."""
-    abscissa, label = axis_values(comparison.test, over)
-    return _over(abscissa[comparison.test.counted], label, comparison, unit)
-
-
 @style.drawn_in_style()
 def _over(
     abscissa: Floats, label: str, comparison: Comparison, unit: DisplayUnit, *, degrees: bool = False
 ) -> Figure:
+    """Residual over the displacement, the velocity or the phase, which is 0 at full extension."""
     residual = comparison.residual[comparison.test.counted]
     unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
     figure, axes = column_axes()

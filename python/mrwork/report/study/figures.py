@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from mrwork.report.canvas import (
     room_for,
     small_axes,
     symmetric,
+    vertical_grid,
 )
 from mrwork.report.figures import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
@@ -63,18 +65,12 @@ class Stroke:
 
 def strokes(results: StudyCriteria) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
-    strokes_of_rows: list[Stroke] = []
-    number = 0
-    for row in results.rows:
-        if row.kind == "uncontrolled":
-            strokes_of_rows.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
-        elif row.kind == "passive_off":
-            strokes_of_rows.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
-        else:
-            pattern = _PATTERNS[(number // len(HUES)) % len(_PATTERNS)]
-            strokes_of_rows.append(Stroke(colour=HUES[number % len(HUES)], pattern=pattern))
-            number += 1
-    return tuple(strokes_of_rows)
+    references = {
+        "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
+        "passive_off": Stroke(colour=style.INK, pattern=_DASHED, width=1.3),
+    }
+    others = cycle(Stroke(colour=hue, pattern=pattern) for pattern in _PATTERNS for hue in HUES)
+    return tuple(references.get(row.kind) or next(others) for row in results.rows)
 
 
 @style.drawn_in_style()
@@ -109,8 +105,7 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
     add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in reversed(shown)])
     axes.set_xlabel("Energy (J)")
-    axes.grid(visible=False, axis="y")
-    axes.grid(visible=True, axis="x")
+    vertical_grid(axes)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
     return figure
@@ -191,23 +186,6 @@ _HEIGHT = 2.5
 
 
 @style.drawn_in_style()
-def drift_figure(history: RunHistory, reference: RunHistory, storey: int, stroke: Stroke) -> Figure:
-    """Drift of a storey over time, in front of that of the building without dampers."""
-    return _over_time(
-        "Drift (mm)",
-        (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7),
-        (history.time, history.drift[:, storey] * 1e3, stroke.colour, 0.9),
-    )
-
-
-@style.drawn_in_style()
-def ground_figure(history: RunHistory) -> Figure:
-    """Ground acceleration over time."""
-    return _over_time(
-        "Ground acceleration (m/s²)", (history.time, history.ground_acceleration, style.INK, 0.8)
-    )
-
-
 def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figure:
     """Lines over time with their colours and widths [pt], in a range that is symmetric about zero."""
     figure, axes = column_axes(height=_HEIGHT)
@@ -221,49 +199,36 @@ def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figu
 
 @style.drawn_in_style()
 def loop_figure(
-    history: RunHistory, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
+    history: RunHistory, across: Floats, abscissa: str, unit: DisplayUnit, stroke: Stroke
 ) -> Figure:
-    """Force of a damper over its elongation or velocity, in the strong part of a motion."""
+    """Force of the first damper over `across`, shape (n_time,), in the strong part of a motion."""
     figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
-    step = max(1, (part.stop - part.start) // _LOOP_POINTS)
-    drawn = slice(part.start, part.stop, step)
-    across = history.rate if over_velocity else history.deformation
-    axes.plot(
-        across[drawn, device] * 1e3,
-        history.force[drawn, device] * unit.factor,
-        color=stroke.colour,
-        linewidth=0.7,
-    )
-    name_small_axes(
-        axes, f"Force ({unit.symbol})", "Velocity (mm/s)" if over_velocity else "Damper displacement (mm)"
-    )
+    part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
+    drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
+    force = history.force[drawn, 0] * unit.factor
+    axes.plot(across[drawn] * 1e3, force, color=stroke.colour, linewidth=0.7)
+    name_small_axes(axes, f"Force ({unit.symbol})", abscissa)
     return figure
 
 
 @style.drawn_in_style()
-def command_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """Current or voltage in the coil of a damper over time, around its largest force."""
+def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """Current or voltage in the coil of the first damper over time, around its largest force."""
     figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
-    time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
+    part = strong_part(history.time, history.force[:, 0], _COMMAND_SECONDS)
+    time, current = envelope(history.time[part], history.current[part, 0], _SMALL_BINS)
     axes.plot(time, current, color=stroke.colour, linewidth=0.7)
     _finish_command(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", largest)
     return figure
 
 
 @style.drawn_in_style()
-def switching_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """Command that the controller sends to a damper, sample by sample, around its largest force."""
+def switching_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """Command that the controller sends to the first damper, sample by sample, around its largest force."""
     figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, device], _STRIP_SECONDS)
-    axes.step(
-        history.time[part],
-        history.command[part, device],
-        where="post",
-        color=stroke.colour,
-        linewidth=0.7,
-    )
+    part = strong_part(history.time, history.force[:, 0], _STRIP_SECONDS)
+    command = history.command[part, 0]
+    axes.step(history.time[part], command, where="post", color=stroke.colour, linewidth=0.7)
     axes.margins(x=0.0)
     _finish_command(axes, f"Command ({unit})", largest)
     return figure
@@ -313,15 +278,19 @@ def history_section(
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     name, storey_name = results.motions[motion].name, results.storey_names[storey]
     of_row = strokes(results)
-    panels = [panel("ground", "Ground", ground_figure(reference), f"Ground acceleration of {name}")]
+    ground = (reference.time, reference.ground_acceleration, style.INK, 0.8)
+    bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
+    over_time = _over_time("Ground acceleration (m/s²)", ground)
+    panels = [panel("ground", "Ground", over_time, f"Ground acceleration of {name}")]
     for row in rows:
         history = histories(row, motion)
         assert history is not None
+        drift = (history.time, history.drift[:, storey] * 1e3, of_row[row].colour, 0.9)
         panels.append(
             panel(
                 f"drift-{row}",
                 results.rows[row].label,
-                drift_figure(history, reference, storey, of_row[row]),
+                _over_time("Drift (mm)", bare, drift),
                 f"Drift of {storey_name} under {name}: {results.rows[row].label}, and without dampers in grey",
             )
         )
@@ -360,30 +329,26 @@ def device_section(
     groups, of_row = [], strokes(results)
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
-        panels = (
-            *(
-                panel(
-                    f"loop-{suffix}-{row}",
-                    "",
-                    loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
-                    f"Force of {device} against {suffix} under {name}: {label}",
-                )
-                for suffix in ("displacement", "velocity")
-            ),
-            panel(
-                f"command-{row}",
-                "",
-                command_figure(history, 0, results.command_unit, largest, stroke),
-                f"Command of {device} under {name}: {label}",
-            ),
-            panel(
-                f"switching-{row}",
-                "",
-                switching_figure(history, 0, results.command_unit, most, stroke),
-                f"Command sent to {device} under {name}, sample by sample: {label}",
-            ),
-            panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}"),
-        )
+        under = f"under {name}"
+        figures = [
+            (
+                f"loop-{suffix}",
+                loop_figure(history, across[:, 0], abscissa, unit, stroke),
+                f"Force of {device} against {suffix} {under}",
+            )
+            for suffix, across, abscissa in (
+                ("displacement", history.deformation, "Damper displacement (mm)"),
+                ("velocity", history.rate, "Velocity (mm/s)"),
+            )
+        ]
+        coil = command_figure(history, results.command_unit, largest, stroke)
+        sent = switching_figure(history, results.command_unit, most, stroke)
+        figures += [
+            ("command", coil, f"Command of {device} {under}"),
+            ("switching", sent, f"Command sent to {device} {under}, sample by sample"),
+            ("energy", energy_history_figure(history), f"Energies {under}"),
+        ]
+        panels = tuple(panel(f"{key}-{row}", "", figure, f"{what}: {label}") for key, figure, what in figures)
         groups.append(Group(title=label, panels=panels, layout="small"))
     return Section(
         anchor="devices",
