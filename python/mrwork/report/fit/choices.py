@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -114,16 +115,10 @@ def ranking_figure(ranking: Ranking) -> Figure:
 def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
     percent = own.left_out_percent or 0.0
     colour = style.MODEL if own.is_chosen or own.verdict == "as good" else style.DATA
+    note = partial(axes.annotate, textcoords="offset points", fontsize=style.SMALL_TEXT_SIZE)
     if percent < edge:
         axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
-        axes.annotate(
-            f"{numbers.format_fixed(percent, 0)} %",
-            (edge, row),
-            xytext=(8, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=style.SMALL_TEXT_SIZE,
-        )
+        note(f"{numbers.format_fixed(percent, 0)} %", (edge, row), xytext=(8, 0), va="center")
         return
     filled = colour if own.verdict != "as good" else "white"
     axes.errorbar(
@@ -137,14 +132,7 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
         elinewidth=1.2,
     )
     if own.is_chosen or own.verdict == "as good":
-        axes.annotate(
-            own.verdict,
-            (percent, row),
-            xytext=(0, 6),
-            textcoords="offset points",
-            ha="center",
-            fontsize=style.SMALL_TEXT_SIZE,
-        )
+        note(own.verdict, (percent, row), xytext=(0, 6), ha="center")
 
 
 RANKING = SectionKind(
@@ -264,13 +252,8 @@ def _draw_gains(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
             color="white" if each.gain > _DARK * most else style.INK,
         )
         if each is best:
-            axes.plot(
-                column + 0.5 * np.array([-1, 1, 1, -1, -1]),
-                row + 0.5 * np.array([-1, -1, 1, 1, -1]),
-                color=style.RESIDUAL,
-                linewidth=2.0,
-                clip_on=False,
-            )
+            across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
+            axes.plot(column + across, row + up, color=style.RESIDUAL, linewidth=2.0, clip_on=False)
     axes.imshow(table, origin="lower", aspect="auto", cmap=_MAP, vmin=0.0, vmax=max(most, 1e-12))
     axes.grid(visible=False)
     axes.set_xticks(range(len(frequencies)), [f"{value:.3g}" for value in frequencies])

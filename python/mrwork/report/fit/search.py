@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,14 +14,7 @@ from mrwork.base.values import Floats
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.settings import Multistart
 from mrwork.report import style
-from mrwork.report.canvas import (
-    column_axes,
-    draw_points,
-    finish,
-    finish_signed,
-    legend,
-    logarithmic,
-)
+from mrwork.report.canvas import column_axes, draw_points, finish, finish_signed, legend, logarithmic
 from mrwork.report.section import Panel, panel
 
 # Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.
@@ -41,8 +35,10 @@ def search_panels(fit: Fit) -> tuple[Panel, ...]:
 
 def search_facts(fit: Fit) -> list[tuple[str, str]]:
     """Results and cost of the search, by name."""
+    ends, reached = _local_minimisations(fit)
+    count, least = numbers.format_fixed(ends.size, 0), numbers.format_fixed(reached, 0)
     return [
-        ("Local minimisations", _local_minimisations_in_words(fit)),
+        ("Local minimisations", f"{count}, {least} at the least misfit" if ends.size else ""),
         ("Search ended", fit.trace.ended),
         ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
@@ -63,14 +59,9 @@ def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
     figure, axes = column_axes()
     evaluations = np.asarray(trace.evaluations, dtype=np.float64)
     best, median = _positive(trace.best), _positive(trace.median)
-    marker = "o" if evaluations.size < 2 else ""
-    for misfit, colour, width, label in (
-        (median, style.DATA, 1.5, "median"),
-        (best, style.MODEL, 1.7, "best"),
-    ):
-        axes.plot(
-            evaluations, misfit, color=colour, linewidth=width, marker=marker, markersize=4, label=label
-        )
+    line = partial(axes.plot, evaluations, marker="o" if evaluations.size < 2 else "", markersize=4)
+    line(median, color=style.DATA, linewidth=1.5, label="median")
+    line(best, color=style.MODEL, linewidth=1.7, label="best")
     shown = [best[np.isfinite(best)], median[np.isfinite(median)]]
     if refined is not None and np.isfinite(refined) and refined > 0:
         axes.axhline(refined, color=style.RESIDUAL, linewidth=1.2, linestyle=style.DOTTED, label="refined")
@@ -124,15 +115,6 @@ def _local_minimisations(fit: Fit) -> tuple[Floats, int]:
     search = fit.settings.search
     closeness = search.closeness if isinstance(search, Multistart) else Multistart().closeness
     return ends, int(np.count_nonzero(ends <= (1.0 + closeness) * ends[0])) if ends.size else 0
-
-
-def _local_minimisations_in_words(fit: Fit) -> str:
-    ends, reached = _local_minimisations(fit)
-    return (
-        f"{numbers.format_fixed(ends.size, 0)}, {numbers.format_fixed(reached, 0)} at the least misfit"
-        if ends.size
-        else ""
-    )
 
 
 def _note(count: int, reached: int) -> str:

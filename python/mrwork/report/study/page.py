@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -265,7 +265,10 @@ def study_page(
         eyebrow="Response of a building with MR dampers",
         motions=results.motions,
         subject="",
-        banner=_banner(results),
+        banner=""
+        if results.complete
+        else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
+        "continue.",
         leading=_leading_in_words(comparison),
         shown=shown.in_words,
         headline=_headline(comparison),
@@ -301,38 +304,26 @@ def _comparison_section(comparison: StudyComparison, shown: ShownRows) -> Sectio
 def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
     results = comparison.results
     assert isinstance(results, StudyResults)
-    groups = (
-        [
-            Group(
-                title=f"Score and ratios over {judged_in_words(results)}",
-                table=overview_table(comparison, shown.listed),
-            )
-        ]
-        if len(results.motions) > 1
-        else []
-    )
+    judged, count, rows = judged_in_words(results), len(results.motions), shown.listed
+    groups = []
+    if count > 1:
+        groups.append(Group(title=f"Score and ratios over {judged}", table=overview_table(comparison, rows)))
     if sentences := findings(results):
         groups.append(Group(prose=sentences))
-    many = len(results.motions) > MOST_IN_DETAIL
-    if many:
-        groups += [
-            Group(
-                title=f"Criteria, median of {judged_in_words(results)}",
-                table=value_table(results, results.judged_motions, shown.listed),
-                prose=(
-                    f"The criteria of all {len(results.motions)} motions are in `criteria.csv` and `results.json`.",
-                ),
-            )
-        ]
-    for number, motion in enumerate(() if many else results.motions):
+    if count > MOST_IN_DETAIL:
         groups.append(
             Group(
-                title=motion.name,
-                synthetic=motion.synthetic,
-                table=ratio_table(results, number, shown.listed),
+                title=f"Criteria, median of {judged}",
+                table=value_table(results, results.judged_motions, rows),
+                prose=(f"The criteria of all {count} motions are in `criteria.csv` and `results.json`.",),
             )
         )
-        groups.append(Group(table=value_table(results, (number,), shown.listed)))
+    for number, motion in enumerate(results.motions if count <= MOST_IN_DETAIL else ()):
+        ratios = ratio_table(results, number, rows)
+        groups += [
+            Group(title=motion.name, synthetic=motion.synthetic, table=ratios),
+            Group(table=value_table(results, (number,), rows)),
+        ]
     return Section(
         anchor="criteria", title="Criteria", summary=comparison.scores_in_words(), groups=tuple(groups)
     )
@@ -358,21 +349,19 @@ def _headline(comparison: StudyComparison) -> list[_Number]:
             _Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
             _Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
         ]
-    numbers = []
-    for name in _HEADLINE:
-        bare = comparison.changes(row, comparison.uncontrolled)[name]
-        number = _Number(
-            title=criterion(name).title, value=signed_percent(bare.mean), unit="%", worse=bare.worse
+    bare = comparison.changes(row, comparison.uncontrolled)
+    passive = {} if comparison.passive in (None, row) else comparison.changes(row, comparison.passive)
+    return [
+        _Number(
+            title=criterion(name).title,
+            value=signed_percent(bare[name].mean),
+            unit="%",
+            worse=bare[name].worse,
+            note=f"{signed_percent(passive[name].mean)} % against the best passive damper" if passive else "",
+            note_worse=bool(passive) and passive[name].worse,
         )
-        if comparison.passive is not None and comparison.passive != row:
-            passive = comparison.changes(row, comparison.passive)[name]
-            number = replace(
-                number,
-                note=f"{signed_percent(passive.mean)} % against the best passive damper",
-                note_worse=passive.worse,
-            )
-        numbers.append(number)
-    return numbers
+        for name in _HEADLINE
+    ]
 
 
 def _leading_in_words(comparison: StudyComparison) -> str:
@@ -380,12 +369,3 @@ def _leading_in_words(comparison: StudyComparison) -> str:
         return ""
     label = comparison.results.rows[comparison.uncontrolled].label
     return f"{comparison.heading(comparison.leading)}, against {label}:"
-
-
-def _banner(results: StudyResults) -> str:
-    if results.complete:
-        return ""
-    return (
-        f"This study was interrupted: {results.done} of {results.total} runs are done. "
-        "Run it with --resume to continue."
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
     LawResult,
-    TuningJudgement,
     TuningResults,
     motions_in_words,
     speed_in_words,
@@ -44,16 +44,11 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
     height = _BELOW + _ABOVE + _LINE * len(laws)
     figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=height)
     for place, each in enumerate(reversed(laws)):
-        judgement = each.judged
-        spread = judgement.spread.get("score")
+        spread = each.judged.spread.get("score")
         if spread is not None:
             axes.plot([spread.least, spread.most], [place, place], color=style.RULE, linewidth=2.0)
-            axes.plot(
-                [spread.lower_quartile, spread.upper_quartile],
-                [place, place],
-                color=style.BAND_EDGE,
-                linewidth=5.0,
-            )
+            quartiles = spread.lower_quartile, spread.upper_quartile
+            axes.plot(quartiles, [place, place], color=style.BAND_EDGE, linewidth=5.0)
         axes.plot(each.train.score, place, "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK)
         if each.test is not None:
             axes.plot(each.test.score, place, "o", markersize=5, color=style.MODEL)
@@ -101,20 +96,13 @@ def front_figure(front: Front) -> Figure:
 def add_front(axes: Axes, front: Front) -> None:
     """Points of a front over its first two objectives, joined on the training motions."""
     first, second = front.objectives[:2]
-    for label, colour, numbers in (
-        ("training", style.FAINT_INK, [each.train for each in front.points]),
-        ("test", style.MODEL, [each.test for each in front.points if each.test is not None]),
+    for label, colour, marker, points in (
+        ("training", style.FAINT_INK, "o-", [each.train for each in front.points]),
+        ("test", style.MODEL, "o", [each.test for each in front.points if each.test is not None]),
     ):
-        if numbers:
-            order = np.argsort([each[first] for each in numbers])
-            axes.plot(
-                [numbers[int(n)][first] for n in order],
-                [numbers[int(n)][second] for n in order],
-                "o-" if label == "training" else "o",
-                markersize=4,
-                color=colour,
-                label=label,
-            )
+        if points:
+            drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
+            axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
 
 
 _DECIMALS = 3
@@ -201,7 +189,7 @@ def _score_section(results: TuningResults) -> Section:
             (
                 each.label,
                 format_fixed(each.train.score, _DECIMALS),
-                NOTHING if each.test is None else format_fixed(each.test.score, _DECIMALS),
+                format_fixed(None if each.test is None else each.test.score, _DECIMALS),
                 NOTHING if spread is None else format_fixed(spread.median, _DECIMALS),
                 NOTHING
                 if spread is None
@@ -338,61 +326,43 @@ def _in_line(settings: Mapping[str, Any]) -> str:
 
 def _demand_section(results: TuningResults) -> Section | None:
     entries = [entry for entry in criteria() if not entry.ratio]
-    rows = tuple(
-        (each.label, *(_demand(each.judged, entry.name, entry.unit) for entry in entries))
-        for each in results.ranked
-    )
-    heads = [
-        f"{entry.short} ({_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))[0]})"
+    units = [
+        _IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))
         for entry in entries
     ]
+
+    def cells(largest: Mapping[str, float]) -> list[str]:
+        return [
+            significant(factor * largest[entry.name], 3) if entry.name in largest else NOTHING
+            for entry, (_, factor) in zip(entries, units, strict=True)
+        ]
+
     on = "test" if results.testing else "training"
-    return Section(
-        anchor="demand",
-        title="Demand on the dampers",
-        groups=(
-            Group(
-                table=Table(
-                    label="Demand on the dampers",
-                    columns=("", *heads),
-                    rows=rows,
-                    note=f"The largest over the {on} motions; a force is that of all dampers of a group.",
-                )
-            ),
-        ),
+    table = Table(
+        label="Demand on the dampers",
+        columns=("", *(f"{entry.short} ({unit})" for entry, (unit, _) in zip(entries, units, strict=True))),
+        rows=tuple((each.label, *cells(each.judged.largest)) for each in results.ranked),
+        note=f"The largest over the {on} motions; a force is that of all dampers of a group.",
     )
-
-
-def _demand(judgement: TuningJudgement, name: str, unit: str) -> str:
-    _, factor = _IN_UNITS.get(unit, ("", 1.0))
-    value = judgement.largest.get(name)
-    return NOTHING if value is None else significant(factor * value, 3)
+    return Section(anchor="demand", title="Demand on the dampers", groups=(Group(table=table),))
 
 
 def _motion_section(results: TuningResults) -> Section | None:
     groups = []
-    for use, chosen in (("Test", True), ("Training", False)):
-        judgements = [(each, each.test if chosen else each.train) for each in results.ranked]
-        laws: Sequence[tuple[LawResult, TuningJudgement]] = [
-            (law, judgement) for law, judgement in judgements if judgement is not None and judgement.motions
-        ]
+    for use in ("Test", "Training"):
+        judgements = [(law.label, law.test if use == "Test" else law.train) for law in results.ranked]
+        laws = [(label, each.motions) for label, each in judgements if each is not None and each.motions]
         if not laws:
             continue
-        names = [motion.motion for motion in laws[0][1].motions]
-        rows = tuple(
-            (name, *(format_fixed(judgement.motions[place].score, _DECIMALS) for _, judgement in laws))
-            for place, name in enumerate(names)
+        table = Table(
+            label=f"Scores under each {use.lower()} motion",
+            columns=("Motion", *(label for label, _ in laws)),
+            rows=tuple(
+                (motion.motion, *(format_fixed(motions[place].score, _DECIMALS) for _, motions in laws))
+                for place, motion in enumerate(laws[0][1])
+            ),
         )
-        groups.append(
-            Group(
-                title=f"{use} motions",
-                table=Table(
-                    label=f"Scores under each {use.lower()} motion",
-                    columns=("Motion", *(law.label for law, _ in laws)),
-                    rows=rows,
-                ),
-            )
-        )
+        groups.append(Group(title=f"{use} motions", table=table))
     return Section(anchor="motions", title="Every motion", groups=tuple(groups)) if groups else None
 
 
