@@ -99,10 +99,8 @@ def _predict_unseen(options: argparse.Namespace) -> _Predicted:
     _, read = read_tests(options, "calibration", fit)
     findings = told_findings("calibrate", read, options)
     tests = [observed(test, words) for test in read]
-    for test in tests:
-        condition = fit.other_condition(test)
-        if condition is not None:
-            note(condition.condition_in_words)
+    for condition in filter(None, map(fit.other_condition, tests)):
+        note(condition.condition_in_words)
     nuisances = nuisances_of(options, fit.nuisances)
     return fit, predict_tests(fit, tests, nuisances=nuisances), findings
 
@@ -160,17 +158,19 @@ def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], folder:
     lines += [""] if calibration.remarks else []
     if coverage:
         tests = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
-        shares = np.array([[100 * each.samples.coverage for each in rows] for rows in tests])
-        scores = np.array([rows[LEVELS.index(_LEVEL)].samples.interval_score for rows in tests])
+        main = LEVELS.index(_LEVEL)
+        values = np.array(
+            [
+                [*(100 * each.samples.coverage for each in rows), rows[main].samples.interval_score]
+                for rows in tests
+            ]
+        )
         table = Table(
             columns=("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score"),
             rows=tuple(
-                (name, *(f"{share:.1f}" for share in each), f"{score:.3f}")
-                for name, each, score in zip(
-                    [*(rows[0].test for rows in tests), "mean"],
-                    [*shares, shares.mean(axis=0)],
-                    [*scores, scores.mean()],
-                    strict=True,
+                (name, *(f"{share:.1f}" for share in shares), f"{score:.3f}")
+                for name, (*shares, score) in zip(
+                    [*(rows[0].test for rows in tests), "mean"], [*values, values.mean(axis=0)], strict=True
                 )
             ),
         )

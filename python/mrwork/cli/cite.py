@@ -177,16 +177,17 @@ def _works() -> tuple[_Work, ...]:
         _Work(
             cited=table.pop("cited", ""),
             used=frozenset(table.pop("used", ())),
-            reference=Reference(key=key, kind=table.pop("type"), fields=_fields(table)),
+            reference=Reference(
+                key=key,
+                kind=table.pop("type"),
+                fields={
+                    name: " and ".join(value) if isinstance(value, list) else str(value)
+                    for name, value in table.items()
+                },
+            ),
         )
         for key, table in document.items()
     )
-
-
-def _fields(table: Mapping[str, object]) -> dict[str, str]:
-    return {
-        name: " and ".join(value) if isinstance(value, list) else str(value) for name, value in table.items()
-    }
 
 
 def references_in(source: str, name: str) -> tuple[Reference, ...]:
@@ -194,7 +195,7 @@ def references_in(source: str, name: str) -> tuple[Reference, ...]:
     named = tuple(work.reference for work in _works() if work.cited and work.cited in source)
     if named or re.search(r"\b(19|20)\d\d\b", source) is None:
         return named
-    return (_in_words(name, source),)
+    return (_misc(_key(name), {"note": source}),)
 
 
 def references_of(names: Iterable[str]) -> tuple[Reference, ...]:
@@ -205,14 +206,14 @@ def references_of(names: Iterable[str]) -> tuple[Reference, ...]:
 
 def reference_of_file(name: str, digest: str) -> Reference:
     """A record by the name of its file and its SHA-256, which say exactly which data were used."""
-    fields = {"title": _plain(name), "howpublished": "test record", "note": f"SHA-256 {digest}"}
-    return Reference(key=f"record-{digest[:8]}", kind="misc", fields=fields)
+    return _misc(
+        f"record-{digest[:8]}", {"title": name, "howpublished": "test record", "note": f"SHA-256 {digest}"}
+    )
 
 
 def reference_of_motion(name: str, source: str) -> Reference:
     """A recorded ground motion in the words of its file."""
-    fields = {"title": _plain(name), "howpublished": "ground motion", "note": _plain(source)}
-    return Reference(key=f"motion-{_key(name)}", kind="misc", fields=fields)
+    return _misc(f"motion-{_key(name)}", {"title": name, "howpublished": "ground motion", "note": source})
 
 
 def reference_of_package(version: str) -> Reference:
@@ -225,14 +226,11 @@ def reference_of_package(version: str) -> Reference:
     return Reference(key="mrwork", kind="software", fields=fields)
 
 
-def _in_words(name: str, source: str) -> Reference:
-    return Reference(key=_key(name), kind="misc", fields={"note": _plain(source)})
+def _misc(key: str, fields: Mapping[str, str]) -> Reference:
+    """A reference whose texts, from files, have no character that means something to TeX."""
+    plain = {name: re.sub(r"([#$%&_{}])", r"\\\1", text.replace("\\", "/")) for name, text in fields.items()}
+    return Reference(key=key, kind="misc", fields=plain)
 
 
 def _key(name: str) -> str:
     return re.sub(r"\W+", "-", name).strip("-")
-
-
-def _plain(text: str) -> str:
-    """Text in which no character means something to TeX."""
-    return re.sub(r"([#$%&_{}])", r"\\\1", text.replace("\\", "/"))

@@ -110,9 +110,7 @@ def _check_options(options: argparse.Namespace) -> None:
         raise SettingError(f"the values already are {options.to}; choose another --to, or a --scale")
     if options.error is not None and options.to != "opensees":
         raise SettingError("--error is of the solver of OpenSees; leave it out, or convert --to opensees")
-    if options.scale is None:
-        return
-    if options.to == "normalised":
+    if options.scale is not None and options.to == "normalised":
         raise SettingError("--scale sets A or Ao, and normalised has neither; leave it out")
 
 

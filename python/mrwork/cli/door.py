@@ -148,18 +148,18 @@ def sentence_on(error: BaseException) -> str:
         where = f"{error.filename}: " if error.filename else ""
         what = error.strerror or (reason_of(error) if error.args else "a file could not be read or written")
         return f"{where}{what}; check the path, its permissions and the free space"
-    if isinstance(error, MemoryError):
-        return "there is not enough memory; give fewer or shorter records, or smaller sizes"
-    if isinstance(error, RecursionError):
-        return "an input is nested too deeply; give it fewer levels"
-    if isinstance(error, OverflowError):
-        return f"a number is too large ({reason_of(error)}); give a smaller one"
-    if isinstance(error, UnicodeError):
-        return f"a text cannot be read or written ({reason_of(error)}); save it as UTF-8"
-    what = f"a library cannot be loaded ({reason_of(error)})"
-    if isinstance(error, ImportError):
-        return f"{what}; install mrwork again"
-    return f"{what}; correct or unset the environment variable that it reads"
+    reason = reason_of(error)
+    sentences = (
+        (MemoryError, "there is not enough memory; give fewer or shorter records, or smaller sizes"),
+        (RecursionError, "an input is nested too deeply; give it fewer levels"),
+        (OverflowError, f"a number is too large ({reason}); give a smaller one"),
+        (UnicodeError, f"a text cannot be read or written ({reason}); save it as UTF-8"),
+        (ImportError, f"a library cannot be loaded ({reason}); install mrwork again"),
+    )
+    of_loading = (
+        f"a library cannot be loaded ({reason}); correct or unset the environment variable that it reads"
+    )
+    return next((sentence for kind, sentence in sentences if isinstance(error, kind)), of_loading)
 
 
 def _is_of_loading(error: BaseException) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -74,7 +74,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _write_rig(folder: Path) -> _Written:
     _refuse_what_is_there(folder, within=True)
-    contents = _rig_files()
+    # The same bytes in every call.
+    rng = np.random.default_rng(_SEED)
+    contents = {test.file: test.text(rng).encode() for test in _TESTS}
     rows = [
         ListedTest(
             file=str(folder / test.file),
@@ -113,17 +115,11 @@ def _refuse_what_is_there(place: Path, *, within: bool = False) -> None:
     """Refuse a place where there is something; with `within` a folder may be there that has nothing within."""
     with explain_failure(f"write {place}", "choose another place"):
         refuse_place_in_run(place)
-        there = next(_there(place, within=within), None)
-    if there is not None:
+        is_folder = within and place.is_dir()
+        there = sorted(place.iterdir()) if is_folder else [place] if os.path.lexists(place) else []
+    if there:
         what = "a new or empty folder" if within else "another file"
-        raise OutputError(f"{there} is there already, and mrwork init replaces nothing; give {what}")
-
-
-def _there(place: Path, *, within: bool) -> Iterator[Path]:
-    if within and place.is_dir():
-        yield from sorted(place.iterdir())
-    elif os.path.lexists(place):
-        yield place
+        raise OutputError(f"{there[0]} is there already, and mrwork init replaces nothing; give {what}")
 
 
 # Sampling of a slow rig, and the white noise of its sensors: standard deviations.
@@ -195,9 +191,3 @@ _TESTS = (
     *_at(8.0, 1.5, (0.3, 0.6, 0.9, 1.2), "calibration"),
     *_at(9.0, 1.2, (0.3, 0.9), "test"),
 )
-
-
-def _rig_files() -> dict[str, bytes]:
-    """The files of the tests by name; the same bytes in every call."""
-    rng = np.random.default_rng(_SEED)
-    return {test.file: test.text(rng).encode() for test in _TESTS}

@@ -39,12 +39,7 @@ from mrwork.study.comparison import (
     motion_groups,
 )
 from mrwork.study.course import StudyProgress
-from mrwork.study.results import (
-    OFF_BALANCE,
-    ON_OFF,
-    StudyCriteria,
-    StudyResults,
-)
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyCriteria, StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
 from mrwork.study.tables import (
@@ -193,13 +188,10 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
     if len(results.motions) <= MOST_IN_DETAIL:
         for motion in range(len(results.motions)):
             lines += _motion_lines(results, motion)
-    for block in (
-        _score_lines(comparison),
-        _group_lines(comparison),
-        _band_lines(results),
-        _step_lines(results),
-    ):
-        lines += [*block, ""] if block else []
+    if any(isfinite(results.score(row)) for row in range(len(results.rows))):
+        lines += _score_lines(comparison)
+    lines += _band_lines(results)
+    lines += _step_lines(results)
     for finding in findings(results):
         lines += wrap(finding, width=_WIDTH)
     lines += [f"warning: {warning}" for warning in results.warnings()]
@@ -219,9 +211,10 @@ def _leading_lines(comparison: StudyComparison) -> list[str]:
     return [*lines, ""] if lines else []
 
 
-def _lines(table: Table) -> list[str]:
-    """A table of the page, in the characters that every terminal has."""
-    return [line.translate(_PLAIN) for line in table.lines("  ", width=_WIDEST)]
+def _block(heading: str, table: Table, *below: str) -> list[str]:
+    """A table of the page below its heading, in the characters that every terminal has, and paragraphs below it."""
+    lines = [line.translate(_PLAIN) for line in table.lines("  ", width=_WIDEST)]
+    return [heading, *lines, *(line for text in below for line in wrap(text, width=_WIDTH)), ""]
 
 
 def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
@@ -230,13 +223,9 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     begun = _begun_rows(results)
     if reference not in begun or len(begun) < 2:
         return []
-    table = change_table(comparison, reference, begun)
     means = f", mean over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
-    return [
-        f"Change in % against {results.rows[reference].label}{means}",
-        *_lines(table),
-        "",
-    ]
+    heading = f"Change in % against {results.rows[reference].label}{means}"
+    return _block(heading, change_table(comparison, reference, begun))
 
 
 def _begun_rows(results: StudyCriteria, motion: int | None = None) -> list[int]:
@@ -250,42 +239,29 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
     rows, name = _begun_rows(results, motion), results.motions[motion].name
     if not rows:
         return []
-    lines = [f"{name}: criteria", *_lines(value_table(results, (motion,), rows)), ""]
+    lines = _block(f"{name}: criteria", value_table(results, (motion,), rows))
     if results.row_of("passive_off") in rows:
-        lines += [f"{name}: ratios", *_lines(ratio_table(results, motion, rows)), ""]
+        lines += _block(f"{name}: ratios", ratio_table(results, motion, rows))
     return lines
 
 
 def _score_lines(comparison: StudyComparison) -> list[str]:
-    """The score of every row, its spread over the motions, and how often the row is better than a constant command."""
-    results = comparison.results
-    if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
-        return []
-    several, against = len(results.judged_motions) > 1, comparison.passive
+    """The score of every row, its spread over the motions, how often it beats a constant command, and its groups."""
+    results, against = comparison.results, comparison.passive
+    ranked = [row for _, rows in comparison.ranks for row in rows]
     begun = _begun_rows(results)
-    table = spread_table(comparison, [row for _, rows in comparison.ranks for row in rows if row in begun])
-    lines = [
-        f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",
-        *_lines(table),
-    ]
-    if several and against is not None:
-        lines += wrap(
+    below = [rank.note for rank, _ in comparison.ranks if rank.note]
+    if len(results.judged_motions) > 1 and against is not None:
+        below.insert(
+            0,
             "Least to most: of single motions. Better: motions with less peak drift, less peak acceleration, or both, "
             f"than {results.rows[against].label}. {chosen_in_words(results)}".rstrip(),
-            width=_WIDTH,
         )
-    notes = [rank.note for rank, _ in comparison.ranks if rank.note]
-    return [*lines, *(line for note in notes for line in wrap(note, width=_WIDTH))]
-
-
-def _group_lines(comparison: StudyComparison) -> list[str]:
-    """The score of every row under each group of motions."""
-    results = comparison.results
-    groups = motion_groups(results)
-    if not groups or not any(isfinite(results.score(row)) for row in range(len(results.rows))):
-        return []
-    table = group_table(results, [row for _, rows in comparison.ranks for row in rows])
-    return ["Score under groups of motions:", *_lines(table)]
+    heading = f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:"
+    lines = _block(heading, spread_table(comparison, [row for row in ranked if row in begun]), *below)
+    if motion_groups(results):
+        lines += _block("Score under groups of motions:", group_table(results, ranked))
+    return lines
 
 
 def _band_lines(results: StudyResults) -> list[str]:
@@ -294,12 +270,12 @@ def _band_lines(results: StudyResults) -> list[str]:
     if results.row_of("passive_off") not in rows:
         return []
     heading = f"Over {results.n_realisations} realisations: median and 90 % band of the score, and of ratios over i = 0"
-    return [heading, *_lines(bands_of_study(results, rows))]
+    return _block(heading, bands_of_study(results, rows))
 
 
 def _step_lines(results: StudyResults) -> list[str]:
     table = step_table(results, _begun_rows(results))
     if not table.rows:
         return []
-    heading = "Half the step: the largest change of a criterion, over its value"
-    return [heading, *_lines(table), ON_OFF]
+    lines = _block("Half the step: the largest change of a criterion, over its value", table)
+    return [*lines[:-1], ON_OFF, ""]

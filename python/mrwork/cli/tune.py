@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from mrwork.store.journal import Journal
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
-    from mrwork.tuning.results import LawResult, TuningResults
+    from mrwork.tuning.results import TuningResults
 
 _QUICK = (48, 12)
 
@@ -120,7 +121,20 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     from mrwork.tuning.results import motions_in_words, settings_in_words, speed_in_words
 
     head = ("", "training", "test", "drift", "acc.", "better", "settings")
-    rows = [_row(each, settings_in_words(each.settings, results.command_unit)) for each in results.ranked]
+    rows = [
+        (
+            each.label,
+            with_decimals(each.train.score, 3),
+            "-" if each.test is None else with_decimals(each.test.score, 3),
+            *(
+                with_decimals(each.judged.criteria.get(f"peak_{name}", nan), 3)
+                for name in ("drift", "acceleration")
+            ),
+            "" if each.better is None else each.better.in_words,
+            settings_in_words(each.settings, results.command_unit),
+        )
+        for each in results.ranked
+    ]
     lines = [
         results.title,
         "",
@@ -142,18 +156,3 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     if drawn:
         lines.append(f"Report: {place / REPORT}")
     return "\n".join(lines)
-
-
-def _row(law: LawResult, settings: str) -> tuple[str, ...]:
-    judgement = law.judged
-    better = "" if law.better is None else law.better.in_words
-    nan = float("nan")
-    return (
-        law.label,
-        with_decimals(law.train.score, 3),
-        "-" if law.test is None else with_decimals(law.test.score, 3),
-        with_decimals(judgement.criteria.get("peak_drift", nan), 3),
-        with_decimals(judgement.criteria.get("peak_acceleration", nan), 3),
-        better,
-        settings,
-    )
