@@ -131,7 +131,16 @@ class Identification:
         if not options.json:
             show(text)
         if finished:
-            status = drawing(self.folder, self._page(fit, ranking, laws), quiet=self.frame.is_quiet)
+
+            def draw(on_progress: OnDrawn) -> None:
+                # Matplotlib is slow to load and needed for reports only.
+                from mrwork.report.fit.page import comparisons_of, write_page
+                from mrwork.runs.load import StoredRun
+
+                run = StoredRun(place=self.folder, fit=fit, ranking=ranking, laws=laws)
+                write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
+
+            status = drawing(self.folder, draw, quiet=self.frame.is_quiet)
         else:
             self.frame.note_stop(written=written)
         if options.json:
@@ -139,17 +148,6 @@ class Identification:
         elif status == 0:
             show(f"\nReport: {self.folder / REPORT}")
         return status
-
-    def _page(self, fit: Fit, ranking: Ranking | None, laws: LawTable | None) -> Callable[[OnDrawn], None]:
-        def draw(on_progress: OnDrawn) -> None:
-            # Matplotlib is slow to load and needed for reports only.
-            from mrwork.report.fit.page import comparisons_of, write_page
-            from mrwork.runs.load import StoredRun
-
-            run = StoredRun(place=self.folder, fit=fit, ranking=ranking, laws=laws)
-            write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
-
-        return draw
 
 
 def _load_for_the_end() -> None:
@@ -222,16 +220,8 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
 
 def _parameter(fit: Fit, estimate: Estimate) -> dict[str, Any]:
     verdict, reason = fit.verdict_on(estimate.name)
-    return {
-        "value": estimate.value,
-        "unit": estimate.unit,
-        "standard_error": estimate.standard_error,
-        "lower": estimate.lower,
-        "upper": estimate.upper,
-        "remark": estimate.remark,
-        "verdict": verdict,
-        "reason": reason,
-    }
+    names = ("value", "unit", "standard_error", "lower", "upper", "remark")
+    return {name: getattr(estimate, name) for name in names} | {"verdict": verdict, "reason": reason}
 
 
 def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:

@@ -12,11 +12,7 @@ from typing import get_args
 from mrwork.base.table import Table
 from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
-from mrwork.cli.identified import (
-    Identification,
-    summary_of,
-    text_of,
-)
+from mrwork.cli.identified import Identification, summary_of, text_of
 from mrwork.cli.numbers import GENERATIONS, POPULATION, Range, add_number, named_path
 from mrwork.cli.options import (
     add_files,
@@ -153,20 +149,11 @@ def add_options(parser: CommandParser) -> None:
         default="lanes",
         help="engine of the final fit: lanes (default), or twin (JAX), which is slower and serves comparisons",
     )
-    add_number(
-        search,
-        "--population",
-        POPULATION,
-        "number of candidates in a generation; not for multistart",
-        metavar="N",
-    )
-    add_number(
-        search,
-        "--generations",
-        GENERATIONS,
-        "largest number of generations; not for multistart",
-        metavar="N",
-    )
+    for flag, numbers, what in (
+        ("--population", POPULATION, "number of candidates in a generation"),
+        ("--generations", GENERATIONS, "largest number of generations"),
+    ):
+        add_number(search, flag, numbers, f"{what}; not for multistart", metavar="N")
     add_threads(parser)
     add_out(parser, "run folder, default out/TEST-MODEL")
     end_parser(

@@ -49,25 +49,16 @@ def add_options(parser: CommandParser) -> None:
     end_parser(parser, run, quiet="")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Written:
-    """What was written, and the commands to go on with."""
-
-    what: str
-    files: tuple[Path, ...]
-    next: tuple[str, ...]
+_Written = tuple[str, list[Path], list[str]]
+"""What was written, in words and as files, and the commands to go on with."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the sample and print what can be done with it."""
     write = _write_rig if options.sample == "rig" else _write_study
-    written = write(options.place)
-    document = {
-        "sample": options.sample,
-        "files": [str(path) for path in written.files],
-        "next": list(written.next),
-    }
-    lines = [f"Written: {written.what}", "", "Next:", *(f"  {line}" for line in written.next)]
+    what, written, commands = write(options.place)
+    document = {"sample": options.sample, "files": list(map(str, written)), "next": commands}
+    lines = [f"Written: {what}", "", "Next:", *(f"  {line}" for line in commands)]
     print_result(options, document, "\n".join(lines))
     return 0
 
@@ -87,16 +78,14 @@ def _write_rig(folder: Path) -> _Written:
     ]
     write_files(folder, contents, then=lambda: write_test_table(folder / TABLE_NAME, rows))
     rig, run = shlex.quote(str(folder)), shlex.quote(str(Path("out") / (folder.name or "rig")))
-    return _Written(
-        what=f"{folder}, {len(rows)} synthetic tests and their table {folder / TABLE_NAME}",
-        files=(folder / TABLE_NAME, *(folder / name for name in contents)),
-        next=(
-            f"mrwork check {rig}",
-            f"mrwork identify {rig} --model normalised_bouc_wen --law k_w=quadratic --law c=linear --out {run}",
-            f"mrwork calibrate {run} {rig}",
-            f"mrwork predict {run} {rig} --level 0.9",
-        ),
-    )
+    what = f"{folder}, {len(rows)} synthetic tests and their table {folder / TABLE_NAME}"
+    commands = [
+        f"mrwork check {rig}",
+        f"mrwork identify {rig} --model normalised_bouc_wen --law k_w=quadratic --law c=linear --out {run}",
+        f"mrwork calibrate {run} {rig}",
+        f"mrwork predict {run} {rig} --level 0.9",
+    ]
+    return what, [folder / TABLE_NAME, *(folder / name for name in contents)], commands
 
 
 def _write_study(place: Path) -> _Written:
@@ -104,11 +93,8 @@ def _write_study(place: Path) -> _Written:
     _refuse_what_is_there(file)
     write_files(file.parent, {file.name: files("mrwork.cli").joinpath("samples", _STUDY).read_bytes()})
     name = shlex.quote(str(file))
-    return _Written(
-        what=f"{file}, three storeys with one damper",
-        files=(file,),
-        next=(f"mrwork respond {name}", f"mrwork tune {name} --quick"),
-    )
+    commands = [f"mrwork respond {name}", f"mrwork tune {name} --quick"]
+    return f"{file}, three storeys with one damper", [file], commands
 
 
 def _refuse_what_is_there(place: Path, *, within: bool = False) -> None:

@@ -122,26 +122,14 @@ def add_run(parser: CommandParser) -> None:
 
 def add_threads(parser: CommandParser) -> None:
     """--threads."""
-    add_number(
-        parser.group(COMPUTATION),
-        "--threads",
-        THREADS,
-        "number of threads, default 0, all",
-        default=0,
-        metavar="N",
-    )
+    group = parser.group(COMPUTATION)
+    add_number(group, "--threads", THREADS, "number of threads, default 0, all", default=0, metavar="N")
 
 
 def add_seed(parser: CommandParser, of: str, default: int = 0) -> None:
     """--seed, of what `of` names."""
-    add_number(
-        parser.group(COMPUTATION),
-        "--seed",
-        SEED,
-        f"seed of {of}, default {default}",
-        default=default,
-        metavar="N",
-    )
+    group = parser.group(COMPUTATION)
+    add_number(group, "--seed", SEED, f"seed of {of}, default {default}", default=default, metavar="N")
 
 
 def add_out(parser: CommandParser, what: str) -> None:

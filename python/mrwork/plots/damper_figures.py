@@ -34,6 +34,8 @@ _TEXT, _SECOND = 1.05, 0.26
 # Share of the width of the whole drawing beside the rod, for the outer diameter.
 _BESIDE = 0.13
 
+_ARROW = {"arrowstyle": "<->", "color": style.FAINT_INK, "linewidth": 0.7}
+
 Label = tuple[str, tuple[float, float]]
 """A text, and the point [mm] that it names."""
 
@@ -152,19 +154,14 @@ def _label_whole(axes: Axes, design: DamperDesign, inch: float) -> None:
     )
     _dimension(axes, (-end, end), -outer - _STEP * inch, f"{_mm(design.chamber_length)} between covers", inch)
     x = end + _MM * design.stroke + 0.5 * inch
-    for y, name in ((outer, design.outer_diameter), (bore, design.bore)):
-        axes.annotate(
-            "", (x, -y), (x, y), arrowprops={"arrowstyle": "<->", "color": style.FAINT_INK, "linewidth": 0.7},
-            annotation_clip=False,
-        )  # fmt: skip
+    for name, diameter, align, beside in (
+        ("outer", design.outer_diameter, "right", -0.05),
+        ("bore", design.bore, "left", 0.05),
+    ):
+        y, text = _MM * diameter / 2.0, f"{name} {_mm(diameter)}"
+        axes.annotate("", (x, -y), (x, y), arrowprops=_ARROW, annotation_clip=False)
         axes.text(
-            x - 0.05 * inch if y == outer else x + 0.05 * inch,
-            0.0,
-            f"{'outer' if y == outer else 'bore'} {_mm(name)}",
-            rotation=90,
-            va="center",
-            ha="right" if y == outer else "left",
-            fontsize=style.SMALL_TEXT_SIZE,
+            x + beside * inch, 0.0, text, rotation=90, va="center", ha=align, fontsize=style.SMALL_TEXT_SIZE
         )
         x += 0.22 * inch
 
@@ -236,11 +233,8 @@ def _dimension(
     align: Literal["left", "center", "right"] = "center",
 ) -> None:
     """A horizontal dimension with its text below, which ends or begins with it, or stands in its middle."""
-    axes.annotate(
-        "", (ends[0], y), (ends[1], y),
-        arrowprops={"arrowstyle": "<->", "color": style.FAINT_INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0},
-        annotation_clip=False,
-    )  # fmt: skip
+    arrow = _ARROW | {"shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (ends[0], y), (ends[1], y), arrowprops=arrow, annotation_clip=False)
     x = {"left": ends[0], "center": sum(ends) / 2.0, "right": ends[1]}[align]
     axes.text(x, y - 0.05 * inch, text, ha=align, va="top", fontsize=style.SMALL_TEXT_SIZE)
 
@@ -340,8 +334,7 @@ def _vary_parameter(spec: DamperSpec, given: Floats, number: int) -> Floats:
     """The parameters with one of them changed, shape (3, n_params)."""
     parameter = spec.parameters[number]
     rows = np.tile(given, (len(_FACTORS), 1))
-    changed = np.clip(np.array(_FACTORS[:-1]) * given[number], parameter.lower, parameter.upper)
-    rows[:-1, number] = changed
+    rows[:-1, number] = np.clip(np.array(_FACTORS[:-1]) * given[number], parameter.lower, parameter.upper)
     return rows
 
 

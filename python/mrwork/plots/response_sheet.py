@@ -5,6 +5,7 @@ In the form of figures 6.3 to 6.10 of the thesis, for any building and any contr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.responses import History
 from mrwork.control.laws.lyapunov import lyapunov_function
@@ -31,14 +32,8 @@ _PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
 _BINS = 300
 
 
-@array_dataclass()
-class _Signal:
-    """A quantity with its unit, with control and without, shape (n_time,); `signed` about zero, else from it up."""
-
-    title: str
-    controlled: Floats
-    reference: Floats
-    signed: bool
+_Signal = tuple[str, Callable[[History], Floats], bool]
+"""A quantity with its unit, its values in a run, shape (n_time,), and whether these are of both signs."""
 
 
 @checked
@@ -78,7 +73,7 @@ def response_sheet_figure(
     """
     _check(controlled, reference, building, device, floor)
     about = _displacement(reference, building, floor)
-    signals = list(_signals(controlled, reference, building, device, floor, command_unit))
+    signals = _signals(controlled, reference, building, device, floor, command_unit)
     figure, whole, panels = _empty(len(signals))
     time = controlled.time
     shown = strong_part(time, about, float(seconds))
@@ -86,24 +81,18 @@ def response_sheet_figure(
     whole.axvspan(time[shown.start], time[shown.stop - 1], color=style.WINDOW, zorder=0.5, linewidth=0.0)
     whole.margins(x=0.0)
     name_ordinate(whole, "Ground acceleration (m/s²)")
-    for axes, signal in zip(panels, signals, strict=True):
-        axes.plot(
-            *envelope(time[shown], signal.reference[shown], _BINS),
-            color=style.INK,
-            linewidth=0.9,
-            linestyle=style.DOTTED,
-            label="without control",
-        )
-        axes.plot(
-            *envelope(time[shown], signal.controlled[shown], _BINS),
-            color=style.MODEL,
-            linewidth=0.9,
-            label="controlled",
-        )
+    runs = (
+        (reference, style.INK, style.DOTTED, "without control"),
+        (controlled, style.MODEL, "-", "controlled"),
+    )
+    for axes, (title, values, is_signed) in zip(panels, signals, strict=True):
+        for run, colour, pattern, label in runs:
+            line = envelope(time[shown], values(run)[shown], _BINS)
+            axes.plot(*line, color=colour, linewidth=0.9, linestyle=pattern, label=label)
         axes.margins(x=0.0)
-        if signal.signed:
+        if is_signed:
             symmetric(axes)
-        name_ordinate(axes, signal.title)
+        name_ordinate(axes, title)
     legend(panels[0], columns=2)
     return figure
 
@@ -144,32 +133,19 @@ def _signals(
     energy = lyapunov_function(plant_of(building, building.storeys[:1]))
     peak = max(float(np.abs(each.force[:, device]).max()) for each in (controlled, reference))
     force = style.force_unit(peak)
-    of_floor = building.floor_names[floor]
-
-    def both(title: str, of: list[Floats], *, signed: bool = True) -> _Signal:
-        return _Signal(title=title, controlled=of[0], reference=of[1], signed=signed)
-
-    runs = (controlled, reference)
+    of_floor, motion = building.floor_names[floor], building.floors[floor]
+    mm, mm_per_s = style.MILLIMETRE.factor, style.MILLIMETRE_PER_SECOND.factor
     return [
-        both(
+        (
             f"{'Coil current' if unit == 'A' else 'Voltage'} ({unit})",
-            [each.current[:, device] for each in runs],
-            signed=False,
+            lambda run: run.current[:, device],
+            False,
         ),
-        both(f"Damper force ({force.symbol})", [force.factor * each.force[:, device] for each in runs]),
-        both("Lyapunov function (J)", [energy.value(each.state) for each in runs], signed=False),
-        both(
-            f"Displacement, {of_floor} (mm)",
-            [style.MILLIMETRE.factor * _displacement(each, building, floor) for each in runs],
-        ),
-        both(
-            f"Velocity, {of_floor} (mm/s)",
-            [
-                style.MILLIMETRE_PER_SECOND.factor * each.state[:, n:] @ building.floors[floor]
-                for each in runs
-            ],
-        ),
-        both(f"Absolute acceleration, {of_floor} (m/s²)", [each.acceleration[:, floor] for each in runs]),
+        (f"Damper force ({force.symbol})", lambda run: force.factor * run.force[:, device], True),
+        ("Lyapunov function (J)", lambda run: energy.value(run.state), False),
+        (f"Displacement, {of_floor} (mm)", lambda run: mm * _displacement(run, building, floor), True),
+        (f"Velocity, {of_floor} (mm/s)", lambda run: mm_per_s * run.state[:, n:] @ motion, True),
+        (f"Absolute acceleration, {of_floor} (m/s²)", lambda run: run.acceleration[:, floor], True),
     ]
 
 

@@ -62,11 +62,11 @@ def blocks_of_tests(
     agreement: Sequence[AgreementRow],
     *,
     drawn: Mapping[int, str],
-    on_test: Callable[[str], None],
+    before: Callable[[str], None],
 ) -> list[TestBlock]:
     """Contents of the page on each test, in order, all forces in one unit.
 
-    Those in `drawn`, indices with their roles, have figures; `on_test` hears of each before it is drawn.
+    Those in `drawn`, indices with their roles, have figures; `before` hears of each before it is drawn.
     """
     unit = figures.common_force_unit(comparisons)
     blocks = []
@@ -74,7 +74,7 @@ def blocks_of_tests(
         test = comparison.test
         panels: tuple[Panel, ...] = ()
         if number - 1 in drawn:
-            on_test(test.name)
+            before(f"test {test.name}")
             panels = _test_panels(f"t{number}", comparison, row, unit)
         blocks.append(
             TestBlock(
@@ -254,7 +254,7 @@ def has_small_loops(comparisons: Sequence[Comparison]) -> bool:
     return len(comparisons) > _ALL_IN_FULL
 
 
-def overview(comparisons: Sequence[Comparison], *, on_test: Callable[[str], None]) -> Section | None:
+def overview(comparisons: Sequence[Comparison], *, before: Callable[[str], None]) -> Section | None:
     """Median and worst fit, a small loop of each of many tests, and recurring findings; `None` for a single test."""
     if len(comparisons) < 2:
         return None
@@ -268,7 +268,7 @@ def overview(comparisons: Sequence[Comparison], *, on_test: Callable[[str], None
             "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, the "
             "median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test in full."
         )
-        panels = _small_panels(comparisons, on_test)
+        panels = _small_panels(comparisons, before)
     shared = gathered_findings([each.test for each in comparisons]).shared
     groups = [Group(prose=tuple(prose), panels=panels, layout="small")]
     if shared:
@@ -278,13 +278,13 @@ def overview(comparisons: Sequence[Comparison], *, on_test: Callable[[str], None
     return Section(anchor=ANCHOR, title="All tests", groups=tuple(groups))
 
 
-def _small_panels(comparisons: Sequence[Comparison], on_test: Callable[[str], None]) -> tuple[Panel, ...]:
+def _small_panels(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> tuple[Panel, ...]:
     unit = common_force_unit(comparisons)
     panels = []
     loops = small_velocity_loops(comparisons, unit)
     for number, (comparison, figure) in enumerate(zip(comparisons, loops, strict=True), start=1):
         name, percent = comparison.test.name, numbers.format_fixed(comparison.quality.fit_percent, 1)
-        on_test(name)
+        before(f"test {name}")
         panels.append(
             panel(
                 f"o{number}",

@@ -120,10 +120,6 @@ def fit_page(
         before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
     fit = run.fit
-
-    def on_test(name: str) -> None:
-        before(f"test {name}")
-
     *agreement, overall = agreement_rows(fit, comparisons)
     synthetic = {
         name
@@ -145,8 +141,8 @@ def fit_page(
         parameters=parameter_rows(fit),
         caution=caution(fit),
         overall=overall,
-        overview=overview(comparisons, on_test=on_test),
-        blocks=blocks_of_tests(comparisons, agreement, drawn=drawn, on_test=on_test),
+        overview=overview(comparisons, before=before),
+        blocks=blocks_of_tests(comparisons, agreement, drawn=drawn, before=before),
         searched=search_panels(fit),
         search=search_facts(fit),
         sections=[section for _, section in made if section is not None],

@@ -272,8 +272,10 @@ def history_section(
     """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
     base = results.row_of("uncontrolled")
     reference = None if base is None else histories(base, motion)
-    rows = [row for row in drawn if row != base and histories(row, motion) is not None]
-    if not rows or reference is None:
+    shown = [
+        (row, history) for row in drawn if row != base and (history := histories(row, motion)) is not None
+    ]
+    if not shown or reference is None:
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     name, storey_name = results.motions[motion].name, results.storey_names[storey]
@@ -282,9 +284,7 @@ def history_section(
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
     over_time = _over_time("Ground acceleration (m/s²)", ground)
     panels = [panel("ground", "Ground", over_time, f"Ground acceleration of {name}")]
-    for row in rows:
-        history = histories(row, motion)
-        assert history is not None
+    for row, history in shown:
         drift = (history.time, history.drift[:, storey] * 1e3, of_row[row].colour, 0.9)
         panels.append(
             panel(
