@@ -63,11 +63,6 @@ class Identification:
         frame = Frame.of(options, FIT_RUN, f"{stem}-{ending}", kept)
         return cls(frame=frame, reading=reading, tests=tests)
 
-    @property
-    def folder(self) -> Path:
-        """The run folder."""
-        return self.frame.folder
-
     def search(
         self, search: Callable[[ProgressLine[Any]], Result], described: Callable[[Any], str], *, before: str
     ) -> tuple[Result | None, int]:
@@ -114,7 +109,7 @@ class Identification:
 
         After Ctrl-C, `status` 130, nothing waits for the disk, no page is drawn, and a message says what is written.
         """
-        options, finished = self.frame.options, status == 0
+        options, folder, finished = self.frame.options, self.frame.folder, status == 0
         written = self.frame.is_to_write(status)
         if written:
             write_run(
@@ -137,16 +132,16 @@ class Identification:
                 from mrwork.report.fit.page import comparisons_of, write_page
                 from mrwork.runs.load import StoredRun
 
-                run = StoredRun(place=self.folder, fit=fit, ranking=ranking, laws=laws)
+                run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
                 write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
 
-            status = drawing(self.folder, draw, quiet=self.frame.is_quiet)
+            status = drawing(folder, draw, quiet=self.frame.is_quiet)
         else:
             self.frame.note_stop(written=written)
         if options.json:
             print_json(document)
         elif status == 0:
-            show(f"\nReport: {self.folder / REPORT}")
+            show(f"\nReport: {folder / REPORT}")
         return status
 
 

@@ -218,7 +218,7 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
             journal=journal.path,
             discard=partial(discard_journal, journal),
             text=text_of(fit, verb.tests),
-            document=summary_of(fit, verb.tests, verb.folder),
+            document=summary_of(fit, verb.tests, verb.frame.folder),
         )
 
 
@@ -297,7 +297,7 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
         lines = [
             *_choice_lines(ranking.table, ranking.sentence, ranking.remarks),
             "",
-            f"Ranking: {verb.folder / RANKING}",
+            f"Ranking: {verb.frame.folder / RANKING}",
         ]
         return verb.end(
             best,
@@ -307,8 +307,8 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
             text="\n".join([*lines, *(["", text_of(best, verb.tests)] if status == 0 else [])]),
             document={
                 **asdict(ranking),
-                "fits": {name: str(verb.folder / path) for name, path in paths.items()},
-                "out": str(verb.folder),
+                "fits": {name: str(verb.frame.folder / path) for name, path in paths.items()},
+                "out": str(verb.frame.folder),
                 "findings": as_plain(findings_for("identify", verb.tests)),
             },
             documents={
@@ -351,12 +351,12 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
         others = (
             f"Other sets of laws that predict nearly as well, within 1 point: {len(choice.others)}, in "
-            f"{verb.folder / NEAR_SETS}; predict and respond say how far they are apart where the tests end"
+            f"{verb.frame.folder / NEAR_SETS}; predict and respond say how far they are apart where the tests end"
         )
         lines = [
             *_choice_lines(table.table, table.sentence, table.notes),
             "",
-            f"Laws: {verb.folder / LAWS}",
+            f"Laws: {verb.frame.folder / LAWS}",
             *([others] if choice.others else []),
             "",
             text_of(fit, verb.tests),
@@ -367,7 +367,7 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             journal=next(path for path in steps if path.is_file()),
             discard=journals.discard if status == 0 else None,
             text="\n".join(lines),
-            document=summary_of(fit, verb.tests, verb.folder) | {"choice_of_laws": asdict(table)},
+            document=summary_of(fit, verb.tests, verb.frame.folder) | {"choice_of_laws": asdict(table)},
             documents={LAWS: asdict(table)}
             | ({NEAR_SETS: others_content(choice.others, fit)} if choice.others else {}),
             laws=table,

@@ -75,7 +75,10 @@ def run(options: argparse.Namespace) -> int:
     if options.schema or options.laws:
         if options.json:
             raise SettingError("--schema and --laws print text; leave --json out")
-        show(_listing(options))
+        from mrwork.study.arrangements import laws_text
+        from mrwork.study.schema import schema_text
+
+        show(schema_text() if options.schema else laws_text())
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
@@ -192,10 +195,3 @@ def _run_ensemble(
         told = None if is_quiet(options) else report
         every.append(run_study(alone, journal=journal, on_progress=told, threads=options.threads))
     return ensemble_of(every)
-
-
-def _listing(options: argparse.Namespace) -> str:
-    from mrwork.study.arrangements import laws_text
-    from mrwork.study.schema import schema_text
-
-    return schema_text() if options.schema else laws_text()

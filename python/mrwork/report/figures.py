@@ -397,5 +397,4 @@ def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]
 
 
 def _largest(values: Floats) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.abs(finite).max()) if finite.size else 0.0
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import get_args
 
@@ -49,8 +50,8 @@ from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
 
-# Tests of the fit, and tests left out, that are drawn; draws of the parameters.
-_OWN, _LEFT_OUT = 1, 6
+# Tests left out that are drawn; draws of the parameters.
+_LEFT_OUT = 6
 _DRAWS = 200
 
 _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
@@ -74,9 +75,8 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
         return None
     unit = common_force_unit(comparisons)
     groups = [Group(prose=_prose(bands))]
-    worst = sorted(comparisons, key=lambda comparison: -comparison.quality.nrmse)[:_OWN]
-    for number, each in enumerate(worst, start=1):
-        groups += _own_groups(number, fit, each, draws, bands, unit)
+    worst = max(comparisons, key=lambda comparison: comparison.quality.nrmse)
+    groups += _own_groups(fit, worst, draws, bands, unit)
     if bands is not None and len(bands.predictions) > 1:
         for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
@@ -110,7 +110,6 @@ def _prose(bands: StoredBands | None) -> tuple[str, ...]:
 
 
 def _own_groups(
-    number: int,
     fit: Fit,
     comparison: Comparison,
     draws: _ParameterDraws | None,
@@ -138,14 +137,14 @@ def _own_groups(
         prose=(text,) if parts else (),
         panels=(
             panel(
-                f"b{number}-error",
+                "b1-error",
                 "Force minus model force over one cycle",
                 error_figure(banded, unit),
                 f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
             ),
         ),
     )
-    return whole, Group(panels=_cycle_panels(f"b{number}", prediction, errors, forces), layout="small")
+    return whole, Group(panels=_cycle_panels("b1", prediction, errors, forces), layout="small")
 
 
 def _left_out_groups(
@@ -212,9 +211,11 @@ def _cycle_panels(
     for name in QUANTITIES:
         title, factor = _QUANTITIES[name]
         bands: list[Band] = []
-        scores = [_errors(each, name) for each in others]
-        scores = [each for each in scores if each.size]
-        if scores:
+        scores = []
+        for each in others:
+            with suppress(RecordError):
+                scores.append(errors_over_cycles(each, name))
+        if scores := [each for each in scores if each.size]:
             bands.append(cycle_band(prediction, name, scores, MAIN_LEVEL))
         if drawn:
             bands.append(parameter_band(np.array([cycles[name] for cycles in drawn]), MAIN_LEVEL))
@@ -231,13 +232,6 @@ def _cycle_panels(
             )
         )
     return tuple(panels)
-
-
-def _errors(prediction: Prediction, name: CycleQuantity) -> Floats:
-    try:
-        return errors_over_cycles(prediction, name)
-    except RecordError:
-        return np.empty(0)
 
 
 def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None) -> _ParameterDraws | None:

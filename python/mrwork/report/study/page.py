@@ -158,8 +158,7 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
     rows = []
     for number in listed:
         row = results.rows[number]
-        runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
-        done = [run for run in runs if run is not None and run.finished]
+        done = [run for (of, _), run in results.runs.items() if of == number and run.finished]
         if not done:
             continue
         spent = ratio(
