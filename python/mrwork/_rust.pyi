@@ -32,11 +32,13 @@ __all__ = [
     "stiffness_shares",
 ]
 
+_Floats = NDArray[np.float64]
+
 __version__: str
 
 class _PassiveElement(Protocol):
     @property
-    def row(self) -> NDArray[np.float64]: ...
+    def row(self) -> _Floats: ...
     @property
     def stiffness(self) -> float: ...
     @property
@@ -54,15 +56,15 @@ class _PassiveElement(Protocol):
 class Building:
     def __new__(
         cls,
-        mass: NDArray[np.float64],
-        damping: NDArray[np.float64],
-        stiffness: NDArray[np.float64],
-        influence: NDArray[np.float64],
-        floors: NDArray[np.float64],
-        storeys: NDArray[np.float64],
-        devices: NDArray[np.float64],
+        mass: _Floats,
+        damping: _Floats,
+        stiffness: _Floats,
+        influence: _Floats,
+        floors: _Floats,
+        storeys: _Floats,
+        devices: _Floats,
         elements: Sequence[_PassiveElement],
-        varied: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]] = ...,
+        varied: Sequence[tuple[_Floats, _Floats]] = ...,
     ) -> Building: ...
     @property
     def summary_layout(self) -> list[tuple[str, int]]: ...
@@ -72,15 +74,9 @@ class Building:
 @final
 class LoadingHistory:
     def __new__(
-        cls,
-        dt: float,
-        displacement: NDArray[np.float64],
-        velocity: NDArray[np.float64] | None = None,
-        command: NDArray[np.float64] | None = None,
+        cls, dt: float, displacement: _Floats, velocity: _Floats | None = None, command: _Floats | None = None
     ) -> LoadingHistory: ...
-    def __getnewargs__(
-        self,
-    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None]: ...
+    def __getnewargs__(self) -> tuple[float, _Floats, _Floats | None, _Floats | None]: ...
     @property
     def dt(self) -> float: ...
     @property
@@ -90,77 +86,61 @@ class LoadingHistory:
     @property
     def reversal_acceleration(self) -> float: ...
     @property
-    def command(self) -> NDArray[np.float64] | None: ...
-    def stages(self, substeps: int) -> NDArray[np.float64]: ...
+    def command(self) -> _Floats | None: ...
+    def stages(self, substeps: int) -> _Floats: ...
 
 def current_laws() -> list[tuple[str, int, int | None]]: ...
 def damper_specs() -> list[dict[str, Any]]: ...
 def misfits(
     model: str,
-    theta: NDArray[np.float64],
+    theta: _Floats,
     loading: LoadingHistory,
-    force: NDArray[np.float64],
+    force: _Floats,
     first: int = 0,
     laws: list[str] | None = None,
     lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
-    limits: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint64]]: ...
+    limits: _Floats | None = None,
+) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint64]]: ...
 def stiffness_shares(
-    model: str,
-    theta: NDArray[np.float64],
-    loading: LoadingHistory,
-    laws: list[str] | None = None,
-    lagged: bool = False,
-) -> NDArray[np.float64]: ...
+    model: str, theta: _Floats, loading: LoadingHistory, laws: list[str] | None = None, lagged: bool = False
+) -> _Floats: ...
 def force_histories(
     model: str,
-    theta: NDArray[np.float64],
+    theta: _Floats,
     loading: LoadingHistory,
     laws: list[str] | None = None,
     lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
+) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32]]: ...
 def sensitivities(
     model: str,
-    theta: NDArray[np.float64],
+    theta: _Floats,
     loading: LoadingHistory,
     columns: list[int] | None = None,
     laws: list[str] | None = None,
     lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
-def rate(
-    model: str,
-    theta: NDArray[np.float64],
-    state: NDArray[np.float64],
-    displacement: float,
-    velocity: float,
-) -> NDArray[np.float64]: ...
-def force(
-    model: str,
-    theta: NDArray[np.float64],
-    state: NDArray[np.float64],
-    displacement: float,
-    velocity: float,
-) -> float: ...
+) -> tuple[_Floats, _Floats, NDArray[np.uint8], NDArray[np.uint32]]: ...
+def rate(model: str, theta: _Floats, state: _Floats, displacement: float, velocity: float) -> _Floats: ...
+def force(model: str, theta: _Floats, state: _Floats, displacement: float, velocity: float) -> float: ...
 def instruction_set() -> str: ...
 def instruction_sets() -> tuple[list[str], list[str]]: ...
 def fma_peak(threads: int, seconds: float) -> float: ...
-def flops_per_step(model: str, theta: NDArray[np.float64]) -> int: ...
+def flops_per_step(model: str, theta: _Floats) -> int: ...
 def riccati_equations(
     time: str,
-    state: NDArray[np.float64],
-    control: NDArray[np.float64],
-    state_weight: NDArray[np.float64],
-    control_weight: NDArray[np.float64],
-    cross_weight: NDArray[np.float64] | None = None,
-    scaling: NDArray[np.float64] | None = None,
+    state: _Floats,
+    control: _Floats,
+    state_weight: _Floats,
+    control_weight: _Floats,
+    cross_weight: _Floats | None = None,
+    scaling: _Floats | None = None,
     threads: int = 0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]: ...
+) -> tuple[_Floats, _Floats, _Floats, NDArray[np.uint8]]: ...
 def control_laws() -> list[dict[str, Any]]: ...
 def run_quantities() -> list[tuple[str, str, str, str]]: ...
 def history_signals() -> list[tuple[str, str, str, str]]: ...
@@ -170,7 +150,7 @@ class Dampers:
     def __new__(
         cls,
         model: str,
-        theta: NDArray[np.float64],
+        theta: _Floats,
         counts: Sequence[float],
         differential: Sequence[bool],
         ranges: Sequence[tuple[float, float]],
@@ -180,7 +160,7 @@ class Dampers:
 
 @final
 class ForceCurve:
-    def __new__(cls, laws: Sequence[str], theta: NDArray[np.float64], lagged: bool = False) -> ForceCurve: ...
+    def __new__(cls, laws: Sequence[str], theta: _Floats, lagged: bool = False) -> ForceCurve: ...
 
 @final
 class LoopModel:
@@ -199,10 +179,10 @@ class Controller:
     def __new__(
         cls,
         law: str,
-        gains: NDArray[np.float64],
-        tables: Sequence[NDArray[np.float64]] = ...,
+        gains: _Floats,
+        tables: Sequence[_Floats] = ...,
         curve: ForceCurve | None = None,
-        shaping: NDArray[np.float64] | None = None,
+        shaping: _Floats | None = None,
         model: LoopModel | None = None,
         signals: Sequence[_FurtherSignal] = ...,
     ) -> Controller: ...
@@ -213,13 +193,13 @@ class Observer:
         cls,
         accelerations: Sequence[int],
         deformations: Sequence[int],
-        transition: NDArray[np.float64],
-        input: NDArray[np.float64],
-        gain: NDArray[np.float64],
-        output: NDArray[np.float64],
-        direct: NDArray[np.float64],
-        ground: NDArray[np.float64] | None = None,
-        direct_ground: NDArray[np.float64] | None = None,
+        transition: _Floats,
+        input: _Floats,
+        gain: _Floats,
+        output: _Floats,
+        direct: _Floats,
+        ground: _Floats | None = None,
+        direct_ground: _Floats | None = None,
     ) -> Observer: ...
 
 class _SampledFault(Protocol):
@@ -269,12 +249,12 @@ def respond(
     dampers: Dampers,
     controller: Controller,
     hardware: _Hardware,
-    motions: Sequence[tuple[float, NDArray[np.float64]]],
+    motions: Sequence[tuple[float, _Floats]],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     observer: Observer | None = None,
     histories: bool = False,
     step_factor: int = 1,
     threads: int = 0,
-    outside: Callable[..., NDArray[np.float64]] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], list[NDArray[np.float64]] | None]: ...
+    outside: Callable[..., _Floats] | None = None,
+) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], list[_Floats] | None]: ...
