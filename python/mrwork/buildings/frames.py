@@ -6,7 +6,7 @@ Additions are damping from ratios, viscous dampers, braces, base isolation, or a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -326,17 +326,11 @@ def with_coordinate(
     """
     n = building.n_coordinates
     spring = np.outer(across, across)
-    wider = np.zeros((n + 1, n + 1))
-    bare_mass, bare_damping, bare_stiffness = wider.copy(), wider.copy(), wider.copy()
-    bare_mass[:n, :n] = building.mass
-    bare_mass[n, n] = mass
-    bare_damping[:n, :n] = building.damping
-    bare_stiffness[:n, :n] = building.stiffness
     return replace(
         building,
-        mass=bare_mass,
-        damping=bare_damping + damping * spring,
-        stiffness=bare_stiffness + stiffness * spring,
+        mass=scipy.linalg.block_diag(building.mass, np.array([[mass]])),
+        damping=np.pad(building.damping, (0, 1)) + damping * spring,
+        stiffness=np.pad(building.stiffness, (0, 1)) + stiffness * spring,
         influence=np.append(building.influence, follows_ground),
         floors=np.pad(building.floors, ((0, 0), (0, 1))),
         storeys=np.vstack([np.pad(building.storeys, ((0, 0), (0, 1))), stroke]),
@@ -462,17 +456,8 @@ def with_base_isolation_of_period(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModeAtFloor:
+def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> tuple[float, float, float]:
     """Circular frequency of a mode [rad/s], its damping ratio, and its shape at a floor, with phi' M phi = 1."""
-
-    omega: float
-    ratio: float
-    entry: float
-
-
-def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> ModeAtFloor:
-    """A mode of a building and what it moves of a floor."""
     if not 1 <= mode <= building.n_coordinates:
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
@@ -491,4 +476,4 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
     omega = float(np.sqrt(max(squares[0], 0.0)))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.divide(shape @ building.damping @ shape, 2.0 * omega))
-    return ModeAtFloor(omega=omega, ratio=ratio, entry=entry)
+    return omega, ratio, entry

@@ -63,13 +63,8 @@ class Addition:
         names = [[name for name in each if name != "building"] for each in takes]
         number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
         given = {name: value for name in names[number] if (value := getattr(self, name)) is not None}
-        absent = [
-            entry
-            for entry in keys_of(type(self))
-            if entry.name in names[number]
-            and takes[number][entry.name].default is inspect.Parameter.empty
-            and entry.name not in given
-        ]
+        needed = {name for name in names[number] if takes[number][name].default is inspect.Parameter.empty}
+        absent = [entry for entry in keys_of(type(self)) if entry.name in needed - given.keys()]
         for entry in absent:
             with self.place.keeping():
                 refuse_missing(entry, given, self.place)
@@ -327,11 +322,6 @@ def _list_given_keys(table: BuildingTable) -> tuple[str, ...]:
     )
 
 
-def _require(table: BuildingTable, name: str) -> None:
-    (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == name)
-    refuse_missing(entry, _list_given_keys(table), table.place)
-
-
 _MATRICES: Final = ("mass", "damping", "stiffness")
 _ROWS: Final = ("floors", "storeys")
 _SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
@@ -404,25 +394,21 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
         elif form == "mass":
             built = _from_matrices(_arrays(table, folder), table)
         else:
-            built = _replace_matrices(_read_named_building(table, form, folder, readers), table, folder)
+            name, where = getattr(table, form), place.within(form)
+            if form == "file" and real_place(folder / name) in readers:
+                where.refuse(f"{name} refers back to itself; name the file of another building")
+            with where.prefix_errors():
+                known = published_building(name) if form == "published" else _read(folder / name, readers)
+            built = _replace_matrices(known, table, folder)
         for where, way in ways:
             with where.prefix_errors():
                 built = way()(built)
     return built
 
 
-def _read_named_building(
-    table: BuildingTable, form: str, folder: Path, readers: tuple[Path, ...]
-) -> Building:
-    name, place = getattr(table, form), table.place.within(form)
-    if form == "file" and real_place(folder / name) in readers:
-        place.refuse(f"{name} refers back to itself; name the file of another building")
-    with place.prefix_errors():
-        return published_building(name) if form == "published" else _read(folder / name, readers)
-
-
 def _shear(table: BuildingTable) -> Building:
-    _require(table, "stiffnesses")
+    (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == "stiffnesses")
+    refuse_missing(entry, _list_given_keys(table), table.place)
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
     with table.place.prefix_errors():
         return shear_building(

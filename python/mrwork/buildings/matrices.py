@@ -70,14 +70,8 @@ class PassiveElement(Summarised):
     @property
     def numbers(self) -> tuple[float, ...]:
         """Its parameters k, c, d, f_y, 1 / x_y, n, for the digest of a run."""
-        return (
-            self.stiffness,
-            self.damping,
-            self.head_loss,
-            self.yield_force,
-            1.0 / self.yield_displacement,
-            self.sharpness,
-        )
+        linear = self.stiffness, self.damping, self.head_loss
+        return *linear, self.yield_force, 1.0 / self.yield_displacement, self.sharpness
 
 
 def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tuple[PassiveElement, ...]:

@@ -13,11 +13,7 @@ import numpy as np
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.buildings.frames import (
-    mode_at_floor,
-    with_base_isolation_of_period,
-    with_coordinate,
-)
+from mrwork.buildings.frames import mode_at_floor, with_base_isolation_of_period, with_coordinate
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.errors import SettingError, UnknownNameError
 
@@ -52,12 +48,10 @@ def with_yielding_damper(
     name
         Name of the element; by default "yielding damper in" and the storey.
     """
-    where = building.storey_name(storey)
-    title = name or f"yielding damper in {where}"
     return _with_element(
         building,
         PassiveElement(
-            name=title,
+            name=name or f"yielding damper in {building.storey_name(storey)}",
             row=building.storey_row(storey),
             stiffness=post_yield_ratio * yield_force / yield_displacement,
             yield_force=(1.0 - post_yield_ratio) * yield_force,
@@ -92,11 +86,10 @@ def with_friction_damper(
     storey, sharpness, name
         As of `with_yielding_damper`; the name is by default "friction damper in" and the storey.
     """
-    title = name or f"friction damper in {building.storey_name(storey)}"
     return _with_element(
         building,
         PassiveElement(
-            name=title,
+            name=name or f"friction damper in {building.storey_name(storey)}",
             row=building.storey_row(storey),
             yield_force=slip_load,
             yield_displacement=slip_load / stiffness,
@@ -139,10 +132,9 @@ def with_lead_rubber_bearings(
     """
     isolated = with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
     # The first coordinate is the slab; the rubber is in the matrices already.
-    row = isolated.storeys[0]
     rubber = PassiveElement(
         name=name,
-        row=row,
+        row=isolated.storeys[0],
         stiffness=isolated.total_mass * (2.0 * pi / period) ** 2,
         damping=2.0 * ratio * isolated.total_mass * (2.0 * pi / period),
         yield_force=yield_force,
@@ -278,10 +270,10 @@ def with_optimal_liquid_column(
     SettingError
         If a number is out of range, or the mode does not exist or does not move the floor.
     """
-    tuned = mode_at_floor(building, floor, mode, name)
+    omega, _, entry = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
-    frequency_ratio, ratio = liquid_column_optimum(mass * tuned.entry**2, width_ratio)
-    frequency = frequency_ratio * tuned.omega / (2.0 * pi)
+    frequency_ratio, ratio = liquid_column_optimum(mass * entry**2, width_ratio)
+    frequency = frequency_ratio * omega / (2.0 * pi)
     return with_liquid_column(
         building,
         floor=floor,
@@ -431,20 +423,20 @@ def with_optimal_tuned_mass(
     """
     if tuning not in TUNINGS:
         raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
-    tuned = mode_at_floor(building, floor, mode, name)
+    omega, damping_ratio, entry = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
-    modal_ratio = mass * tuned.entry**2
+    modal_ratio = mass * entry**2
     if not modal_ratio < 2.0:
         raise SettingError(
             f"{name} on {building.name}: its mass is {modal_ratio:.3g} times that of mode {mode} at this floor; "
             "the optima hold for small ratios, give a smaller mass"
         )
-    optimum = TUNINGS[tuning](modal_ratio, tuned.ratio)
+    optimum = TUNINGS[tuning](modal_ratio, damping_ratio)
     return with_tuned_mass(
         building,
         floor=floor,
         mass=mass,
-        frequency=optimum.frequency_ratio * tuned.omega / (2.0 * np.pi),
+        frequency=optimum.frequency_ratio * omega / (2.0 * np.pi),
         ratio=optimum.damping_ratio,
         name=name,
     )

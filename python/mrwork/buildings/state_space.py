@@ -53,16 +53,11 @@ class LinearSystem(Summarised):
             if kept.ndim != 2:
                 raise SettingError(f"linear system: {title} has shape {kept.shape}; give a matrix")
         n, n_inputs, n_outputs = len(self.A), self.B.shape[1], len(self.C)
-        for title, matrix, shape in (
-            ("A", self.A, (n, n)),
-            ("B", self.B, (n, n_inputs)),
-            ("C", self.C, (n_outputs, n)),
-            ("D", self.D, (n_outputs, n_inputs)),
-        ):
-            if matrix.shape != shape:
-                sides = " x ".join(str(side) for side in matrix.shape)
+        shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
+        for title, (rows, columns) in shapes.items():
+            if (given := getattr(self, title).shape) != (rows, columns):
                 raise SettingError(
-                    f"linear system: {title} is {sides} where {shape[0]} x {shape[1]} was expected"
+                    f"linear system: {title} is {given[0]} x {given[1]} where {rows} x {columns} was expected"
                 )
         for field, noun, count in (("input_names", "input", n_inputs), ("output_names", "output", n_outputs)):
             names = tuple(getattr(self, field)) or tuple(f"{noun} {number}" for number in range(1, count + 1))

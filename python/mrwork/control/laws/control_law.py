@@ -109,7 +109,6 @@ SignalName = Literal[
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FurtherSignal:
     """A reading that a law of measured signals takes besides those of its device, or its running root mean square.
 

@@ -110,7 +110,7 @@ def _simulate(
 ) -> _Cycles:
     angle = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE + 1) / _PER_CYCLE
     last = slice(-_PER_CYCLE, None)
-    x, v, u, f = [], [], [], []
+    parts = []
     for size in np.geomspace(*amplitude, _N_MOTIONS):
         for speed in np.geomspace(*velocity, _N_MOTIONS):
             displacement, rate = size * np.sin(angle), speed * np.cos(angle)
@@ -124,16 +124,9 @@ def _simulate(
                     command_unit=spec.current.unit if spec.current else None,
                 )
                 force = simulate_force(spec, theta, loading)
-                x.append(displacement[last])
-                v.append(rate[last])
-                u.append(np.full(_PER_CYCLE, command))
-                f.append(force[last])
-    return _Cycles(
-        displacement=np.concatenate(x),
-        velocity=np.concatenate(v),
-        command=np.concatenate(u),
-        force=np.concatenate(f),
-    )
+                parts.append([displacement[last], rate[last], np.full(_PER_CYCLE, command), force[last]])
+    x, v, u, f = np.concatenate(parts, axis=1)
+    return _Cycles(displacement=x, velocity=v, command=u, force=f)
 
 
 def _fit(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:

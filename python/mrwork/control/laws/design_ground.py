@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -87,15 +86,6 @@ class DamperForces:
         return self.largest / PEAK_FACTOR
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stroke:
-    """Amplitude [m] and peak velocity [m/s] of a sinusoid, and what they are."""
-
-    amplitude: float
-    velocity: float
-    says: str
-
-
 def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperForces:
     """Forces of the dampers over their tested range, the motion that is expected of them, or that under a ground.
 
@@ -114,36 +104,30 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]
     strokes = [
-        _stroke(problem, device, float(rms[0][number]), float(rms[1][number]))
-        for number, device in enumerate(devices)
+        _stroke(problem, *each) for each in zip(devices, *(each.tolist() for each in rms), strict=True)
     ]
     forces = [
-        [
-            sine_force(device, each.amplitude, each.velocity, command)
-            for command in (device.largest_command, 0.0)
-        ]
-        for device, each in zip(devices, strokes, strict=True)
+        [sine_force(device, amplitude, velocity, command) for command in (device.largest_command, 0.0)]
+        for device, (amplitude, velocity, _) in zip(devices, strokes, strict=True)
     ]
     return DamperForces(
         largest=np.array([np.abs(on).max() for on, _ in forces]),
         idle=np.array([np.sqrt(np.mean(np.square(off))) for _, off in forces]),
-        over=list_names(tuple(dict.fromkeys(each.says for each in strokes))),
+        over=list_names(tuple(dict.fromkeys(says for _, _, says in strokes))),
     )
 
 
-def _stroke(problem: DesignProblem, device: Device, elongation: float, rate: float) -> _Stroke:
-    if device.tested is not None and min(device.tested.stroke, device.tested.velocity) > 0.0:
-        tested = device.tested
-        return _Stroke(amplitude=tested.stroke, velocity=tested.velocity, says="over its tested range")
+def _stroke(
+    problem: DesignProblem, device: Device, elongation: float, rate: float
+) -> tuple[float, float, str]:
+    """Amplitude [m] and peak velocity [m/s] of a sinusoid, and what they are."""
+    tested = device.tested
+    if tested is not None and min(tested.stroke, tested.velocity) > 0.0:
+        return tested.stroke, tested.velocity, "over its tested range"
     if problem.amplitude is not None and problem.velocity is not None:
-        return _Stroke(
-            amplitude=problem.amplitude[1], velocity=problem.velocity[1], says="over the expected motion"
-        )
-    return _Stroke(
-        amplitude=max(PEAK_FACTOR * elongation, 1e-9),
-        velocity=max(PEAK_FACTOR * rate, 1e-9),
-        says=f"at {PEAK_FACTOR:g} times the rms stroke without control",
-    )
+        return problem.amplitude[1], problem.velocity[1], "over the expected motion"
+    amplitude, velocity = max(PEAK_FACTOR * elongation, 1e-9), max(PEAK_FACTOR * rate, 1e-9)
+    return amplitude, velocity, f"at {PEAK_FACTOR:g} times the rms stroke without control"
 
 
 def forces_in_words(devices: Sequence[Device], forces: DamperForces) -> str:

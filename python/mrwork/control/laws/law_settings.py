@@ -210,8 +210,7 @@ def design_law(
     _check_settings(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
-    rates = () if spec.commands_force else problem.driver_rates
-    margins = settings.margins(problem, design, rates)
+    margins = settings.margins(problem, design, () if spec.commands_force else problem.driver_rates)
     return ControlLaw(
         name=name,
         gains=design.gains,
@@ -227,9 +226,7 @@ def design_law(
 
 def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
     """The building with its devices of the problem, for a law that predicts the motion."""
-    if not spec.needs_model:
-        return None
-    return LoopModel(building=problem.building, devices=tuple(problem.devices))
+    return LoopModel(building=problem.building, devices=tuple(problem.devices)) if spec.needs_model else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -272,33 +272,25 @@ def _regulators(
     poles = np.linalg.eigvals(
         inverse @ plant.A @ plant.scaling - (inverse @ plant.B) @ (gain @ plant.scaling)
     ).astype(np.complex128)
-    outcomes: list[Regulator | SettingError] = []
-    for row, status in enumerate(solutions.status):
-        if status == RiccatiStatus.WEIGHT_NOT_POSITIVE:
-            outcomes.append(
-                SettingError(
-                    "the weight of the forces, with what the outputs add to it, is not positive definite; "
-                    "give a positive `control_weight`"
-                )
+
+    def regulator(row: int) -> Regulator:
+        if solutions.status[row] == RiccatiStatus.WEIGHT_NOT_POSITIVE:
+            raise SettingError(
+                "the weight of the forces, with what the outputs add to it, is not positive definite; "
+                "give a positive `control_weight`"
             )
-            continue
-        try:
-            solutions.check(row)
-        except SettingError as error:
-            outcomes.append(error)
-            continue
+        solutions.check(row)
         P = solutions.P[row]
-        outcomes.append(
-            Regulator(
-                gain=gain[row],
-                riccati=P,
-                vectors=plant.B.T @ P + N[row].T,
-                control_weight=R[row],
-                poles=poles[row],
-                residual=float(solutions.residual[row]),
-            )
+        return Regulator(
+            gain=gain[row],
+            riccati=P,
+            vectors=plant.B.T @ P + N[row].T,
+            control_weight=R[row],
+            poles=poles[row],
+            residual=float(solutions.residual[row]),
         )
-    return outcomes
+
+    return attempt_each(regulator, range(len(costs)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -433,45 +425,10 @@ def observer_of(
             f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
             f"give one number for each of one or more measurements"
         )
-    noise = np.broadcast_to(noise, n_measurements)
     Ad, Bd, Ed = _hold_inputs(plant, sample_time)
-    covariance, gain = _filter(
-        plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
-    )
-    return Observer(
-        Ad=Ad,
-        Bd=Bd,
-        gain=gain,
-        C=measurements.C,
-        D=measurements.D,
-        names=measurements.names,
-        sample_time=sample_time,
-        covariance=covariance,
-        Ed=Ed,
-        G=measurements.G,
-    )
-
-
-def _hold_inputs(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
-    """Transition over one sample with held forces and ground (zero-order hold), in scaled coordinates."""
-    T, inputs = plant.scaling, np.column_stack([plant.B, plant.E])
-    A_z, inputs_z = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
-    Ad, held = hold_input(A_z, inputs_z, sample_time)
-    return T @ Ad @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
-
-
-def _filter(
-    plant: Plant,
-    Ad: Floats,
-    Ed: Floats,
-    measurements: Outputs,
-    ground: float,
-    noise: Floats,
-    unmodelled: float,
-) -> tuple[Floats, Floats]:
-    """Covariance of the error and gain, from the Riccati equation in z with sensors scaled by their noise."""
-    T = plant.scaling
-    deviation = np.sqrt(noise)
+    # The Riccati equation is solved in z, with sensors scaled by their noise.
+    T, ground = plant.scaling, ground_intensity / sample_time
+    deviation = np.sqrt(np.broadcast_to(noise, n_measurements) / sample_time)
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]
@@ -500,4 +457,23 @@ def _filter(
             f"the Riccati equation of the observer is met to {solution.residual[0]:.1e} of its terms; give "
             "intensities of less extreme ratio, or measure more"
         )
-    return unit**2 * T @ solution.P[0] @ T.T, unit * T @ solution.gain[0] / deviation
+    return Observer(
+        Ad=Ad,
+        Bd=Bd,
+        gain=unit * T @ solution.gain[0] / deviation,
+        C=measurements.C,
+        D=measurements.D,
+        names=measurements.names,
+        sample_time=sample_time,
+        covariance=unit**2 * T @ solution.P[0] @ T.T,
+        Ed=Ed,
+        G=measurements.G,
+    )
+
+
+def _hold_inputs(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+    """Transition over one sample with held forces and ground (zero-order hold), in scaled coordinates."""
+    T, inputs = plant.scaling, np.column_stack([plant.B, plant.E])
+    A_z, inputs_z = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
+    Ad, held = hold_input(A_z, inputs_z, sample_time)
+    return T @ Ad @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]

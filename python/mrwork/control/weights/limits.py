@@ -6,7 +6,7 @@ Cases share one set of weights: buildings of other stiffness, soils, draws of th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
@@ -108,11 +108,11 @@ class LimitedOutputs:
         """The outputs of a plant that have a limit."""
         limited: list[tuple[str, str, str]] = []
         numbers: list[float] = []
-        for setting, (unit, each) in _QUANTITIES.items():
+        for setting, (unit, each, outputs_of) in _QUANTITIES.items():
             given = getattr(limits, setting)
             if given is None:
                 continue
-            outputs = _outputs(setting, plant)
+            outputs = outputs_of(plant)
             values = np.asarray(given, dtype=np.float64)
             if values.shape not in ((), (len(outputs.names),)):
                 raise InvalidSettingError(
@@ -135,18 +135,15 @@ class LimitedOutputs:
 
     def of_plant(self, plant: Plant) -> Outputs:
         """These outputs of a plant of the same floors, storeys and devices."""
-        return stack_outputs(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
+        return stack_outputs(*(outputs(plant) for _, _, outputs in _QUANTITIES.values())).select(self.names)
 
 
-def _outputs(setting: str, plant: Plant) -> Outputs:
-    if setting == "rms_drift":
-        n_drifts = len(plant.building.drifts)
-        every = drifts(plant)
-        return every.select(every.names[:n_drifts])
-    if setting == "rms_acceleration":
-        return accelerations(plant)
-    if setting == "rms_displacement":
-        return displacements(plant)
+def _drifts_without_strokes(plant: Plant) -> Outputs:
+    every = drifts(plant)
+    return every.select(every.names[: len(plant.building.drifts)])
+
+
+def _forces(plant: Plant) -> Outputs:
     m = plant.n_devices
     return Outputs(
         names=tuple(f"force {name}" for name in plant.device_names),
@@ -156,13 +153,13 @@ def _outputs(setting: str, plant: Plant) -> Outputs:
     )
 
 
-_QUANTITIES: Mapping[str, tuple[str, str]] = {
-    "rms_drift": ("m", "storeys"),
-    "rms_acceleration": ("m/s2", "floors"),
-    "rms_displacement": ("m", "floors"),
-    "rms_force": ("N", "devices"),
+_QUANTITIES: Mapping[str, tuple[str, str, Callable[[Plant], Outputs]]] = {
+    "rms_drift": ("m", "storeys", _drifts_without_strokes),
+    "rms_acceleration": ("m/s2", "floors", accelerations),
+    "rms_displacement": ("m", "floors", displacements),
+    "rms_force": ("N", "devices", _forces),
 }
-"""Unit of each limit, and what it belongs to."""
+"""Unit of each limit, what it belongs to, and the outputs that it limits."""
 
 
 @checked

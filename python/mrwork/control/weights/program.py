@@ -35,14 +35,6 @@ OPTIMAL = 1e-3
 _ROUNDS = 15
 
 
-@array_dataclass()
-class ProgramSolution:
-    """Multipliers with sum q = 1, with limits and budgets scaled to 1, and the least t^2."""
-
-    multipliers: Floats
-    value: float
-
-
 class DualProgram:
     """Maximise the mean of tr(P noise) minus `budgets^2 r` over P of each system and shared multipliers.
 
@@ -97,8 +89,8 @@ class DualProgram:
             cost = cost + cp.trace(system.noise @ P) / len(systems)
         self._problem = cp.Problem(cp.Maximize(cost), constraints)
 
-    def solve(self, limits: Floats, budgets: Floats) -> ProgramSolution | None:
-        """The solution for these limits and budgets; `None` where the solver fails."""
+    def solve(self, limits: Floats, budgets: Floats) -> tuple[Floats, float] | None:
+        """Multipliers with sum q = 1, limits and budgets scaled to 1, and the least t^2; `None` where it fails."""
         level = float(np.max(self._without_control / limits))
         self._of_limits.value = (level * limits / self._limits) ** -2
         self._of_budgets.value = (budgets / self._budgets) ** 2
@@ -109,7 +101,7 @@ class DualProgram:
         # Those of the budgets, and of the semi-active conditions, in the scale of limits and budgets of 1.
         rest = multipliers[len(limits) :].reshape(-1, len(budgets))
         multipliers[len(limits) :] = (rest * (level * budgets / self._budgets) ** 2).ravel()
-        return ProgramSolution(multipliers=multipliers, value=level**2 * float(self._problem.value))
+        return multipliers, level**2 * float(self._problem.value)
 
 
 def _solution(problem: cp.Problem, variable: cp.Variable) -> Floats | None:

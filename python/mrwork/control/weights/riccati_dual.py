@@ -69,15 +69,16 @@ class Regulated:
 
 
 def regulate(system: DesignSystem, rows: SquaredRows, multipliers: Floats) -> Regulated:
-    """The regulator of the multipliers, and the mean squares of the forms."""
-    weights = multipliers @ rows.forms
-    gain, P = _gain(system, rows, weights)
-    return _under(system, rows, gain, P)
-
-
-def _under(system: DesignSystem, rows: SquaredRows, gain: Floats, P: Floats) -> Regulated:
+    """The regulator of the multipliers, by weights of the rows that may be negative, and mean squares of the forms."""
+    A, B, step, weights = system.A, system.B, system.step, multipliers @ rows.forms
+    Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
+    R = (rows.D.T * weights) @ rows.D
+    if step:
+        gain, P = sampled_gain(A, B, Q, R, N, step)
+    else:
+        gain, P = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
     try:
-        loop = LyapunovEquations(system.A - system.B @ gain, system.step)
+        loop = LyapunovEquations(A - B @ gain, step)
     except SettingError as error:
         raise SettingError(
             f"the gain of the weights does not stabilise the loop; {SMALLER_BUDGET}"
@@ -91,16 +92,6 @@ def _under(system: DesignSystem, rows: SquaredRows, gain: Floats, P: Floats) -> 
         squares=rows.forms @ np.einsum("ij,jk,ik->i", closed, X, closed),
         cost=float(np.sum(system.noise * P)),
     )
-
-
-def _gain(system: DesignSystem, rows: SquaredRows, weights: Floats) -> tuple[Floats, Floats]:
-    """Gain and Riccati matrix for weights of the rows, which may be negative."""
-    A, B, step = system.A, system.B, system.step
-    Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
-    R = (rows.D.T * weights) @ rows.D
-    if step:
-        return sampled_gain(A, B, Q, R, N, step)
-    return solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
 
 
 def _curvature(system: DesignSystem, rows: SquaredRows, weights: Floats, at: Regulated) -> Floats:

@@ -161,13 +161,8 @@ def design_system(
 ) -> DesignSystem:
     """The system of a design.
 
-    Modes of the building scaled by their uncontrolled rms are the coordinates; forces inside the driver are scaled by
-    the budget.
-
-    Parameters
-    ----------
-    n_modes
-        Number of modes, lowest first; all by default.
+    The `n_modes` lowest modes of the building, or all, scaled by their uncontrolled rms, are the coordinates; forces
+    inside the driver are scaled by the budget.
     """
     building, n = plant.building, plant.n_coordinates
     shapes = building.modes[:, :n_modes]
@@ -273,11 +268,10 @@ def _sample(continuous: DesignSystem, timing: LoopTiming, budgets: Floats, frequ
     wide = (0, whole - n)
     shaken = np.zeros((whole, whole))
     shaken[:size, :size] = _hold_input(A, B, ground, step)[2]
-    A_step, B_step = (forward - np.eye(whole)) / step, entry / step
-    noise_step = covariance / step
+    A_step, noise_step = (forward - np.eye(whole)) / step, covariance / step
     return DesignSystem(
         A=A_step,
-        B=B_step,
+        B=entry / step,
         noise=noise_step,
         ground=shaken / step,
         step=step,

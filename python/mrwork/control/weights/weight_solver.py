@@ -244,21 +244,19 @@ class WeightDesigner:
         solution = self._program.solve(limits, budgets)
         if solution is None:
             return None, None, "Riccati equations alone, for the program was not solved"
+        multipliers, value = solution
         engine = "semidefinite program" if whole else f"semidefinite program on {modes} modes"
         # The damping of a semi-active condition that is not given is found afterwards.
         comparable = whole and (self._semi_active is None or self._semi_active.damping is not None)
-        return solution.multipliers, solution.value if comparable else None, engine
+        return multipliers, value if comparable else None, engine
 
     def _refine(self, limits: Floats, budgets: Floats, start: Floats | None) -> tuple[DualPoint, Floats]:
         """The weights to rounding; with a semi-active condition of free damping, alternated with its c."""
         damping = self._damping
         free = self._semi_active is not None and self._semi_active.damping is None
-        for _ in range(_ALTERNATIONS if free else 1):
+        for _ in range(_ALTERNATIONS):
             point = self._solve(limits, budgets, damping, start)
-            if not free:
-                break
-            moved = self._like_a_damper(point)
-            if np.allclose(moved, damping, rtol=1e-4):
+            if not free or np.allclose(moved := self._like_a_damper(point), damping, rtol=1e-4):
                 break
             damping, start = moved, point.multipliers
         return point, damping
