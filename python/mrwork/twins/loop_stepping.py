@@ -219,16 +219,9 @@ class Travel(NamedTuple):
 
 
 class Reductions(NamedTuple):
-    """Accumulated signals of floors (displacement, absolute acceleration), storeys, base and devices."""
+    """Accumulated signals of floors, storeys, base and devices by name, see `signals_of`, and of the currents."""
 
-    displacement: Extent
-    acceleration: Extent
-    drift: Extent
-    base_shear: Extent
-    force: Extent
-    stroke: Extent
-    rate: Extent
-    current: Extent
+    extents: dict[str, Extent]
     current_sum: Array
     command: Travel
 
@@ -254,34 +247,24 @@ class LoopResult(NamedTuple):
     def summary(self) -> dict[str, Array]:
         """Quantities with the names of the Rust loop, one number for each floor, storey or device, in SI."""
         kept = self.reductions
-
-        def both(name: str, extent: Extent) -> dict[str, Array]:
-            return {f"peak_{name}": extent.peak, f"rms_{name}": jnp.sqrt(extent.squares / self.n_steps)}
-
-        return (
-            both("displacement", kept.displacement)
-            | both("acceleration", kept.acceleration)
-            | both("drift", kept.drift)
-            | both("base_shear", kept.base_shear)
-            | both("force", kept.force)
-            | {"peak_stroke": kept.stroke.peak, "peak_rate": kept.rate.peak}
-            | both("current", kept.current)
-            | {
-                "mean_current": kept.current_sum / self.n_steps,
-                "command_travel": kept.command.travel / (self.n_steps * self.step_time),
-                "switching_rate": kept.command.changes / (self.n_steps * self.step_time),
-                "device_energy": self.energies.devices,
-                # The twin is that of buildings without passive elements.
-                "peak_element_force": jnp.zeros(0),
-                "peak_element_stroke": jnp.zeros(0),
-                "element_energy": jnp.zeros(0),
-                "input_energy": self.energies.entered[None],
-                "kinetic_energy": self.kinetic[None],
-                "strain_energy": self.strain[None],
-                "damping_energy": self.energies.damping[None],
-                "energy_error": self.energy_error[None],
-            }
-        )
+        rms = {name: jnp.sqrt(extent.squares / self.n_steps) for name, extent in kept.extents.items()}
+        return {
+            **{f"peak_{name}": extent.peak for name, extent in kept.extents.items()},
+            **{f"rms_{name}": each for name, each in rms.items() if name not in ("stroke", "rate")},
+            "mean_current": kept.current_sum / self.n_steps,
+            "command_travel": kept.command.travel / (self.n_steps * self.step_time),
+            "switching_rate": kept.command.changes / (self.n_steps * self.step_time),
+            "device_energy": self.energies.devices,
+            # The twin is that of buildings without passive elements.
+            "peak_element_force": jnp.zeros(0),
+            "peak_element_stroke": jnp.zeros(0),
+            "element_energy": jnp.zeros(0),
+            "input_energy": self.energies.entered[None],
+            "kinetic_energy": self.kinetic[None],
+            "strain_energy": self.strain[None],
+            "damping_energy": self.energies.damping[None],
+            "energy_error": self.energy_error[None],
+        }
 
     def worst(self, name: str) -> Array:
         """Largest value of a quantity of `summary` over floors, storeys or devices."""
@@ -391,37 +374,35 @@ def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
     return later
 
 
-def accumulate(
-    plant: LoopPlant, kept: Reductions, motion: LoopState, at: Stage, current: Array, a_g: Array
-) -> Reductions:
-    """Accumulated signals with the start of one more step."""
+def signals_of(
+    plant: LoopPlant, motion: LoopState, at: Stage, current: Array, a_g: Array
+) -> dict[str, Array]:
+    """Signals at the start of a step; the acceleration of floors is absolute."""
     momentum = plant.mass @ plant.influence
     shear = momentum @ at.rate.v + (momentum @ plant.influence) * a_g
-    return Reductions(
-        displacement=kept.displacement.with_sample(plant.floors @ motion.q),
-        acceleration=kept.acceleration.with_sample(plant.floors @ at.rate.v + a_g),
-        drift=kept.drift.with_sample(plant.storeys @ motion.q),
-        base_shear=kept.base_shear.with_sample(shear[None]),
-        force=kept.force.with_sample(at.force),
-        stroke=kept.stroke.with_sample(at.elongation),
-        rate=kept.rate.with_sample(at.elongation_rate),
-        current=kept.current.with_sample(current),
-        current_sum=kept.current_sum + current,
-        command=kept.command,
-    )
+    return {
+        "displacement": plant.floors @ motion.q,
+        "acceleration": plant.floors @ at.rate.v + a_g,
+        "drift": plant.storeys @ motion.q,
+        "base_shear": shear[None],
+        "force": at.force,
+        "stroke": at.elongation,
+        "rate": at.elongation_rate,
+        "current": current,
+    }
 
 
 def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
-    n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
+    n_floors = plant.floors.shape[0]
+    sizes = {
+        "displacement": n_floors,
+        "acceleration": n_floors,
+        "drift": plant.storeys.shape[0],
+        "base_shear": 1,
+    }
+    sizes |= dict.fromkeys(("force", "stroke", "rate", "current"), n_devices)
     return Reductions(
-        displacement=Extent.none(n_floors),
-        acceleration=Extent.none(n_floors),
-        drift=Extent.none(n_storeys),
-        base_shear=Extent.none(1),
-        force=Extent.none(n_devices),
-        stroke=Extent.none(n_devices),
-        rate=Extent.none(n_devices),
-        current=Extent.none(n_devices),
+        extents={name: Extent.none(size) for name, size in sizes.items()},
         current_sum=jnp.zeros(n_devices),
         command=Travel.none(n_devices),
     )
@@ -487,7 +468,11 @@ def run_loop(
         after, received, start = step(
             plant, devices, pulls, carry.motion, current, command, accelerations, step_time
         )
-        more = accumulate(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        signals = signals_of(plant, carry.motion, start, current, accelerations.start)
+        more = carry.kept._replace(
+            extents={name: carry.kept.extents[name].with_sample(signal) for name, signal in signals.items()},
+            current_sum=carry.kept.current_sum + current,
+        )
         kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         return _RunCarry(after, received, carry.commands, kept), None
 
