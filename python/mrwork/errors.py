@@ -190,6 +190,10 @@ class JournalError(MrworkError, ValueError):
     """A journal is damaged, in use, or of another run than the one to be resumed."""
 
 
+class WorkerError(MrworkError, RuntimeError):
+    """A part of the work could not be done by a worker of an executor; what was finished before is kept."""
+
+
 class LibraryError(MrworkError, RuntimeError):
     """A library that a computation needs does not start on this machine; what was computed before is kept."""
 

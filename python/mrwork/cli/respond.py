@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.options import add_out, add_seed, add_threads, add_workers, end_parser
 from mrwork.cli.output import is_quiet
 from mrwork.cli.terminal import show
 from mrwork.errors import Interrupted, SettingError
@@ -61,12 +61,13 @@ def add_options(parser: CommandParser) -> None:
         "damper from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
     )
     add_threads(parser)
+    add_workers(parser)
     add_out(parser, "folder of the results, default out/STUDY")
     end_parser(
         parser,
         run,
-        resume="resume a study that was killed or interrupted; all other options but --threads, --check-step and "
-        "--ensemble as in that study",
+        resume="resume a study that was killed or interrupted; all other options but --threads, --workers, "
+        "--check-step and --ensemble as in that study",
     )
 
 

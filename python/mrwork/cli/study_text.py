@@ -52,6 +52,8 @@ from mrwork.study.tables import (
     value_table,
 )
 from mrwork.tuning.results import TuningResults
+from mrwork.workers.engine import working_on
+from mrwork.workers.local import local_workers
 
 Results = TypeVar("Results", StudyResults, TuningResults)
 
@@ -128,7 +130,7 @@ def run_on_study(
     with run_journal(frame.destination, resume=options.resume, note=note) as journal:
         verb = verb_of(study, frame.folder)
         try:
-            with keep_stdout():
+            with keep_stdout(), local_workers(options.workers) as pool, working_on(pool):
                 results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
         finally:
             journal.finish()

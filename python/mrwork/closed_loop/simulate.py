@@ -6,7 +6,7 @@ import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated, Any
 
@@ -37,6 +37,7 @@ from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.workers.engine import Engine, cut_into_chunks, present_engine
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9
@@ -169,17 +170,131 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     return _rust.LoopModel(_core_building(linear, devices), _core_dampers(devices, first_draws))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Core:
+    """What the runs of a call share, as the core takes it."""
+
+    building: _rust.Building
+    dampers: _rust.Dampers
+    controller: _rust.Controller
+    observer: _rust.Observer | None
+    hardware: Hardware
+    # Pairs of a time step and an acceleration.
+    waves: list[Any]
+    step_factor: int
+
+
+@array_dataclass()
+class LoopOfRuns:
+    """What the runs of a call share, in values that can be sent to another process; designs are made already.
+
+    `gains` (n_candidates, n_gains), `theta` (n_draws, n_devices, n_columns), `shaping` (n_candidates, 2) or `None`;
+    the observer, if there is one, measures the accelerations of `floors`.
+    """
+
+    building: Building
+    varied: tuple[Building, ...]
+    devices: tuple[Device, ...]
+    theta: Floats
+    law: ControlLaw
+    gains: Floats
+    shaping: Floats | None
+    hardware: Hardware
+    floors: tuple[int, ...]
+    observer: Observer | None
+    motions: tuple[GroundMotion, ...]
+    step_factor: int
+
+    def core(self) -> _Core:
+        """The same for the core, which is made anew in each process."""
+        law, devices = self.law, self.devices
+        building = _core_building(self.building, devices, self.varied)
+        with core_refusals():
+            return _Core(
+                building=building,
+                dampers=_ideal_actuators(len(devices))
+                if law.spec.commands_force
+                else _core_dampers(devices, self.theta),
+                controller=_rust.Controller(
+                    law.name,
+                    self.gains,
+                    law.table_rows(),
+                    _core_curve(law),
+                    self.shaping,
+                    _core_model(law),
+                    law.signals,
+                ),
+                observer=None
+                if self.observer is None
+                else _core_observer(self.observer, self.floors, len(devices), self.hardware),
+                hardware=self.hardware,
+                waves=[(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in self.motions],
+                step_factor=self.step_factor,
+            )
+
+
+def _respond(
+    core: _Core,
+    runs: NDArray[np.uint32],
+    streams: NDArray[np.uint64],
+    *,
+    histories: bool = False,
+    threads: int = 0,
+    outside: Any = None,
+) -> Any:
+    with core_refusals():
+        return _rust.respond(
+            core.building,
+            core.dampers,
+            core.controller,
+            core.hardware,
+            core.waves,
+            np.ascontiguousarray(runs),
+            streams,
+            observer=core.observer,
+            histories=histories,
+            step_factor=core.step_factor,
+            threads=threads,
+            outside=outside,
+        )
+
+
+def respond_alone(loop: LoopOfRuns, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> Any:
+    """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, no histories."""
+    return _respond(loop.core(), runs, streams, threads=1)
+
+
+def _respond_elsewhere(
+    engine: Engine,
+    loop: LoopOfRuns,
+    runs: NDArray[np.uint32],
+    streams: NDArray[np.uint64],
+    on_progress: Callable[[int, int], None] | None,
+) -> list[Any]:
+    """Runs of a loop by the workers of an engine, in chunks that depend on their samples alone."""
+    samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
+    costs = samples[runs[:, 1]] * loop.hardware.steps * loop.step_factor
+    chunks = cut_into_chunks(costs.tolist(), _CHUNK_STEPS / loop.building.n_coordinates)
+    done = 0
+
+    def count(number: int, _: object) -> None:
+        nonlocal done
+        done += chunks[number].stop - chunks[number].start
+        if on_progress is not None:
+            on_progress(done, len(runs))
+
+    outcomes = engine.outcomes(
+        respond_alone, loop, [(runs[each], streams[each]) for each in chunks], on_done=count
+    )
+    return [outcome.get() for outcome in outcomes]
+
+
 def _core_observer(
-    building: Building, devices: Sequence[Device], hardware: Hardware
-) -> _rust.Observer | None:
-    """The observer designed for a building; `None` with state feedback."""
-    if hardware.feedback == "state":
-        return None
-    floors = measured_floors(building, hardware)
-    observer = loop_observer(building, devices, hardware, floors)
+    observer: Observer, floors: Sequence[int], n_devices: int, hardware: Hardware
+) -> _rust.Observer:
     return _rust.Observer(
-        accelerations=floors,
-        deformations=range(len(devices)),
+        accelerations=list(floors),
+        deformations=range(n_devices),
         transition=np.ascontiguousarray(observer.Ad),
         input=np.ascontiguousarray(observer.Bd),
         gain=np.ascontiguousarray(observer.gain),
@@ -284,6 +399,8 @@ class LoopVariation(Summarised):
 _RUNS_AT_A_TIME = 4096
 _FEWEST_RUNS = 64
 _BLOCK_SECONDS = 1.0
+# Integration steps times coordinates of a chunk that another process works on: about a second on one thread.
+_CHUNK_STEPS = 3e7
 _MOST_SAMPLES = 100_000_000
 # Quantities in proportion to the command.
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
@@ -417,20 +534,23 @@ def simulate_loop(
         )
     varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
     shape = (len(gains), len(motions), n_realisations)
-    matrices = _core_building(building, devices, varied)
-    with core_refusals():
-        dampers = _ideal_actuators(len(devices)) if actuators else _core_dampers(devices, theta)
-        controller = _rust.Controller(
-            law.name,
-            gains,
-            law.table_rows(),
-            _core_curve(law),
-            shaping,
-            _core_model(law),
-            law.signals,
-        )
-        observer = _core_observer(nominal or building, devices, hardware)
-    waves = [(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in motions]
+    floors = measured_floors(nominal or building, hardware)
+    loop = LoopOfRuns(
+        building=building,
+        varied=tuple(varied),
+        devices=tuple(devices),
+        theta=theta,
+        law=law,
+        gains=gains,
+        shaping=shaping,
+        hardware=hardware,
+        floors=tuple(floors),
+        observer=None
+        if hardware.feedback == "state"
+        else loop_observer(nominal or building, devices, hardware, floors),
+        motions=tuple(motions),
+        step_factor=step_factor,
+    )
     candidate, motion_of_run, realisation = np.indices(shape, dtype=np.uint32).reshape(3, -1)
     draw = realisation if n_draws > 1 else np.zeros_like(realisation)
     if len(theta) > n_draws:
@@ -451,36 +571,30 @@ def simulate_loop(
     # The noise of a run depends on its motion and realisation only, so that candidates are compared under equal noise.
     seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
     streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
-    parts = []
-    done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
-    while done < len(runs):
-        part = slice(done, done + count)
-        began = perf_counter()
-        with core_refusals():
+    core = loop.core()
+    engine = present_engine()
+    if engine is None or histories or user is not None:
+        parts = []
+        done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
+        while done < len(runs):
+            part = slice(done, done + count)
+            began = perf_counter()
+            outside = None if user is None else user.asked(runs[part, :3], devices, hardware.sample_time)
             parts.append(
-                _rust.respond(
-                    matrices,
-                    dampers,
-                    controller,
-                    hardware,
-                    waves,
-                    np.ascontiguousarray(runs[part]),
-                    streams[part],
-                    observer=observer,
-                    histories=histories,
-                    step_factor=step_factor,
-                    threads=threads,
-                    outside=None
-                    if user is None
-                    else user.asked(runs[part, :3], devices, hardware.sample_time),
+                _respond(
+                    core, runs[part], streams[part], histories=histories, threads=threads, outside=outside
                 )
             )
-        done = min(part.stop, len(runs))
-        if on_progress is not None:
-            on_progress(done, len(runs))
-            blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
-            count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
-    responses = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
+            done = min(part.stop, len(runs))
+            if on_progress is not None:
+                on_progress(done, len(runs))
+                blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
+                count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
+    else:
+        parts = _respond_elsewhere(engine, loop, runs, streams, on_progress)
+    responses = _responses(
+        parts, core.building, hardware, shape, () if actuators else tuple(devices), motions
+    )
     if largest_commands is None:
         return responses
     scale = factors[candidate]

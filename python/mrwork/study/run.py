@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -52,6 +53,7 @@ from mrwork.study.study import (
     digest_of_run,
     fingerprint_of,
 )
+from mrwork.workers.engine import on_executor
 
 # Realisations of a trial: they fill the lanes of some threads.
 _TRIED_REALISATIONS = 64
@@ -89,6 +91,7 @@ class BestConstant:
 
 
 @checked
+@on_executor
 def run_study(
     study: Study,
     *,
@@ -98,6 +101,7 @@ def run_study(
     on_progress: Callable[[StudyProgress], None] | None = None,
     check_step: bool = False,
     threads: Threads = 0,
+    executor: Executor | None = None,  # noqa: ARG001, of the decorator
 ) -> StudyResults:
     """Run a study; runs in the journal are not repeated.
 
@@ -113,9 +117,14 @@ def run_study(
         Called with the progress, which tells how long the study will take: it is tried first on parts of the motions.
     check_step
         Repeat every run with half the step at the end.
+    executor
+        Does the runs in chunks, as an executor of `concurrent.futures`, Dask, mpi4py or loky; the results have the same
+        bits. By default this process does them. Runs with histories and laws in Python stay in this process.
 
     Raises
     ------
+    WorkerError
+        If the executor or one of its workers is lost; a journal keeps what was finished.
     Interrupted
         On Ctrl-C, with the `StudyResults` of the runs that are done.
     JournalError

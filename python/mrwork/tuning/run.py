@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import fields, replace
 from typing import Literal
 
@@ -36,11 +37,13 @@ from mrwork.tuning.space import (
     objective_of,
     space_of,
 )
+from mrwork.workers.engine import on_executor
 
 OnTuning = Callable[[TuningProgress], None]
 
 
 @checked
+@on_executor
 def tune(
     study: Study,
     tables: Sequence[TuneTable] = (),
@@ -52,6 +55,7 @@ def tune(
     journal: Journal | None = None,
     threads: Threads = 0,
     on_progress: OnTuning = lambda progress: None,
+    executor: Executor | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study and judge them on its test motions.
 
@@ -71,9 +75,14 @@ def tune(
         Records every generation, and recalls those of a tuning that was interrupted.
     threads
         Threads to use, 0 for all; they change no bit of the result.
+    executor
+        Does the runs in chunks, as an executor of `concurrent.futures`, Dask, mpi4py or loky; the results have the same
+        bits. By default this process does them. Runs with histories and laws in Python stay in this process.
 
     Raises
     ------
+    WorkerError
+        If the executor or one of its workers is lost; a journal keeps what was finished.
     SettingError
         If nothing is to be tuned, the study has no damper that follows a command, or a table is wrong.
     Interrupted

@@ -1,0 +1,47 @@
+"""Processes of this machine as workers: started for a computation, ended with it and with their parent."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+# Interval at which a worker looks whether its parent is alive [s].
+_LOOK_SECONDS = 1.0
+
+
+@contextmanager
+def local_workers(count: int) -> Iterator[ProcessPoolExecutor | None]:
+    """A pool of so many processes, `None` for 0, which is ended at once where the block is left.
+
+    The processes are spawned, since a process that has threads of JAX cannot be forked, and leave Ctrl-C to the parent.
+    """
+    if not count:
+        yield None
+        return
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve, initargs=(os.getpid(),))
+    try:
+        yield pool
+    finally:
+        # What they compute is dropped, so nothing is lost.
+        processes = [*(pool._processes or {}).values()]  # `terminate_workers` comes with Python 3.14
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+
+
+def _serve(parent: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_SECONDS)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="mrwork-parent", daemon=True).start()

@@ -1,0 +1,187 @@
+"""Chunks of runs on executors: the same bits, lost workers, errors as values, what is sent."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
+from mrwork.errors import SettingError, WorkerError
+from mrwork.workers.engine import Engine, Outcome, Shared, cut_into_chunks, working_on
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Executor]:
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as executor:
+        yield executor
+
+
+class Counting(Executor):
+    """Does each chunk at once, and keeps what it was sent."""
+
+    def __init__(self, forget: bool = False) -> None:
+        self.sent: list[tuple[Any, ...]] = []
+        self.forget = forget
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if self.forget:
+            from mrwork.workers import engine
+
+            engine._SHARED.clear()  # as a worker that is new has nothing
+        self.sent.append(args)
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+def _scaled(shared: float, number: float) -> float:
+    if number < 0.0:
+        raise SettingError(f"{number:g} is below 0; give one above")
+    return shared * number
+
+
+def _die(shared: object) -> None:
+    os._exit(3)
+
+
+def _sleep(shared: object, seconds: float) -> None:
+    threading.Event().wait(seconds)
+
+
+def _study(**changes: Any) -> Callable[..., Any]:
+    frame = mr.building("uts")
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    device = mr.Device(
+        name="pair", spec=preset.spec, theta=preset.theta, row=frame.storeys[0], largest_command=1.88
+    )
+    law = mr.ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, 40)[:, None]})
+    motions = [mr.synthetic_motion(rng=seed, peak=3.0) for seed in range(3)]
+    return lambda: simulate_loop(
+        frame, [device], law, motions, mr.Hardware(sample_time=1e-3, **changes.pop("hardware", {})), **changes
+    )
+
+
+def test_runs_have_the_same_bits_in_other_processes(pool: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
+    run = _study()
+    here = run()
+    with working_on(pool):
+        there = run()
+    counting = Counting()
+    with working_on(counting):
+        alone = run()
+    assert len(counting.sent) > 5
+    for other in (there, alone):
+        assert other == here
+
+
+def test_observers_and_realisations_are_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
+    frame = mr.building("uts")
+    variation = LoopVariation(buildings=(frame,) * 2, delay=np.array([0.0, 0.002]), seed=np.array([0, 5]))
+    run = _study(hardware={"feedback": "observer"}, variation=variation)
+    here = run()
+    executor = Counting()
+    with working_on(executor):
+        assert run() == here
+    assert executor.sent
+
+
+def test_histories_stay_in_this_process() -> None:
+    executor = Counting()
+    with working_on(executor):
+        run = _study(histories=True)()
+    assert run.histories is not None
+    assert not executor.sent
+
+
+def test_progress_counts_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
+    told: list[tuple[int, int]] = []
+    with working_on(Counting()):
+        _study(on_progress=lambda done, total: told.append((done, total)))()
+    assert told[-1] == (120, 120)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
+    engine = Engine.on(pool)
+    outcomes = engine.outcomes(_scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])
+    assert outcomes[0].get() == 2.0
+    assert outcomes[2].get() == 6.0
+    with pytest.raises(SettingError, match="-1 is below 0; give one above"):
+        outcomes[1].get()
+
+
+def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it() -> None:
+    executor = Counting()
+    data = Shared.of(2.0).data
+    Engine(executor=executor, in_flight=1).outcomes(_scaled, 2.0, [(float(number),) for number in range(9)])
+    assert [bool(sent[2].data) for sent in executor.sent] == [True] + [False] * 8
+    forgetting = Counting(forget=True)
+    found = Engine(executor=forgetting, in_flight=1).outcomes(_scaled, 2.0, [(1.0,), (2.0,)])
+    assert [each.get() for each in found] == [2.0, 4.0]
+    assert [sent[2].data for sent in forgetting.sent] == [data, b"", data]
+
+
+def test_a_lost_worker_is_a_sentence_and_a_new_pool_goes_on() -> None:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as broken, pytest.raises(WorkerError) as lost:
+        Engine.on(broken).outcomes(_die, None, [()])
+    assert "ProcessPoolExecutor lost a part of the work (BrokenProcessPool: " in str(lost.value)
+    assert "run again with --resume" in str(lost.value)
+
+
+def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mrwork.workers import engine
+
+    versions = iter([("9.9", "2.0"), ("0.1", "2.0")])
+    monkeypatch.setattr(engine, "_versions", lambda: next(versions))
+    (outcome,) = Engine.on(Counting(), 1).outcomes(_scaled, 2.0, [(1.0,)])
+    with pytest.raises(
+        WorkerError, match=r"a worker has mrwork 0\.1 with NumPy 2\.0, and this process mrwork 9\.9"
+    ):
+        outcome.get()
+
+
+def test_an_interrupt_cancels_what_has_not_begun() -> None:
+    with ThreadPoolExecutor(1) as executor:
+        engine = Engine(executor=executor, in_flight=3)
+
+        def stop(number: int, outcome: Outcome[None]) -> None:
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            engine.outcomes(_sleep, None, [(0.01,), (0.05,), (30.0,), (30.0,)], on_done=stop)
+
+
+def test_chunks_depend_on_costs_alone() -> None:
+    assert cut_into_chunks([1.0, 1.0, 3.0, 1.0, 1.0], 2.0) == [slice(0, 2), slice(2, 3), slice(3, 5)]
+    assert cut_into_chunks([5.0], 2.0) == [slice(0, 1)]
+    assert cut_into_chunks([], 2.0) == []
+    assert cut_into_chunks([1.0], 2.0) == [slice(0, 1)]
+
+
+def test_a_tuning_has_the_same_results_on_a_pool(pool: Executor) -> None:
+    from pathlib import Path
+
+    import mrwork.cli
+
+    study = mr.read_study(Path(mrwork.cli.__file__).parent / "samples" / "study.toml")
+    settings = {"laws": ["clipped_optimal"], "rng": 1, "budget": 40}
+    here, there = mr.tune(study, **settings), mr.tune(study, executor=pool, **settings)
+    assert (here.laws[0].settings, here.laws[0].judged) == (there.laws[0].settings, there.laws[0].judged)
+    scores = [mr.run_study(study, executor=executor).labelled for executor in (None, pool)]
+    assert all(
+        np.array_equal(scores[0].numbers[name], array, equal_nan=True)
+        for name, array in scores[1].numbers.items()
+    )
