@@ -19,10 +19,12 @@ PACKAGE = Path(mrwork.__file__).parent
 HOMES = {
     "socket": "store/output_file.py",  # the name of the machine
     "subprocess": "store/",  # readers of untrusted formats
+    "pickle": "workers/engine.py",  # what an executor would pickle itself, once for all chunks; never files
+    "multiprocessing": "workers/local.py",  # workers of this machine
 }
 HOMELESS = {
-    *("pickle", "cloudpickle", "marshal", "shelve", "joblib", "yaml", "ctypes", "code"),
-    *("urllib", "http", "ftplib", "ssl", "asyncio", "requests", "multiprocessing"),
+    *("cloudpickle", "marshal", "shelve", "joblib", "yaml", "ctypes", "code"),
+    *("urllib", "http", "ftplib", "ssl", "asyncio", "requests"),
 }
 RUN_CODE = {"exec", "eval", "__import__"}
 NO_CONNECTION = """
