@@ -259,9 +259,9 @@ def _respond(
         )
 
 
-def respond_alone(loop: LoopOfRuns, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> Any:
+def respond_alone(core: _Core, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> Any:
     """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, no histories."""
-    return _respond(loop.core(), runs, streams, threads=1)
+    return _respond(core, runs, streams, threads=1)
 
 
 def _respond_elsewhere(
@@ -284,7 +284,7 @@ def _respond_elsewhere(
             on_progress(done, len(runs))
 
     outcomes = engine.outcomes(
-        respond_alone, loop, [(runs[each], streams[each]) for each in chunks], on_done=count
+        LoopOfRuns.core, respond_alone, loop, [(runs[each], streams[each]) for each in chunks], on_done=count
     )
     return [outcome.get() for outcome in outcomes]
 
@@ -535,6 +535,10 @@ def simulate_loop(
     varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
     shape = (len(gains), len(motions), n_realisations)
     floors = measured_floors(nominal or building, hardware)
+    observer = None
+    if hardware.feedback != "state":
+        with core_refusals():
+            observer = loop_observer(nominal or building, devices, hardware, floors)
     loop = LoopOfRuns(
         building=building,
         varied=tuple(varied),
@@ -545,9 +549,7 @@ def simulate_loop(
         shaping=shaping,
         hardware=hardware,
         floors=tuple(floors),
-        observer=None
-        if hardware.feedback == "state"
-        else loop_observer(nominal or building, devices, hardware, floors),
+        observer=observer,
         motions=tuple(motions),
         step_factor=step_factor,
     )

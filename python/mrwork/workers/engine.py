@@ -26,6 +26,7 @@ import numpy as np
 from mrwork.errors import MrworkError, WorkerError, reason_of
 
 P = ParamSpec("P")
+S = TypeVar("S")
 T = TypeVar("T")
 
 # Chunks in flight per worker, so that none waits for the client.
@@ -62,7 +63,7 @@ class Outcome(Generic[T]):
         """The value; the error is raised."""
         if self.error is not None:
             raise self.error
-        return self.value  # type: ignore[return-value]
+        return cast("T", self.value)
 
 
 class _Unknown:
@@ -73,22 +74,27 @@ _SHARED: OrderedDict[str, object] = OrderedDict()
 
 
 def work_on_chunk(
-    versions: tuple[str, str], function: Callable[..., T], shared: Shared, arguments: tuple[object, ...]
+    versions: tuple[str, str],
+    prepare: Callable[[Any], object],
+    function: Callable[..., T],
+    shared: Shared,
+    arguments: tuple[object, ...],
 ) -> Outcome[T] | _Unknown:
-    """Do a chunk on a worker; an error of the package is a value."""
+    """Do a chunk on a worker, which prepares what chunks share once; an error of the package is a value."""
     if (own := _versions()) != versions:
         has, needs = (f"mrwork {each[0]} with NumPy {each[1]}" for each in (own, versions))
         return Outcome(
             error=WorkerError(f"a worker has {has}, and this process {needs}; install the same there")
         )
-    if shared.digest not in _SHARED:
-        if not shared.data:
-            return _Unknown()
-        _SHARED[shared.digest] = pickle.loads(shared.data)
-        while len(_SHARED) > _KEPT:
-            _SHARED.popitem(last=False)
-    _SHARED.move_to_end(shared.digest)
     try:
+        if shared.digest not in _SHARED:
+            if not shared.data:
+                return _Unknown()
+            value = pickle.loads(shared.data)
+            _SHARED[shared.digest] = prepare(value)
+            while len(_SHARED) > _KEPT:
+                _SHARED.popitem(last=False)
+        _SHARED.move_to_end(shared.digest)
         return Outcome(value=function(_SHARED[shared.digest], *arguments))
     except MrworkError as error:
         return Outcome(error=error)
@@ -112,12 +118,13 @@ class Engine:
 
     def outcomes(
         self,
+        prepare: Callable[[S], object],
         function: Callable[..., T],
-        shared: object,
+        shared: S,
         chunks: Sequence[tuple[object, ...]],
         on_done: Callable[[int, Outcome[T]], None] = lambda number, outcome: None,
     ) -> list[Outcome[T]]:
-        """What `function(shared, *arguments)` comes to for each chunk of arguments, in their order.
+        """What `function(prepare(shared), *arguments)` comes to for each chunk of arguments, in their order.
 
         `on_done` is called on this thread with each outcome as it comes. After Ctrl-C chunks that have not begun are
         cancelled, and what those that have come to is dropped.
@@ -138,7 +145,9 @@ class Engine:
                 while waiting and len(running) < self.in_flight:
                     number = waiting.pop()
                     sent = whole if number in carrying else Shared(digest=whole.digest)
-                    future = self.executor.submit(work_on_chunk, versions, function, sent, chunks[number])
+                    future = self.executor.submit(
+                        work_on_chunk, versions, prepare, function, sent, chunks[number]
+                    )
                     running[future] = number
                 ready, _ = wait(running, timeout=_POLL_SECONDS, return_when=FIRST_COMPLETED)
                 for future in ready:
