@@ -16,7 +16,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.identification.fit_file import reopen
-from mrwork.identification.identify import identify_again
+from mrwork.identification.identify import identify_with
 from mrwork.uncertainty import predict_left_out
 
 # Commands [A] and frequencies [Hz] of the tests for each use.
@@ -170,7 +170,11 @@ def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(
         opened = reopen(fitted.run)
         fit, tests = opened.fit, opened.tests
         candidate = mr.uncertainty.Candidate(amplitude=0.02, frequency=1.0, command=0.5)
-        folds = predict_left_out(tests, "test", lambda rest: identify_again(fit, rest, threads=1))
+        folds = predict_left_out(
+            tests,
+            "test",
+            lambda rest: identify_with(fit.spec, rest, fit.settings.again, threads=1, warns=False),
+        )
         return (
             mr.sample(fit, tests, walkers=16, most_steps=20, threads=1).theta.tolist(),
             asdict(mr.profile(fit, tests, parameters=["k_w@1A"], threads=1)) | {"seconds": None},

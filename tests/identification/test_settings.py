@@ -13,7 +13,7 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.identification import FitSettings, Multistart
 from mrwork.identification.fit_file import fit_from_json
-from mrwork.identification.identify import identify_again
+from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.settings import UnregisteredSearch, resize_search, search_named, searches
 from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
@@ -109,13 +109,13 @@ def test_a_fit_of_an_unregistered_search_can_be_used(refused: Refused) -> None:
     assert search.kind == "OwnSearch"
     assert search.settings["note"] == "own"
     assert read.settings.as_record() == fit.settings.as_record()
-    again = identify_again(fit, (TEST,))
+    again = identify_with(fit.spec, (TEST,), fit.settings.again)
     assert again.theta == fit.theta
     for usable in (fit, read):
         profiles = mr.profile(usable, [TEST])
         assert profiles.profiles
         mr.identifiability_of(usable, [TEST])
-    refused(identify_again, read, (TEST,))
+    refused(identify_with, read.spec, (TEST,), read.settings.again)
 
 
 def test_a_damaged_record_is_refused(refused: Refused) -> None:

@@ -24,7 +24,7 @@ from mrwork.dampers.command import CommandValues
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.identify import identify_again
+from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.level_search import relative_force
 from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.minimise.multistart import StartingPoints
@@ -202,7 +202,7 @@ def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) 
     assert with_it > without_it
     assert without_it == pytest.approx(100.0 * fit.nrmse, rel=1e-3)
     assert mr.predict(fit, immediate(command, rng=8)).residual.std() == pytest.approx(NOISE_N, rel=0.1)
-    again = identify_again(fit, (test,))
+    again = identify_with(fit.spec, (test,), fit.settings.again, warns=False)
     assert again.theta == pytest.approx(fit.theta, rel=1e-2)
 
 

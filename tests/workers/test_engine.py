@@ -13,7 +13,7 @@ import pytest
 import mrwork as mr
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.errors import SettingError, WorkerError
-from mrwork.workers.engine import Engine, Outcome, Shared, cut_into_chunks, working_on
+from mrwork.workers.engine import Outcome, Shared, Workers, cut_into_chunks, working_on
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +114,8 @@ def test_progress_counts_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
-    engine = Engine.on(pool)
-    outcomes = engine.outcomes(float, _scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])
+    workers = Workers.on(pool)
+    outcomes = [*workers.outcomes(float, _scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])]
     assert outcomes[0].get() == 2.0
     assert outcomes[2].get() == 6.0
     with pytest.raises(SettingError, match="-1 is below 0; give one above"):
@@ -125,12 +125,11 @@ def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
 def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it() -> None:
     executor = Counting()
     data = Shared.of(2.0).data
-    Engine(executor=executor, in_flight=1).outcomes(
-        float, _scaled, 2.0, [(float(number),) for number in range(9)]
-    )
+    numbers = [(float(number),) for number in range(9)]
+    assert len([*Workers(executor=executor, in_flight=1).outcomes(float, _scaled, 2.0, numbers)]) == 9
     assert [bool(sent[3].data) for sent in executor.sent] == [True] + [False] * 8
     forgetting = Counting(forget=True)
-    found = Engine(executor=forgetting, in_flight=1).outcomes(float, _scaled, 2.0, [(1.0,), (2.0,)])
+    found = Workers(executor=forgetting, in_flight=1).outcomes(float, _scaled, 2.0, [(1.0,), (2.0,)])
     assert [each.get() for each in found] == [2.0, 4.0]
     assert [sent[3].data for sent in forgetting.sent] == [data, b"", data]
 
@@ -138,7 +137,7 @@ def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it() -> None:
 def test_a_lost_worker_is_a_sentence_and_a_new_pool_goes_on() -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as broken, pytest.raises(WorkerError) as lost:
-        Engine.on(broken).outcomes(bool, _die, None, [()])
+        next(Workers.on(broken).outcomes(bool, _die, None, [()]))
     assert "ProcessPoolExecutor lost a part of the work (BrokenProcessPool: " in str(lost.value)
     assert "run again with --resume" in str(lost.value)
 
@@ -148,7 +147,7 @@ def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch)
 
     versions = iter([("9.9", "2.0"), ("0.1", "2.0")])
     monkeypatch.setattr(engine, "_versions", lambda: next(versions))
-    (outcome,) = Engine.on(Counting(), 1).outcomes(float, _scaled, 2.0, [(1.0,)])
+    (outcome,) = Workers.on(Counting(), 1).outcomes(float, _scaled, 2.0, [(1.0,)])
     with pytest.raises(
         WorkerError, match=r"a worker has mrwork 0\.1 with NumPy 2\.0, and this process mrwork 9\.9"
     ):
@@ -157,13 +156,13 @@ def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch)
 
 def test_an_interrupt_cancels_what_has_not_begun() -> None:
     with ThreadPoolExecutor(1) as executor:
-        engine = Engine(executor=executor, in_flight=3)
+        workers = Workers(executor=executor, in_flight=3)
 
         def stop(number: int, outcome: Outcome[None]) -> None:
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            engine.outcomes(bool, _sleep, None, [(0.01,), (0.05,), (30.0,), (30.0,)], on_done=stop)
+            next(workers.outcomes(bool, _sleep, None, [(0.01,), (0.05,), (30.0,), (30.0,)], on_done=stop))
 
 
 def test_chunks_depend_on_costs_alone() -> None:
@@ -196,7 +195,7 @@ def test_what_chunks_share_is_prepared_once_in_a_worker() -> None:
         prepared.append(value)
         return float(value)
 
-    found = Engine(executor=Counting(), in_flight=2).outcomes(
+    found = Workers(executor=Counting(), in_flight=2).outcomes(
         prepare, _scaled, "7.25", [(1.0,), (2.0,), (3.0,)]
     )
     assert [each.get() for each in found] == [7.25, 14.5, 21.75]

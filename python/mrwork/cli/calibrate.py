@@ -25,15 +25,17 @@ from mrwork.cli.options import (
 )
 from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
 from mrwork.cli.terminal import note
+from mrwork.cli.workers import add_workers, on_workers
 from mrwork.errors import SettingError
+from mrwork.identification.batch import FitBatch, FitTask
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit
-from mrwork.identification.identify import identify_again
-from mrwork.identification.progress import IdentificationInWords
-from mrwork.records import DamperTest, observed
+from mrwork.identification.fit_file import fit_content, read_fit
+from mrwork.identification.progress import IdentificationInWords, Progress
+from mrwork.records import observed
+from mrwork.store.output_file import write_files
 from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS
-from mrwork.uncertainty.bands.calibration_files import fit_of_fold, write_bands
+from mrwork.uncertainty.bands.calibration_files import name_of_fold, stored_fold, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,
     Calibration,
@@ -41,7 +43,16 @@ from mrwork.uncertainty.bands.conformal import (
     calibrate,
     measured_coverage,
 )
-from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict_left_out, predict_tests
+from mrwork.uncertainty.bands.prediction import (
+    IN_WORDS,
+    Fold,
+    Prediction,
+    folds_of,
+    predict_left_out,
+    predict_tests,
+    rests_of,
+)
+from mrwork.workers.engine import present_workers
 
 _AS_FITTED = "as in the identification"
 # Level of the coverage and the interval score that stand for a calibration.
@@ -74,6 +85,7 @@ def add_options(parser: CommandParser) -> None:
         "one command",
     )
     add_threads(parser)
+    add_workers(parser, "the fits to the tests that remain")
     end_parser(parser, run)
 
 
@@ -81,6 +93,8 @@ def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     with adding(options.run_folder, CALIBRATION):
         if options.files:
+            with on_workers(options, needless="the fit is there, and only predicts the files"):
+                pass
             (fit, predictions, findings), held_out = _predict_unseen(options), "the fit has not seen"
         else:
             (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
@@ -109,28 +123,44 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
     """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
-    prefix = ""
+    rests = rests_of(opened.tests, folds_of(opened.tests, options.leave_out))
+    names = [name_of_fold(opened.fit, rest) for rest in rests]
+    stored = {name: fit for name in names if (fit := stored_fold(opened.place, name)) is not None}
+    missing = [number for number, name in enumerate(names) if name not in stored]
+    in_words = IdentificationInWords()
 
-    def on_fold(done: int, count: int) -> None:
-        nonlocal prefix
-        prefix = f"{options.leave_out} {done + 1} of {count}: "
+    def described(report: tuple[int, Progress | None]) -> str:
+        number, progress = report
+        if (workers := present_workers()) is not None:
+            return workers.in_words
+        fold = f"{options.leave_out} {missing[number] + 1} of {len(rests)}"
+        return fold if progress is None else f"{fold}: {in_words(progress)}"
 
-    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
-        with progress_line(IdentificationInWords(prefix), quiet=is_quiet(options), patience=0.0) as line:
-            return fit_of_fold(
-                opened.place,
-                opened.fit,
-                rest,
-                lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line),
-            )
+    def store(number: int, fit: Fit) -> None:
+        write_files(opened.place, {names[missing[number]]: fit_content(fit)})
 
+    settings = opened.fit.settings.again
     try:
-        left_out = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+        with on_workers(options), progress_line(described, quiet=is_quiet(options), patience=0.0) as line:
+            batch = FitBatch(
+                tasks=[
+                    FitTask(spec=opened.fit.spec, tests=rests[number], settings=settings)
+                    for number in missing
+                ],
+                threads=options.threads,
+                on_progress=lambda number, progress: line((number, progress)),
+                on_fit=store,
+            )
+            made = {names[number]: batch.fit(place) for place, number in enumerate(missing)}
     except KeyboardInterrupt as interrupt:
         interrupt.add_note(
             f"the fits of folds so far are in {opened.place / FOLDS}; run the same command again to continue"
         )
         raise
+    if batch.kinds_remark:
+        note(batch.kinds_remark)
+    fits = iter([(stored | made)[name] for name in names])
+    left_out = predict_left_out(opened.tests, options.leave_out, lambda _: next(fits))
     if left_out.failures:
         raise SettingError(
             f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "

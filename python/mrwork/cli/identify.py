@@ -33,6 +33,7 @@ from mrwork.cli.options import (
 )
 from mrwork.cli.output import as_plain, in_words
 from mrwork.cli.terminal import note
+from mrwork.cli.workers import add_workers, on_workers
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import others_content, read_fit
@@ -155,11 +156,13 @@ def add_options(parser: CommandParser) -> None:
     ):
         add_number(search, flag, numbers, f"{what}; not for multistart", metavar="N")
     add_threads(parser)
+    add_workers(parser, "the fits where several models are compared")
     add_out(parser, "run folder, default out/TEST-MODEL")
     end_parser(
         parser,
         run,
-        resume="resume a run that was killed or interrupted; all other options but --threads as in that run",
+        resume="resume a run that was killed or interrupted; all other options as in that run, but "
+        "--threads, --workers and --cluster",
     )
 
 
@@ -183,11 +186,15 @@ def run(options: argparse.Namespace) -> int:
     several, law_is_auto = is_choice(options), laws_are_chosen(options)
     if settings.ties and (several or law_is_auto):
         raise SettingError("--tie goes with one model and without --law auto; leave it out")
-    if law_is_auto:
-        return _choose_laws(options, settings, ending="models" if several else options.model)
-    if several:
-        return _choose_model(options, settings)
-    return _identify_model(options, settings)
+    needless = "the laws are chosen on the threads of this process" if law_is_auto else ""
+    if not (several or law_is_auto):
+        needless = "one model is fitted, on the threads of this process"
+    with on_workers(options, needless=needless):
+        if law_is_auto:
+            return _choose_laws(options, settings, ending="models" if several else options.model)
+        if several:
+            return _choose_model(options, settings)
+        return _identify_model(options, settings)
 
 
 def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:

@@ -120,20 +120,6 @@ def add_run(parser: CommandParser) -> None:
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
 
 
-def add_workers(parser: CommandParser) -> None:
-    """--workers."""
-    group = parser.group(COMPUTATION)
-    text = "processes of this machine that simulate runs without histories, on one thread each, default 0: threads of"
-    add_number(
-        group,
-        "--workers",
-        THREADS,
-        f"{text} this process do; the results are the same",
-        default=0,
-        metavar="N",
-    )
-
-
 def add_threads(parser: CommandParser) -> None:
     """--threads."""
     group = parser.group(COMPUTATION)

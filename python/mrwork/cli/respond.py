@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, add_workers, end_parser
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet
 from mrwork.cli.terminal import show
+from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
 
@@ -61,7 +62,7 @@ def add_options(parser: CommandParser) -> None:
         "damper from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
     )
     add_threads(parser)
-    add_workers(parser)
+    add_workers(parser, "the runs without histories")
     add_out(parser, "folder of the results, default out/STUDY")
     end_parser(
         parser,

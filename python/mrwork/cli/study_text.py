@@ -24,6 +24,7 @@ from mrwork.base.table import Table
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.output import in_words, is_quiet, print_result, progress_line
 from mrwork.cli.terminal import keep_stdout, note
+from mrwork.cli.workers import on_workers
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import REPORT, RunKind
@@ -52,8 +53,6 @@ from mrwork.study.tables import (
     value_table,
 )
 from mrwork.tuning.results import TuningResults
-from mrwork.workers.engine import working_on
-from mrwork.workers.local import local_workers
 
 Results = TypeVar("Results", StudyResults, TuningResults)
 
@@ -130,7 +129,7 @@ def run_on_study(
     with run_journal(frame.destination, resume=options.resume, note=note) as journal:
         verb = verb_of(study, frame.folder)
         try:
-            with keep_stdout(), local_workers(options.workers) as pool, working_on(pool):
+            with keep_stdout(), on_workers(options):
                 results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
         finally:
             journal.finish()

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from mrwork.base.numbers import with_decimals
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, add_workers, end_parser
+from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
 from mrwork.cli.output import table_lines
+from mrwork.cli.workers import add_workers
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 
 if TYPE_CHECKING:
@@ -55,13 +56,13 @@ def add_options(parser: CommandParser) -> None:
     )
     add_seed(parser, "the searches, of noise and synthetic motions")
     add_threads(parser)
-    add_workers(parser)
+    add_workers(parser, "the runs without histories")
     add_out(parser, "folder of the results, default out/STUDY-tuned")
     end_parser(
         parser,
         run,
-        resume="resume a tuning that was killed or interrupted; all other options but --threads and --workers as in "
-        "that tuning",
+        resume="resume a tuning that was killed or interrupted; all other options as in that tuning, but "
+        "--threads, --workers and --cluster",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from collections import deque
@@ -37,7 +38,9 @@ from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.workers.engine import Engine, cut_into_chunks, present_engine
+from mrwork.store.codec import digest_of, plain
+from mrwork.workers.engine import Outcome, Workers, cut_into_chunks, present_workers
+from mrwork.workers.kept_chunks import KeptChunks
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
 _SECONDS = 3e-9
@@ -259,34 +262,46 @@ def _respond(
         )
 
 
-def respond_alone(core: _Core, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> Any:
-    """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, no histories."""
-    return _respond(core, runs, streams, threads=1)
+def respond_alone(core: _Core, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> list[NDArray[Any]]:
+    """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, without histories."""
+    return list(_respond(core, runs, streams, threads=1)[:3])
 
 
 def _respond_elsewhere(
-    engine: Engine,
+    workers: Workers,
     loop: LoopOfRuns,
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     on_progress: Callable[[int, int], None] | None,
 ) -> list[Any]:
-    """Runs of a loop by the workers of an engine, in chunks that depend on their samples alone."""
+    """Runs of a loop by workers, in chunks that depend on their samples alone."""
     samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
     costs = samples[runs[:, 1]] * loop.hardware.steps * loop.step_factor
     chunks = cut_into_chunks(costs.tolist(), _CHUNK_STEPS / loop.building.n_coordinates)
-    done = 0
+    kept = None
+    if workers.kept is not None:
+        fingerprint = digest_of(json.dumps(plain(loop)), runs, streams)
+        kept = KeptChunks(folder=workers.kept, fingerprint=fingerprint)
+    finished = {} if kept is None else kept.recall(len(chunks))
+    done = sum(chunks[number].stop - chunks[number].start for number in finished)
 
-    def count(number: int, _: object) -> None:
+    def count(number: int, outcome: Outcome[list[NDArray[Any]]]) -> None:
         nonlocal done
         done += chunks[number].stop - chunks[number].start
+        if kept is not None and outcome.value is not None:
+            kept.keep(number, outcome.value)
         if on_progress is not None:
             on_progress(done, len(runs))
 
-    outcomes = engine.outcomes(
-        LoopOfRuns.core, respond_alone, loop, [(runs[each], streams[each]) for each in chunks], on_done=count
+    outcomes = workers.outcomes(
+        LoopOfRuns.core,
+        respond_alone,
+        loop,
+        [(runs[each], streams[each]) for each in chunks],
+        on_done=count,
+        done={number: Outcome(value=arrays) for number, arrays in finished.items()},
     )
-    return [outcome.get() for outcome in outcomes]
+    return [(*outcome.get(), None) for outcome in outcomes]
 
 
 def _core_observer(
@@ -574,8 +589,8 @@ def simulate_loop(
     seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
     streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
     core = loop.core()
-    engine = present_engine()
-    if engine is None or histories or user is not None:
+    workers = present_workers()
+    if workers is None or histories or user is not None:
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
         while done < len(runs):
@@ -593,7 +608,7 @@ def simulate_loop(
                 blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     else:
-        parts = _respond_elsewhere(engine, loop, runs, streams, on_progress)
+        parts = _respond_elsewhere(workers, loop, runs, streams, on_progress)
     responses = _responses(
         parts, core.building, hardware, shape, () if actuators else tuple(devices), motions
     )

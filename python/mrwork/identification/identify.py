@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from warnings import warn
 
 from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
@@ -156,6 +157,7 @@ def identify(
     return identify_with(model, tests, settings, threads=threads, on_progress=on_progress, journal=journal)
 
 
+@on_one_blas_thread
 def identify_with(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
@@ -184,7 +186,7 @@ def identify_with(
         problem.objective.refuse_observation()
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
-        warn(sentence, MrworkWarning, stacklevel=4)
+        warn(sentence, MrworkWarning, stacklevel=5)
     reporter = _begin(problem, began, on_progress, journal)
     ending = _Ending(problem=problem, reporter=reporter, compares=warns, examines=examines)
 
@@ -215,6 +217,7 @@ def identify_with(
     return ending.finish_fit(points.with_given(problem.spec, problem.settings.starts))
 
 
+@on_one_blas_thread
 def identify_from(
     model: DamperSpec,
     tests: DamperTest | Sequence[DamperTest],
@@ -366,15 +369,3 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     if isinstance(search, Multistart):
         return points_from_multistart(problem, search, on_search=on_search)
     return points_from_optimiser(problem, search, on_search=on_search)
-
-
-def identify_again(
-    fit: Fit,
-    tests: tuple[DamperTest, ...],
-    *,
-    threads: int = 0,
-    on_progress: Callable[[Progress], bool | None] | None = None,
-) -> Fit:
-    """Identify from other tests with the model and settings of an earlier fit, but not its starts, in lanes."""
-    settings = replace(fit.settings, starts=(), engine="lanes")
-    return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress, warns=False)

@@ -243,6 +243,11 @@ class FitSettings:
             if option.within.excludes(value := getattr(self, name)):
                 raise SettingError(f"{option.noun} is {value:g}; {option.remedy}")
 
+    @property
+    def again(self) -> FitSettings:
+        """Those for a fit to other tests that does not know of this one: without starts, in lanes."""
+        return replace(self, starts=(), engine="lanes")
+
     def as_record(self) -> dict[str, Any]:
         """Plain values of all fields, for JSON; a search is a record with its name as `kind`."""
         search = self.search

@@ -87,6 +87,8 @@ class Journal:
         self._file: int | None = None
         self._own = False
         self._synced, self._pause = 0.0, 0.0
+        self.lines = b""
+        """The lines that were there when a file was resumed."""
         if resume:
             self._recorded = self._open_file(note)
         elif not is_unfinished(self.path):
@@ -190,6 +192,11 @@ class Journal:
         self.record(step, inputs, plain(result))
         return result
 
+    def adopt(self, lines: bytes) -> None:
+        """Take the lines of this run that were made elsewhere, after those of this journal."""
+        if new := lines[len(self.lines) :]:
+            self._write(new)
+
     def lock(self) -> None:
         """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`."""
         self._take_lock()
@@ -257,6 +264,7 @@ class Journal:
             if note is not None:
                 note(f"the end of {self.path} is torn; its last {len(content) - length} bytes do not count")
             os.ftruncate(file, length)
+        self.lines = content[:length]
         return recorded
 
     def _open(self) -> int:
@@ -267,22 +275,24 @@ class Journal:
         return file
 
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
+        self._asked += 1
+        first = {"format": FORMAT} if self._asked == 1 else {}
+        numbered = {"line": self._asked, "step": step, **first, **entry}
+        self._write(line_of(numbered | {"seconds": time.perf_counter() - self._began}))
+
+    def _write(self, lines: bytes) -> None:
         with self._writing:
             if self._closed:
                 raise JournalError(
                     f"{self.path} was closed before the run came to its end; open it again to resume"
                 )
-            self._asked += 1
-            first = {"format": FORMAT} if self._asked == 1 else {}
-            numbered = {"line": self._asked, "step": step, **first, **entry}
-            line = line_of(numbered | {"seconds": time.perf_counter() - self._began})
             with explain_failure(f"write the journal {self.path}", _NOT_LOST):
                 file = self._file
                 if file is None:
                     file = self._open()
                     os.ftruncate(file, 0)
-                # A single call writes the whole line or nothing, except on a full disk.
-                if os.write(file, line) < len(line):
+                # A single call writes all or nothing, except on a full disk.
+                if os.write(file, lines) < len(lines):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 self._sync(file)
 

@@ -52,7 +52,7 @@ CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 SCORES_TABLE = "scores.csv"
 
-_PART = ".part"
+_PART, _CHUNKS = ".part", ".chunks"
 _RESUME = "run the command that began it again with --resume"
 # Runs in a folder that a message names.
 _NAMED: Final = 5
@@ -137,6 +137,11 @@ def part_of(path: str | Path) -> Path:
             f"{path} is the root of all folders, where no run is written; name a folder below it"
         )
     return place.with_name(place.name + _PART)
+
+
+def chunks_beside(journal: Path) -> Path:
+    """Folder of the finished chunks of the step that a journal does not have yet."""
+    return journal.with_name(f"{journal.name}{_CHUNKS}")
 
 
 def is_part(path: Path) -> bool:

@@ -33,6 +33,7 @@ from mrwork.store.run_folder import (
     JOURNAL,
     MANIFEST,
     MODELS,
+    chunks_beside,
     is_part,
     name_unfinished,
     part_of,
@@ -114,6 +115,7 @@ def discard_journal(journal: Journal) -> None:
     with suppress(OSError):
         if journal.is_own:
             journal.path.unlink()
+        discard_folder(chunks_beside(journal.path))
         if is_part(journal.path.parent):
             discard_folder(journal.path.parent / HISTORIES)
         journal.close()
@@ -254,7 +256,7 @@ def _folder(path: str | Path) -> Path:
     with explain_failure(f"make {folder}", "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         names = {entry.name for entry in folder.iterdir() if not is_lock(entry.name)}
-    foreign = sorted(names - {JOURNAL, _COPYING, MODELS, HISTORIES})
+    foreign = sorted(names - {JOURNAL, _COPYING, MODELS, HISTORIES, chunks_beside(folder / JOURNAL).name})
     if foreign:
         raise OutputError(
             f"{folder} is where the journal of the run belongs, but it holds {foreign[0]}; choose another folder"

@@ -11,19 +11,29 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import platform
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
-from functools import wraps
+from dataclasses import dataclass, field, replace
+from functools import cache, wraps
 from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
 
 import numpy as np
 
+from mrwork.base.arguments import Whole, checked
+from mrwork.base.blas import blas_in_words, one_blas_thread
+from mrwork.base.numbers import counted, duration_in_words
 from mrwork.errors import MrworkError, WorkerError, reason_of
+from mrwork.store.journal import Journal
+from mrwork.store.output_file import discard_folder
+from mrwork.store.run_folder import chunks_beside
 
 P = ParamSpec("P")
 S = TypeVar("S")
@@ -54,10 +64,11 @@ class Shared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome(Generic[T]):
-    """What a chunk came to: its value, or the error of the package that ended it."""
+    """What a chunk came to: its value, or the error of the package that ended it; and the kind of its process."""
 
     value: T | None = None
     error: MrworkError | None = None
+    kind: str = ""
 
     def get(self) -> T:
         """The value; the error is raised."""
@@ -95,26 +106,95 @@ def work_on_chunk(
             while len(_SHARED) > _KEPT:
                 _SHARED.popitem(last=False)
         _SHARED.move_to_end(shared.digest)
-        return Outcome(value=function(_SHARED[shared.digest], *arguments))
+        with one_blas_thread():
+            return Outcome(value=function(_SHARED[shared.digest], *arguments), kind=own_kind())
     except MrworkError as error:
-        return Outcome(error=error)
+        return Outcome(error=error, kind=own_kind())
 
 
 def _versions() -> tuple[str, str]:
     return version("mrwork"), np.__version__
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Engine:
-    """An executor, and how many chunks are given to it at once."""
+@cache
+def own_kind() -> str:
+    """Kind of this process in words: the processor, and for which its BLAS and NumPy compute.
+
+    Lanes have the same bits on every kind. Sums of NumPy and BLAS have them on one.
+    """
+    table = Path("/proc/cpuinfo")
+    lines = table.read_text().splitlines() if table.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    features: dict[str, bool] = np._core._multiarray_umath.__cpu_features__  # type: ignore[attr-defined]
+    digest = hashlib.sha256(repr(sorted(features.items())).encode()).hexdigest()[:4]
+    processor = names[0] if names else platform.processor() or platform.machine()
+    return f"{processor} ({blas_in_words()}, NumPy with instructions {digest})"
+
+
+def kinds_remark(kinds: Iterable[str]) -> str:
+    """Sentence on results of several kinds of processes; empty where all are of one."""
+    several = sorted({*kinds} - {""})
+    if len(several) < 2:
+        return ""
+    count, kinds = len(several), "; ".join(several)
+    return f"done on {count} kinds of processors, on which fits agree to 1e-9 and not to the bit: {kinds}"
+
+
+@dataclass(slots=True, kw_only=True)
+class Workers:
+    """An executor, and how many chunks are given to it at once.
+
+    Results of chunks that are arrays are kept in the folder `kept` until the computation that they belong to ends.
+    """
 
     executor: Executor
     in_flight: int
+    kept: Path | None = None
+    # Chunks of the present work: done before it began, done, in total; and when it began.
+    _before: int = field(default=0, init=False)
+    _done: int = field(default=0, init=False)
+    _total: int = field(default=0, init=False)
+    _began: float = field(default_factory=time.perf_counter, init=False)
 
     @classmethod
-    def on(cls, executor: Executor, in_flight: int = 0) -> Engine:
-        """The engine of an executor; without a number twice as many chunks as it has workers."""
+    @checked
+    def on(cls, executor: Executor, in_flight: Whole = 0) -> Workers:
+        """The workers of an executor.
+
+        Parameters
+        ----------
+        in_flight
+            Chunks that it is given at once; 0 for twice as many as it has workers, or as this machine has processors
+            where it does not tell.
+
+        Examples
+        --------
+        >>> from concurrent.futures import ThreadPoolExecutor
+        >>> import mrwork as mr
+        >>> mr.Workers.on(ThreadPoolExecutor(3)).in_flight
+        6
+        """
         return cls(executor=executor, in_flight=in_flight or _IN_FLIGHT * _count_workers(executor))
+
+    @property
+    def n_workers(self) -> int:
+        """Number of workers."""
+        return _count_workers(self.executor)
+
+    @property
+    def in_words(self) -> str:
+        """Where the present work stands: chunks done, workers, and the time that is left."""
+        stands = f"{self._done} of {self._total} chunks on {counted(self.n_workers, 'worker')}"
+        left = self.seconds_left
+        return stands if left is None else f"{stands}, about {duration_in_words(left)} left"
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time left of the present work [s], if its other chunks last as those that are done; `None` before any is."""
+        done = self._done - self._before
+        if not done:
+            return None
+        return (time.perf_counter() - self._began) / done * (self._total - self._done)
 
     def outcomes(
         self,
@@ -123,11 +203,13 @@ class Engine:
         shared: S,
         chunks: Sequence[tuple[object, ...]],
         on_done: Callable[[int, Outcome[T]], None] = lambda number, outcome: None,
-    ) -> list[Outcome[T]]:
+        done: Mapping[int, Outcome[T]] = MappingProxyType({}),
+    ) -> Iterator[Outcome[T]]:
         """What `function(prepare(shared), *arguments)` comes to for each chunk of arguments, in their order.
 
-        `on_done` is called on this thread with each outcome as it comes. After Ctrl-C chunks that have not begun are
-        cancelled, and what those that have come to is dropped.
+        Each is there as soon as it and those before it are done; `on_done` is called on this thread as they come, in
+        any order. Chunks that are `done` already are not done again. After Ctrl-C, or where nobody asks any more, those
+        that have not begun are cancelled, and what the others come to is dropped.
 
         Raises
         ------
@@ -135,29 +217,34 @@ class Engine:
             If a worker or the executor is lost, or a worker cannot do a chunk at all.
         """
         versions, whole = _versions(), Shared.of(shared)
-        done: dict[int, Outcome[T]] = {}
-        waiting = list(reversed(range(len(chunks))))
+        found = dict(done)
+        waiting = [number for number in reversed(range(len(chunks))) if number not in found]
         running: dict[Future[Outcome[T] | _Unknown], int] = {}
         # The first chunks carry the shared value, and those of workers that turn out not to have it.
-        carrying = set(range(min(self.in_flight, len(chunks))))
+        carrying = {*waiting[-self.in_flight :]}
+        self._before = self._done = len(found)
+        self._total, self._began = len(chunks), time.perf_counter()
         try:
-            while waiting or running:
-                while waiting and len(running) < self.in_flight:
-                    number = waiting.pop()
-                    sent = whole if number in carrying else Shared(digest=whole.digest)
-                    future = self.executor.submit(
-                        work_on_chunk, versions, prepare, function, sent, chunks[number]
-                    )
-                    running[future] = number
-                ready, _ = wait(running, timeout=_POLL_SECONDS, return_when=FIRST_COMPLETED)
-                for future in ready:
-                    number, outcome = running.pop(future), future.result()
-                    if isinstance(outcome, _Unknown):
-                        carrying.add(number)
-                        waiting.append(number)
-                        continue
-                    done[number] = outcome
-                    on_done(number, outcome)
+            for asked in range(len(chunks)):
+                while asked not in found:
+                    while waiting and len(running) < self.in_flight:
+                        number = waiting.pop()
+                        sent = whole if number in carrying else Shared(digest=whole.digest)
+                        future = self.executor.submit(
+                            work_on_chunk, versions, prepare, function, sent, chunks[number]
+                        )
+                        running[future] = number
+                    ready, _ = wait(running, timeout=_POLL_SECONDS, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        number, outcome = running.pop(future), future.result()
+                        if isinstance(outcome, _Unknown):
+                            carrying.add(number)
+                            waiting.append(number)
+                            continue
+                        found[number] = outcome
+                        self._done += 1
+                        on_done(number, outcome)
+                yield found.pop(asked)
         except (CancelledError, Exception) as error:
             if isinstance(error, MrworkError):
                 raise
@@ -168,7 +255,6 @@ class Engine:
         finally:
             for future in running:
                 future.cancel()
-        return [done[number] for number in range(len(chunks))]
 
 
 def _count_workers(executor: Any) -> int:
@@ -184,16 +270,16 @@ def _name_of(executor: Executor) -> str:
     return f"{type(executor).__module__.split('.')[0]}'s {type(executor).__name__}"
 
 
-_PRESENT: ContextVar[Engine | None] = ContextVar("engine", default=None)
+_PRESENT: ContextVar[Workers | None] = ContextVar("workers", default=None)
 
 
 @contextmanager
-def working_on(executor: Executor | Engine | None) -> Iterator[None]:
+def working_on(executor: Executor | Workers | None) -> Iterator[None]:
     """Let runs and fits in the block be done on an executor; `None` leaves it as it is."""
     if executor is None:
         yield
         return
-    token = _PRESENT.set(executor if isinstance(executor, Engine) else Engine.on(executor))
+    token = _PRESENT.set(executor if isinstance(executor, Workers) else Workers.on(executor))
     try:
         yield
     finally:
@@ -201,18 +287,30 @@ def working_on(executor: Executor | Engine | None) -> Iterator[None]:
 
 
 def on_executor(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorator of a function whose runs and fits are done on its argument `executor`, which it need not hand down."""
+    """Decorator of a function whose runs and fits are done on its argument `executor`, which it need not hand down.
+
+    Chunks are kept beside its argument `journal`, if there is one, until it ends.
+    """
 
     @wraps(function)
     def working(*args: P.args, **kwargs: P.kwargs) -> T:
-        with working_on(cast("Executor | None", kwargs.get("executor"))):
-            return function(*args, **kwargs)
+        with working_on(cast("Executor | Workers | None", kwargs.get("executor"))):
+            workers, journal = present_workers(), cast("Journal | None", kwargs.get("journal"))
+            if workers is None or journal is None:
+                return function(*args, **kwargs)
+            kept = chunks_beside(journal.path)
+            if not journal.recalling:
+                discard_folder(kept)
+            with working_on(replace(workers, kept=kept)):
+                result = function(*args, **kwargs)
+            discard_folder(kept)
+            return result
 
     return working
 
 
-def present_engine() -> Engine | None:
-    """The engine of the innermost block, `None` where this process works itself."""
+def present_workers() -> Workers | None:
+    """The workers of the innermost block, `None` where this process works itself."""
     return _PRESENT.get()
 
 

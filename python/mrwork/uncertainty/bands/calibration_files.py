@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import addition_content, fit_content, fit_from_json, read_addition
+from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.likeness import alike_groups
 from mrwork.store.codec import digest_of, parse_document, read_document, record_of
@@ -205,11 +205,8 @@ def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) 
     return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
 
 
-def fit_of_fold(place: Path, fit: Fit, tests: tuple[DamperTest, ...], identify: Callable[[], Fit]) -> Fit:
-    """The fit of cross-validation to these tests: read if the folder has it, so that a calibration resumes.
-
-    Else it is identified, and stored if that was not interrupted.
-    """
+def name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
+    """Name in a run folder of the fit of cross-validation to these tests."""
     seen = [
         digest_of(
             *(test.dt, test.displacement, test.velocity, test.force),
@@ -217,10 +214,10 @@ def fit_of_fold(place: Path, fit: Fit, tests: tuple[DamperTest, ...], identify: 
         )
         for test in tests
     ]
-    path = place / FOLDS / f"{digest_of(fit.model, fit.theta, seen)[:16]}.json"
-    kind = make_stored_kind("calibrate", name="the fit of a fold")
-    if is_there(path, kind):
-        return fit_from_json(text_of(path, kind), origin=str(path))
-    of_fold = identify()
-    write_files(place, {f"{FOLDS}/{path.name}": fit_content(of_fold)})
-    return of_fold
+    return f"{FOLDS}/{digest_of(fit.model, fit.theta, seen)[:16]}.json"
+
+
+def stored_fold(place: Path, name: str) -> Fit | None:
+    """The fit of that name in a run folder, from which a calibration resumes; `None` where it is not there."""
+    path, kind = place / name, make_stored_kind("calibrate", name="the fit of a fold")
+    return fit_from_json(text_of(path, kind), origin=str(path)) if is_there(path, kind) else None

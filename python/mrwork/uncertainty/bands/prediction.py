@@ -280,10 +280,10 @@ def predict_left_out(
     folds = folds_of(tests, fold)
     predictions: dict[int, Prediction] = {}
     fits, failures = [], []
-    for done, members in enumerate(folds):
+    for done, (members, rest) in enumerate(zip(folds, rests_of(tests, folds), strict=True)):
         if on_fold is not None:
             on_fold(done, len(folds))
-        fit = identify_rest(tuple(test for index, test in enumerate(tests) if index not in members))
+        fit = identify_rest(rest)
         fits.append(fit)
         for index in members:
             try:
@@ -314,6 +314,11 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
             "give tests that differ in it"
         )
     return folds
+
+
+def rests_of(tests: Sequence[DamperTest], folds: Sequence[Sequence[int]]) -> list[tuple[DamperTest, ...]]:
+    """The tests that remain without each fold."""
+    return [tuple(test for index, test in enumerate(tests) if index not in members) for members in folds]
 
 
 def alike_remark(tests: Sequence[DamperTest]) -> str:
@@ -355,10 +360,9 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     return test.part(0, middle), replace(test, n_settle=middle)
 
 
-def later_cycle_errors(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
+def later_cycle_errors(test: DamperTest, fit: Fit) -> tuple[float, ...]:
     """NRMSE of each cycle of the second half of a test, by the fit to the first."""
-    first, second = halves(test)
-    fit = identify_rest((first,))
+    _, second = halves(test)
     prediction = predict_test(fit, second)
     start = second.n_settle
     cycles = [

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -16,6 +17,7 @@ from warnings import warn
 import numpy as np
 
 from mrwork.base.arguments import Threads, checked
+from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport, share_of_time
@@ -32,9 +34,9 @@ from mrwork.errors import (
     SettingError,
     UnknownNameError,
 )
+from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.level_search import (
     count_levels,
     refuse_few_levels,
@@ -53,6 +55,7 @@ from mrwork.uncertainty.bands.prediction import (
     ONE_TEST,
     Fold,
     alike_remark,
+    halves,
     later_cycle_errors,
 )
 from mrwork.uncertainty.choice.leave_one_out import (
@@ -65,6 +68,7 @@ from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
 from mrwork.uncertainty.choice.splits import Splits, left_out_errors, splits_of
 from mrwork.uncertainty.noise import Noise, noise_model
+from mrwork.workers.engine import Workers, on_executor, present_workers
 
 T = TypeVar("T")
 
@@ -156,10 +160,6 @@ def _refuse_few_commands(
                 f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
                 "add tests at other commands"
             )
-
-
-# Opens the journal of the named step; it is closed when the step is done.
-JournalOf = Callable[[str], Journal]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -291,52 +291,59 @@ class RunningComparison:
     evidence: dict[str, Evidence] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
     n_blocks: int | None = None
+    _batch: FitBatch = field(init=False)
     # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
     _spent: float = field(default=0.0, init=False)
     _done: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        parts = [self.tests, *self._rests()]
+        tasks = [
+            FitTask(
+                spec=family,
+                tests=part,
+                settings=replace(self.settings, bounds=select_known(self.settings.bounds, family)),
+                examines=not fold,
+                step=f"{family.name}/{f'left_out_{fold}' if fold else 'fit'}",
+            )
+            for family in self.compared
+            for fold, part in enumerate(parts)
+        ]
+        self._batch = FitBatch(
+            tasks=tasks,
+            threads=self.threads,
+            journal_of=self.steps.journal_of,
+            on_progress=self._report_fit,
+            on_fit=self._count,
+        )
 
     @property
     def n_splits(self) -> int:
         """Number of fits to less than all tests."""
         return 1 if self.splits is None else len(self.splits.splits)
 
+    @property
+    def kinds_remark(self) -> str:
+        """What is to be said where the fits come from several kinds of processors; else empty."""
+        return self._batch.kinds_remark
+
+    def _rests(self) -> list[tuple[DamperTest, ...]]:
+        """The tests that remain without each split; of a single test the first half of its cycles."""
+        return [(halves(self.tests[0])[0],)] if self.splits is None else self.splits.rests(self.tests)
+
     def evaluate(self, family: DamperSpec) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
         model = family.name
-        settings = replace(self.settings, bounds=select_known(self.settings.bounds, family))
+        first = self.compared.index(family) * (1 + self.n_splits)
         made: list[Fit] = []
-
-        def identify_tests(tests: tuple[DamperTest, ...]) -> Fit:
-            fold = len(made)
-            step, task = (
-                (f"left_out_{fold}", f"left out {fold} of {self.n_splits}") if fold else ("fit", "all tests")
-            )
-            self._report(model, task)
-            fit = self.steps.run(
-                f"{model}/{step}",
-                lambda journal: identify_with(
-                    family,
-                    tests,
-                    settings,
-                    threads=self.threads,
-                    on_progress=partial(self._report, model, task),
-                    journal=journal,
-                    warns=False,
-                    examines=not fold,
-                ),
-            )
-            made.append(fit)
-            self._spent += fit.seconds
-            self._done += len(family.parameters)
-            return fit
-
         left_out: tuple[float, ...] = ()
         with self.steps.recording_failure(model):
-            identify_tests(self.tests)
+            for number in range(first, first + 1 + self.n_splits):
+                made.append(self._batch.fit(number))  # noqa: PERF401, what was made before an error counts
             left_out = (
-                later_cycle_errors(self.tests[0], identify_tests)
+                later_cycle_errors(self.tests[0], made[1])
                 if self.splits is None
-                else left_out_errors(self.tests, self.splits, identify_tests)
+                else left_out_errors(self.tests, self.splits, made[1:])
             )
         failed = Evidence(
             model=model,
@@ -411,13 +418,28 @@ class RunningComparison:
         order = [each.model for each in standings if each.model in self.fits]
         return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
 
+    def _count(self, number: int, fit: Fit) -> None:
+        self._spent += fit.seconds
+        self._done += len(fit.spec.parameters)
+
+    def _report_fit(self, number: int, within: Progress | None) -> None:
+        family, fold = divmod(number, 1 + self.n_splits)
+        task = f"left out {fold} of {self.n_splits}" if fold else "all tests"
+        if (workers := present_workers()) is not None:
+            task = workers.in_words
+        self._report(self.compared[family].name, task, within)
+
     def _report(self, model: str, task: str, within: Progress | None = None) -> None:
         total = (1 + self.n_splits) * sum(len(family.parameters) for family in self.compared)
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
+        # Workers tell the time that is left themselves.
+        left = left if present_workers() is None else None
         self.steps.report(model, task, within, seconds_left=left)
 
 
 @checked
+@on_executor
+@on_one_blas_thread
 def choose_model(
     tests: DamperTest | Sequence[DamperTest],
     models: str | Sequence[DamperSpec | str] = ALL,
@@ -432,6 +454,7 @@ def choose_model(
     threads: Threads = 0,
     on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
+    executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> Choice:
     """Identify families of models from the same tests, and rank them by their error on data left out of the fit.
 
@@ -463,6 +486,9 @@ def choose_model(
         Called during the fits.
     journal_of
         Opens the journal of each step of the comparison, by name; see `Journal`.
+    executor
+        Makes the fits, each on one thread: an executor of `concurrent.futures`, Dask, mpi4py or loky, or an `Workers`.
+        The choice is the same. By default this process makes them.
 
     Raises
     ------
@@ -471,14 +497,17 @@ def choose_model(
         failed, or the settings give starts.
     UnknownNameError
         Where a model is unknown, or a law or bound names a parameter that no family has.
+    WorkerError
+        If the executor or one of its workers is lost; journals keep what was finished.
     Interrupted
         On Ctrl-C, carrying the `Choice` so far, `None` before the end of the first family.
 
     Warns
     -----
     MrworkWarning
-        Where the tests are at several commands, and a family has no law; where a family failed; and where one that
-        failed fits all tests far better than those that remain, so that none is chosen.
+        Where the tests are at several commands, and a family has no law; where a family failed; where one that failed
+        fits all tests far better than those that remain, so that none is chosen; and where workers of several kinds of
+        processors made the fits.
 
     Examples
     --------
@@ -498,7 +527,7 @@ def choose_model(
     _refuse_few_commands(compared, tests, splits)
     about_commands = command_warning(tests, compared)
     for sentence in about_commands:
-        warn(sentence, MrworkWarning, stacklevel=3)
+        warn(sentence, MrworkWarning, stacklevel=5)
     remarks += about_commands
     remarks += (ONE_TEST,) if splits is None else splits.remarks
     alike = alike_remark(tests)
@@ -526,6 +555,6 @@ def choose_model(
             raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
     choice = comparison.choice()
-    for sentence in choice.ranking.doubts:
-        warn(sentence, MrworkWarning, stacklevel=3)
+    for sentence in (*choice.ranking.doubts, *filter(None, [comparison.kinds_remark])):
+        warn(sentence, MrworkWarning, stacklevel=5)
     return choice

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from mrwork.base.arguments import Threads, checked
+from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
@@ -22,6 +23,7 @@ from mrwork.dampers.parameters import LawName
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.batch import JournalOf
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_from, identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -34,7 +36,6 @@ from mrwork.store.journal import Journal
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import (
     ChoiceProgress,
-    JournalOf,
     Steps,
     compared_models,
     refuse_unknown,
@@ -261,6 +262,7 @@ class RunningLawChoice:
 
 
 @checked
+@on_one_blas_thread
 def choose_laws(
     model: DamperSpec | str | Sequence[DamperSpec | str],
     tests: DamperTest | Sequence[DamperTest],

@@ -16,9 +16,10 @@ import numpy as np
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError, SimulationError
+from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.multistart import command_of
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, IdentifyRest, folds_of, predict_test
+from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, folds_of, predict_test, rests_of
 
 # Weight of what lies beyond the tests that remain, in the mean error.
 _OUTSIDE = 0.5
@@ -62,6 +63,10 @@ class Splits:
         ends = list_names([end for each in self.splits for end in each.beyond])
         beyond = f", and the {ends} motions without every test at or beyond them" if ends else ""
         return f"{len(self.units)} tests, {IN_WORDS[self.fold]}{beyond}"
+
+    def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
+        """The tests that remain without each split."""
+        return rests_of(tests, self.members)
 
     def errors(self, nrmse: Sequence[Floats]) -> Floats:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from those of each split.
@@ -142,13 +147,10 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
     )
 
 
-def left_out_errors(
-    tests: Sequence[DamperTest], splits: Splits, identify_rest: IdentifyRest
-) -> tuple[float, ...]:
-    """Errors of the units of the splits, each identified without its tests, which are predicted."""
+def left_out_errors(tests: Sequence[DamperTest], splits: Splits, fits: Sequence[Fit]) -> tuple[float, ...]:
+    """Errors of the units of the splits, whose tests the fit to those that remain predicts, shape (n_units,)."""
     nrmse = []
-    for members in splits.members:
-        fit = identify_rest(tuple(test for index, test in enumerate(tests) if index not in members))
+    for members, fit in zip(splits.members, fits, strict=True):
         try:
             nrmse.append(np.array([predict_test(fit, tests[index]).nrmse for index in members]))
         except SimulationError as reason:

@@ -1,0 +1,148 @@
+"""Several identifications that do not need each other: one after the other here, or by workers elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify_with
+from mrwork.identification.progress import Progress
+from mrwork.identification.settings import FitSettings
+from mrwork.records import DamperTest
+from mrwork.store.journal import Journal
+from mrwork.workers.engine import Outcome, kinds_remark, own_kind, present_workers
+
+JournalOf = Callable[[str], Journal]
+"""Opens the journal of the named step; it is closed when the step is done."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitTask:
+    """An identification of a batch, as for `identify_with`; `step` names its journal."""
+
+    spec: DamperSpec
+    tests: tuple[DamperTest, ...]
+    settings: FitSettings
+    examines: bool = True
+    step: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class FitBatch:
+    """Fits of tasks, to be asked for in their order.
+
+    Without workers each is made when it is asked for, else all from the first question on, with their journals as
+    each is done. `on_progress` is called with the number of the task that is fitted, or asked for, and the progress of
+    its fit where it is made here; `on_fit` with each fit as it is made.
+    """
+
+    tasks: Sequence[FitTask]
+    threads: int
+    journal_of: JournalOf | None = None
+    on_progress: Callable[[int, Progress | None], None] = lambda number, progress: None
+    on_fit: Callable[[int, Fit], None] = lambda number, fit: None
+    _kinds: set[str] = field(default_factory=set, init=False)
+    _asked: int = field(default=0, init=False)
+    _outcomes: Iterator[Outcome[tuple[Fit, bytes]]] | None = field(default=None, init=False)
+
+    @property
+    def kinds_remark(self) -> str:
+        """What is to be said where the fits come from several kinds of processors; else empty."""
+        return kinds_remark({own_kind(), *self._kinds}) if self._kinds else ""
+
+    def fit(self, number: int) -> Fit:
+        """The fit of a task; the error of one that cannot be fitted is raised."""
+        self.on_progress(number, None)
+        if self._outcomes is None and present_workers() is not None and len(self.tasks) > 1:
+            self._outcomes = self._made_elsewhere()
+        if self._outcomes is None:
+            fit = self._made_here(number)
+            self.on_fit(number, fit)
+            return fit
+        while True:
+            outcome, self._asked = next(self._outcomes), self._asked + 1
+            if self._asked > number:
+                return outcome.get()[0]
+
+    def _made_here(self, number: int) -> Fit:
+        task = self.tasks[number]
+
+        def identify(journal: Journal | None) -> Fit:
+            return identify_with(
+                task.spec,
+                task.tests,
+                task.settings,
+                threads=self.threads,
+                on_progress=partial(self.on_progress, number),
+                journal=journal,
+                warns=False,
+                examines=task.examines,
+            )
+
+        if self.journal_of is None:
+            return identify(None)
+        with closing(self.journal_of(task.step)) as journal:
+            return identify(journal)
+
+    def _made_elsewhere(self) -> Iterator[Outcome[tuple[Fit, bytes]]]:
+        workers = present_workers()
+        assert workers is not None
+        # Tests are in many tasks, and are sent once.
+        tests = [*{id(test): test for task in self.tasks for test in task.tests}.values()]
+        places = {id(test): place for place, test in enumerate(tests)}
+        chunks = [
+            (
+                task.spec,
+                task.settings,
+                task.examines,
+                [places[id(test)] for test in task.tests],
+                self._recorded(task),
+            )
+            for task in self.tasks
+        ]
+
+        def arrived(number: int, outcome: Outcome[tuple[Fit, bytes]]) -> None:
+            self._kinds.add(outcome.kind)
+            if outcome.value is not None:
+                fit, lines = outcome.value
+                if self.journal_of is not None:
+                    with closing(self.journal_of(self.tasks[number].step)) as journal:
+                        journal.adopt(lines)
+                self.on_fit(number, fit)
+            self.on_progress(self._asked, None)
+
+        return workers.outcomes(tuple, fit_on_worker, tests, chunks, on_done=arrived)
+
+    def _recorded(self, task: FitTask) -> bytes | None:
+        """Lines of the journal of a task, from which a worker goes on; `None` where none are wanted."""
+        if self.journal_of is None:
+            return None
+        with closing(self.journal_of(task.step)) as journal:
+            return journal.lines
+
+
+def fit_on_worker(
+    tests: tuple[DamperTest, ...],
+    spec: DamperSpec,
+    settings: FitSettings,
+    examines: bool,
+    places: Sequence[int],
+    lines: bytes | None,
+) -> tuple[Fit, bytes]:
+    """The fit of a task to those tests, on one thread, and the lines of its journal, which go on after `lines`."""
+    own = tuple(tests[place] for place in places)
+    identify = partial(identify_with, spec, own, settings, threads=1, warns=False, examines=examines)
+    if lines is None:
+        return identify(), b""
+    with TemporaryDirectory(prefix="mrwork-") as folder:
+        path = Path(folder) / "fit.jsonl"
+        path.write_bytes(lines)
+        with closing(Journal(path, resume=bool(lines))) as journal:
+            fit = identify(journal=journal)
+        return fit, path.read_bytes()

@@ -1,0 +1,51 @@
+"""Results of chunks in files beside a journal, until the step of which they are a part is recorded there.
+
+A journal has a step when it is complete. What was finished of an incomplete one would be lost with the client.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.store.input_file import make_stored_kind, read_arrays
+from mrwork.store.output_file import check_own_folder, replacing
+
+_KIND = make_stored_kind("respond", name="a finished chunk of runs")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptChunks:
+    """Files of the chunks of one call, which its fingerprint names; those of an earlier call are removed."""
+
+    folder: Path
+    fingerprint: str
+
+    def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:
+        """Arrays of the chunks that are kept, by number; a damaged file is none."""
+        check_own_folder(self.folder)
+        own = {self._path(number): number for number in range(count)}
+        found: dict[int, list[NDArray[Any]]] = {}
+        for path in sorted(self.folder.iterdir()) if self.folder.is_dir() else ():
+            if path not in own:
+                path.unlink(missing_ok=True)
+                continue
+            with suppress(RecordError):
+                arrays = read_arrays(path, _KIND)
+                found[own[path]] = [arrays[f"arr_{place}"] for place in range(len(arrays))]
+        return found
+
+    def keep(self, number: int, arrays: Sequence[NDArray[Any]]) -> None:
+        """Write the arrays of a chunk, whole or not at all; each member of the file has a checksum."""
+        with replacing(self._path(number)) as stream:
+            np.savez(stream, *arrays)
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"{self.fingerprint}-{number}.npz"
