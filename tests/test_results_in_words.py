@@ -65,7 +65,7 @@ def test_of_one_motion_a_law_is_better_or_not() -> None:
 def test_a_tuning_says_what_its_time_went_into() -> None:
     results = mr.tuning.TuningResults(
         title="", status="finished", laws=(), references=(), training=("A",), testing=("B", "C"),
-        command_unit="A", realisations=0, candidates_per_second=37.2, share_outside=0.58,
+        command_unit="A", realisations=0, candidates_per_second=37.2, seconds=2.0, seconds_outside=1.16,
     )  # fmt: skip
     assert motions_in_words(results) == "1 training motion and 2 test motions"
     assert motions_in_words(replace(results, testing=())) == "1 training motion"

@@ -28,7 +28,7 @@ def level_found(
     """Rows of the laws and references of a tuning, and of the clairvoyant under the first test motions."""
     found: dict[str, Any] = {
         "candidates_per_second": results.candidates_per_second,
-        "share_outside": results.share_outside,
+        "share_outside": results.seconds_outside / results.seconds,
         "laws": {each.label: _row(each) for each in (*results.references, *results.laws)},
     }
     if clairvoyants:

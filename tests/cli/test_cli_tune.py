@@ -14,7 +14,7 @@ from sentences import Refused
 
 import mrwork as mr
 
-TIMES = {"seconds", "candidates_per_second", "share_outside", "out"}
+TIMES = {"seconds", "candidates_per_second", "seconds_outside", "out"}
 
 
 def still(document: object) -> object:

@@ -28,7 +28,7 @@ from mrwork.tuning.space import LawCandidate
 
 
 def without_times(results: TuningResults) -> Any:
-    still = replace(results, seconds=0.0, candidates_per_second=0.0, share_outside=0.0)
+    still = replace(results, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0)
     laws = tuple(replace(each, seconds=0.0) for each in still.laws)
     references = tuple(replace(each, seconds=0.0) for each in still.references)
     return plain(tuning_document(replace(still, laws=laws, references=references)))

@@ -172,22 +172,6 @@ def test_chunks_depend_on_costs_alone() -> None:
     assert cut_into_chunks([1.0], 2.0) == [slice(0, 1)]
 
 
-def test_a_tuning_has_the_same_results_on_a_pool(pool: Executor) -> None:
-    from pathlib import Path
-
-    import mrwork.cli
-
-    study = mr.read_study(Path(mrwork.cli.__file__).parent / "samples" / "study.toml")
-    settings = {"laws": ["clipped_optimal"], "rng": 1, "budget": 40}
-    here, there = mr.tune(study, **settings), mr.tune(study, executor=pool, **settings)
-    assert (here.laws[0].settings, here.laws[0].judged) == (there.laws[0].settings, there.laws[0].judged)
-    scores = [mr.run_study(study, executor=executor).labelled for executor in (None, pool)]
-    assert all(
-        np.array_equal(scores[0].numbers[name], array, equal_nan=True)
-        for name, array in scores[1].numbers.items()
-    )
-
-
 def test_what_chunks_share_is_prepared_once_in_a_worker() -> None:
     prepared: list[str] = []
 

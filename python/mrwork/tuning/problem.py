@@ -54,10 +54,9 @@ class Clock:
     candidates: int = 0
 
     @property
-    def share_outside(self) -> float:
-        """Share of the time that was spent outside the simulation."""
-        spent = time.perf_counter() - self.began
-        return max(0.0, 1.0 - self.simulating / spent) if spent > 0.0 else 0.0
+    def seconds_outside(self) -> float:
+        """Time that was spent outside the simulation [s]."""
+        return max(0.0, time.perf_counter() - self.began - self.simulating)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

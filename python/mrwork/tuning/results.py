@@ -299,7 +299,7 @@ class TuningResults(WithAxes, Summarised):
     Its arrays are `score` and the ratio of every criterion to that at i = 0 over law and motion, laws before
     references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
     settings of each law that are numbers.
-    `share_outside` is the share of the time outside the simulation: design of gains, search, scores.
+    `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
     `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
     demand of the tuned laws outside the tested ranges of the dampers.
     """
@@ -317,7 +317,7 @@ class TuningResults(WithAxes, Summarised):
     fronts: tuple[Front, ...] = ()
     seconds: NotNegative = 0.0
     candidates_per_second: NotNegative = 0.0
-    share_outside: OrNan = 0.0
+    seconds_outside: NotNegative = 0.0
     facts: tuple[tuple[str, str], ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
@@ -457,7 +457,7 @@ def motions_in_words(results: TuningResults) -> str:
 
 def speed_in_words(results: TuningResults) -> str:
     """Candidates per second, and what the time went into."""
-    share = percent(results.share_outside, 0)
+    share = percent(results.seconds_outside / results.seconds if results.seconds else 0.0, 0)
     return (
         f"{results.candidates_per_second:.3g} candidates a second; design of gains, search and scores took {share} % "
         "of the time, simulations the rest"

@@ -124,7 +124,7 @@ def tune(
             realisations=0 if study.realisations is None else len(study.realisations),
             seconds=seconds,
             candidates_per_second=clock.candidates / seconds,
-            share_outside=clock.share_outside,
+            seconds_outside=clock.seconds_outside,
             facts=study.facts,
             fronts=tuple(fronts),
             building_warnings=study.building_warnings,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +42,9 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
         _wait_for_workers(client, scheduler)
         yield client.get_executor()
     finally:
-        # Without waiting for a scheduler that has gone.
-        client.close(timeout=0)
+        # A scheduler that has gone does not answer.
+        with suppress(TimeoutError):
+            client.close(timeout=1)
 
 
 def _connected(client: Any, scheduler: str) -> Any:

@@ -59,6 +59,7 @@ from mrwork.uncertainty.bands.prediction import (
     later_cycle_errors,
 )
 from mrwork.uncertainty.choice.leave_one_out import (
+    LeaveOneOut,
     SharedLikelihood,
     free_parameters,
     residuals_of,
@@ -381,14 +382,14 @@ class RunningComparison:
             threads=self.threads,
         )
         evidence: dict[str, Evidence] = {}
-        for model in self.steps.models:
-            fit = self.fits.get(model)
-            if fit is None:
-                continue
+        compute = self._leave_one_out(shared)
+        for model, fit in self.fits.items():
             self._report(model, "leave-one-out")
             own = self.evidence[model]
             try:
-                result = self.steps.run(f"{model}/leave_one_out", partial(shared.leave_one_out, fit))
+                result = self.steps.run(
+                    f"{model}/leave_one_out", partial(shared.recorded, fit, compute=compute)
+                )
             except SettingError as reason:
                 evidence[model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
@@ -396,6 +397,29 @@ class RunningComparison:
         # Recorded only when all are done: among some families the best ELPD would mislead.
         self.evidence.update(evidence)
         self.n_blocks = shared.n_blocks
+
+    def _leave_one_out(self, shared: SharedLikelihood) -> Callable[[Fit], LeaveOneOut]:
+        """Computes the PSIS-LOO of a fit: here, or by workers all at once that no journal has."""
+        workers = present_workers()
+        if workers is None:
+            return shared.leave_one_out
+
+        def is_recorded(journal: Journal | None) -> bool:
+            return journal is not None and journal.recalling
+
+        missing = [
+            fit
+            for model, fit in self.fits.items()
+            if not self.steps.run(f"{model}/leave_one_out", is_recorded)
+        ]
+        outcomes = workers.outcomes(
+            SharedLikelihood.on_one_thread,
+            SharedLikelihood.leave_one_out,
+            shared,
+            [(fit,) for fit in missing],
+        )
+        pairs = zip(missing, outcomes, strict=True)
+        return lambda fit: next(outcome for own, outcome in pairs if own is fit).get()
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""

@@ -6,8 +6,8 @@ autocorrelation time of the residuals, hence nearly independent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -143,15 +143,22 @@ class SharedLikelihood:
         """Number of blocks of all tests."""
         return sum(len(of_test) for of_test in self.blocks)
 
-    def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
-        """PSIS-LOO of a fitted family."""
+    def on_one_thread(self) -> SharedLikelihood:
+        """The same for a worker."""
+        return replace(self, threads=1)
+
+    def recorded(
+        self, fit: Fit, journal: Journal | None, *, compute: Callable[[Fit], LeaveOneOut]
+    ) -> LeaveOneOut:
+        """PSIS-LOO of a fitted family from a journal, or computed and recorded there."""
         if journal is None:
-            return self._leave_one_out(fit)
+            return compute(fit)
         facts = digest_of(fit.model, fit.theta, self.temper, self.blocks, self.noise.name, self.rng)
         step = "chain" if self.sampled else "ellipsoid"
-        return journal.once(step, facts, LeaveOneOut, lambda: self._leave_one_out(fit))
+        return journal.once(step, facts, LeaveOneOut, lambda: compute(fit))
 
-    def _leave_one_out(self, fit: Fit) -> LeaveOneOut:
+    def leave_one_out(self, fit: Fit) -> LeaveOneOut:
+        """PSIS-LOO of a fitted family."""
         target, start = target_of(fit, self.tests, self.noise, tempering=self.temper, threads=self.threads)
         if self.sampled:
             theta, noise = self._chain(fit, target)
