@@ -73,6 +73,7 @@ SMALL_VALUES = {
     "SizingProgress",
     "Uniform",
     "WeightWishes",
+    "Workers",
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {

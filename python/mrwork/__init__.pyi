@@ -70,3 +70,4 @@ from .uncertainty.identifiability.verdicts import identifiability_of as identifi
 from .uncertainty.planning import plan as plan
 from .uncertainty.posterior.draws import Draws as Draws
 from .uncertainty.posterior.sample import sample as sample
+from .workers.engine import Workers as Workers
