@@ -14,7 +14,7 @@ from command_line import started
 from sentences import Refused
 
 from mrwork import Journal
-from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
+from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError, WorkerError
 from mrwork.store.output_file import Lock, is_lock
 from mrwork.store.output_folder import Destination, adding, complete_manifest, replacing_run
 from mrwork.store.run_folder import FIT_RUN
@@ -188,6 +188,7 @@ def test_a_run_is_not_replaced_while_something_is_added_nor_added_to_while_it_is
         (OutputError("no room"), True),
         (OSError("no room"), True),
         (MemoryError(), True),
+        (WorkerError("a worker is lost"), True),
         (KeyboardInterrupt(), True),
     ],
     ids=lambda value: type(value).__name__,

@@ -12,7 +12,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet
-from mrwork.cli.terminal import show
+from mrwork.cli.terminal import note, show
 from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
@@ -110,6 +110,8 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             "--ensemble runs the study for each set of laws that predicts nearly as well, and no run folder of "
             "its dampers has others than the chosen one; leave it out, or identify the damper with --law auto"
         )
+    if (options.workers or options.cluster) and len(study.histories) == len(study.motions):
+        note("every history is stored, for which this process simulates the runs of workers again")
     histories = Histories(place, study, resume=options.resume)
     further: dict[str, Any] = {}
     lines: list[str] = []

@@ -1,8 +1,8 @@
 """Journals of unfinished runs, in a folder `RUN.part` beside the run folder until the run is written.
 
 The journal of a result that is added to a run folder grows in that folder, as `NAME.part`. A journal outlives its run
-where the run can be resumed: after an interrupt, and after a fault of the machine, such as a full disk. After an error
-of the inputs, which would come again, it is removed.
+where the run can be resumed: after an interrupt, and after a fault of the machine, such as a full disk or a lost
+worker. After an error of the inputs, which would come again, it is removed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from filecmp import cmp
 from pathlib import Path
 from types import TracebackType
 
-from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError
+from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError, WorkerError
 from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import JOURNAL_FILE, Journal
 from mrwork.store.output_file import (
@@ -90,7 +90,7 @@ def _outliving(journal: Journal, kept: Path, *, resume: bool) -> Iterator[None]:
 
 def _comes_again(error: BaseException, *, resume: bool) -> bool:
     """Whether an error is of the inputs; in a run that is resumed they are those of before."""
-    fault = isinstance(error, JournalError | LibraryError | OutputError)
+    fault = isinstance(error, JournalError | LibraryError | OutputError | WorkerError)
     return isinstance(error, MrworkError) and not fault and not resume
 
 

@@ -53,7 +53,7 @@ from mrwork.study.study import (
     digest_of_run,
     fingerprint_of,
 )
-from mrwork.workers.engine import on_executor
+from mrwork.workers.engine import on_executor, present_workers
 
 # Realisations of a trial: they fill the lanes of some threads.
 _TRIED_REALISATIONS = 64
@@ -302,7 +302,8 @@ def runs_of(
                 arrangement,
                 study.grounds[motion : motion + count],
                 study,
-                histories=demanded or (bool(stored) and together == to_end),
+                # Workers send none back: this process simulates the ones to be stored again.
+                histories=demanded or (bool(stored) and together == to_end and present_workers() is None),
                 step_factor=step_factor,
                 threads=threads,
                 on_block=on_block,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
@@ -10,9 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from mrwork.errors import SettingError, WorkerError, reason_of
+from mrwork.store.input_file import FileKind, text_of
+from mrwork.store.parse import json_value
 
 # For an answer of the scheduler, and then for the first worker [s].
 _SECONDS = 10
+_ADDRESS = re.compile(r"(\w+://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
+_SCHEDULER_FILE = FileKind(name="the file of a scheduler", largest=1 << 20, remedy="give its address instead")
 
 
 @contextmanager
@@ -37,9 +42,10 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
         ) from reason
     # Dask tells of lost connections at length, which become a sentence here.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    client = _connected(Client, scheduler)
+    address = _address(scheduler)
+    client = _connected(Client, address)
     try:
-        _wait_for_workers(client, scheduler)
+        _wait_for_workers(client, address)
         yield client.get_executor()
     finally:
         # A scheduler that has gone does not answer.
@@ -47,26 +53,36 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
             client.close(timeout=1)
 
 
-def _connected(client: Any, scheduler: str) -> Any:
-    given = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
-    if "address" in given and ":" not in scheduler:
+def _address(scheduler: str) -> str:
+    """The address itself, or that in the file of a scheduler."""
+    address: object = scheduler
+    if Path(scheduler).is_file():
+        try:
+            address = json_value(text_of(Path(scheduler), _SCHEDULER_FILE))["address"]
+        except (LookupError, TypeError, ValueError):
+            address = ""
+    if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):
         raise SettingError(
-            f"--cluster is {scheduler!r}, which is no file here and no address; give tcp://HOST:8786, or the file that "
-            "`dask scheduler --scheduler-file FILE` has written"
+            f"--cluster is {scheduler!r}, which is no address and not the file of a scheduler; give "
+            "tcp://HOST:8786, or the file that `dask scheduler --scheduler-file FILE` has written"
         )
+    return address
+
+
+def _connected(client: Any, address: str) -> Any:
     try:
-        return client(**given, timeout=_SECONDS, set_as_default=False)
-    except (OSError, ValueError, KeyError, TypeError) as reason:
+        return client(address, timeout=_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as reason:
         raise WorkerError(
-            f"no scheduler answers at {scheduler} within {_SECONDS} s ({reason_of(reason)}); start one by "
+            f"no scheduler answers at {address} within {_SECONDS} s ({reason_of(reason)}); start one by "
             "`dask scheduler`, or give its address"
         ) from reason
 
 
-def _wait_for_workers(client: Any, scheduler: str) -> None:
+def _wait_for_workers(client: Any, address: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_SECONDS)
     except TimeoutError as reason:
         raise WorkerError(
-            f"the scheduler at {scheduler} has no worker within {_SECONDS} s; start some by `dask worker {scheduler}`"
+            f"the scheduler at {address} has no worker within {_SECONDS} s; start some by `dask worker {address}`"
         ) from reason

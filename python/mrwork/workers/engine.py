@@ -248,6 +248,12 @@ class Workers:
         except (CancelledError, Exception) as error:
             if isinstance(error, MrworkError):
                 raise
+            # What others have finished counts.
+            for future, number in running.items():
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    outcome = future.result()
+                    if not isinstance(outcome, _Unknown):
+                        on_done(number, outcome)
             what = f"{type(error).__name__}: {reason_of(error)}"
             raise WorkerError(
                 f"{_name_of(self.executor)} lost a part of the work ({what}); {_RESUME}"

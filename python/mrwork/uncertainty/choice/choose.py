@@ -33,6 +33,7 @@ from mrwork.errors import (
     OutputError,
     SettingError,
     UnknownNameError,
+    WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.equivalent import identifiable_form, levels_needed
@@ -246,7 +247,7 @@ class Steps:
         """Record why a model fails in the block; errors of files are raised."""
         try:
             yield
-        except (JournalError, OutputError):
+        except (JournalError, OutputError, WorkerError):
             raise
         except MrworkError as error:
             self.failed[model] = str(error)
@@ -573,6 +574,9 @@ def choose_model(
     try:
         for family in compared:
             comparison.evaluate(family)
+        if not comparison.fits:
+            model, reason = next(iter(comparison.steps.failed.items()))
+            raise SettingError(f"none of the models could be identified; {model}: {reason}")
         comparison.add_leave_one_out(likelihood, sampled=sampled)
     except KeyboardInterrupt as interrupt:
         if not any(each.left_out for each in comparison.evidence.values()):

@@ -1,0 +1,127 @@
+"""What is finished is kept: chunks beside a journal, journals of fits, a run folder whose workers are lost."""
+
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.errors import WorkerError
+from mrwork.store.run_folder import chunks_beside
+from mrwork.workers import engine
+from mrwork.workers.kept_chunks import KeptChunks
+from tests.conftest import Refused
+from tests.workers.computations import STUDY
+from tests.workers.test_engine import Counting
+
+
+class Failing(Counting):
+    """Does some chunks, and is lost then."""
+
+    def __init__(self, chunks: int) -> None:
+        super().__init__()
+        self.left = chunks
+
+    def submit(self, function: Any, /, *args: Any, **kwargs: Any) -> Any:
+        self.left -= 1
+        if self.left < 0:
+            raise RuntimeError("the batch system has ended it")
+        return super().submit(function, *args, **kwargs)
+
+
+def _tune(journal: mr.Journal, executor: Executor | None) -> Any:
+    engine._SHARED.clear()  # what workers that are new have
+    try:
+        tuned = mr.tune(
+            mr.read_study(STUDY),
+            laws=["clipped_optimal"],
+            rng=1,
+            budget=24,
+            journal=journal,
+            executor=executor,
+        )
+        return tuned.laws[0].settings, tuned.laws[0].judged
+    finally:
+        journal.close()
+
+
+def test_chunks_of_a_call_outlive_the_client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e5)
+    path = tmp_path / "tuning.jsonl"
+    whole = Counting()
+    expected = _tune(mr.Journal(tmp_path / "other.jsonl"), whole)
+    assert expected == _tune(mr.Journal(path), None)
+    assert not chunks_beside(path).exists()
+    # In the middle of the call with the most chunks.
+    calls = [sent[3].digest for sent in whole.sent]
+    of_call = [number for number, call in enumerate(calls) if call == max(calls, key=calls.count)]
+    middle = of_call[len(of_call) // 2]
+    with pytest.raises(WorkerError, match="RuntimeError: the batch system has ended it"):
+        _tune(mr.Journal(path), Failing(middle))
+    kept = sorted(chunks_beside(path).iterdir())
+    assert len(kept) == middle - of_call[0]
+    # One is damaged, and computed again.
+    kept[0].write_bytes(kept[0].read_bytes()[:-40])
+    resumed = Counting()
+    assert _tune(mr.Journal(path, resume=True), resumed) == expected
+    again = [sent[3].digest for sent in resumed.sent].count(calls[middle])
+    assert again == len(of_call) - len(kept) + 1
+    assert not chunks_beside(path).exists()
+
+
+def test_files_of_another_call_are_removed_and_damaged_ones_are_none(
+    tmp_path: Path, refused: Refused
+) -> None:
+    first, second = (KeptChunks(folder=tmp_path / "chunks", fingerprint=name) for name in "ab")
+    arrays = [np.arange(6.0).reshape(2, 3), np.array([3, 4], dtype=np.uint32)]
+    first.keep(0, arrays)
+    first.keep(2, arrays)
+    found = first.recall(3)
+    assert [*found] == [0, 2]
+    assert all(
+        one.dtype == other.dtype and (one == other).all() for one, other in zip(found[2], arrays, strict=True)
+    )
+    content = bytearray((tmp_path / "chunks" / "a-0.npz").read_bytes())
+    content[len(content) // 3] ^= 1
+    (tmp_path / "chunks" / "a-0.npz").write_bytes(content)
+    assert [*first.recall(3)] == [2]
+    assert second.recall(3) == {}
+    assert [*(tmp_path / "chunks").iterdir()] == []
+    (tmp_path / "link").symlink_to(tmp_path)
+    refused(KeptChunks(folder=tmp_path / "link", fingerprint="a").recall, 1)
+
+
+def test_a_choice_goes_on_with_the_lines_of_its_journals(tmp_path: Path) -> None:
+    test = mr.synthetic_test("spencer1997")
+    settings = {"models": ["dahl", "bingham"]}
+
+    def opened(step: str, *, resume: bool) -> mr.Journal:
+        path = tmp_path / f"{step.replace('/', '-')}.jsonl"
+        return mr.Journal(path, resume=resume and path.exists())
+
+    expected = mr.choose_model(test, **settings)
+    with pytest.raises(WorkerError):
+        mr.choose_model(
+            test, **settings, executor=Failing(2), journal_of=lambda step: opened(step, resume=False)
+        )
+    fits = sorted(tmp_path.glob("*.jsonl"))
+    assert len(fits) == 2
+    # Of one fit only the first lines are left.
+    lines = fits[0].read_bytes().splitlines(keepends=True)
+    fits[0].write_bytes(b"".join(lines[: len(lines) // 2]))
+    again = Counting()
+    found = mr.choose_model(
+        test, **settings, executor=again, journal_of=lambda step: opened(step, resume=True)
+    )
+    assert [fit.theta for fit in found.fits] == [fit.theta for fit in expected.fits]
+    assert fits[0].read_bytes().splitlines(keepends=True)[: len(lines) // 2] == lines[: len(lines) // 2]
+    # And no worker is needed to recall them.
+    alone = mr.choose_model(test, **settings, journal_of=lambda step: opened(step, resume=True))
+    assert [fit.theta for fit in alone.fits] == [fit.theta for fit in expected.fits]
+
+
+def test_a_lost_worker_is_no_failure_of_a_model() -> None:
+    with pytest.raises(WorkerError, match=r"lost a part of the work .*; what was finished is kept"):
+        mr.choose_model(mr.synthetic_test("spencer1997"), ["dahl", "bingham"], executor=Failing(0))
