@@ -71,10 +71,13 @@ def test_chunks_of_a_call_outlive_the_client(tmp_path: Path, monkeypatch: pytest
     assert not chunks_beside(path).exists()
 
 
-def test_files_of_another_call_are_removed_and_damaged_ones_are_none(
+def test_files_of_earlier_steps_are_removed_and_damaged_ones_are_none(
     tmp_path: Path, refused: Refused
 ) -> None:
-    first, second = (KeptChunks(folder=tmp_path / "chunks", fingerprint=name) for name in "ab")
+    first, other, later = (
+        KeptChunks(folder=tmp_path / "chunks", n_steps=n_steps, fingerprint=name)
+        for n_steps, name in ((3, "a"), (3, "b"), (4, "b"))
+    )
     arrays = [np.arange(6.0).reshape(2, 3), np.array([3, 4], dtype=np.uint32)]
     first.keep(0, arrays)
     first.keep(2, arrays)
@@ -83,14 +86,16 @@ def test_files_of_another_call_are_removed_and_damaged_ones_are_none(
     assert all(
         one.dtype == other.dtype and (one == other).all() for one, other in zip(found[2], arrays, strict=True)
     )
-    content = bytearray((tmp_path / "chunks" / "a-0.npz").read_bytes())
+    content = bytearray((tmp_path / "chunks" / "000000003-a-0.npz").read_bytes())
     content[len(content) // 3] ^= 1
-    (tmp_path / "chunks" / "a-0.npz").write_bytes(content)
+    (tmp_path / "chunks" / "000000003-a-0.npz").write_bytes(content)
     assert [*first.recall(3)] == [2]
-    assert second.recall(3) == {}
+    assert other.recall(3) == {}
+    assert len([*(tmp_path / "chunks").iterdir()]) == 2
+    assert later.recall(3) == {}
     assert [*(tmp_path / "chunks").iterdir()] == []
     (tmp_path / "link").symlink_to(tmp_path)
-    refused(KeptChunks(folder=tmp_path / "link", fingerprint="a").recall, 1)
+    refused(KeptChunks(folder=tmp_path / "link", n_steps=3, fingerprint="a").recall, 1)
 
 
 def test_a_choice_goes_on_with_the_lines_of_its_journals(tmp_path: Path) -> None:

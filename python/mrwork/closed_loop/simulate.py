@@ -279,9 +279,8 @@ def _respond_elsewhere(
     costs = samples[runs[:, 1]] * loop.hardware.steps * loop.step_factor
     chunks = cut_into_chunks(costs.tolist(), _CHUNK_STEPS / loop.building.n_coordinates)
     kept = None
-    if workers.kept is not None:
-        fingerprint = digest_of(json.dumps(plain(loop)), runs, streams)
-        kept = KeptChunks(folder=workers.kept, fingerprint=fingerprint)
+    if workers.journal is not None:
+        kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), runs, streams))
     finished = {} if kept is None else kept.recall(len(chunks))
     done = sum(chunks[number].stop - chunks[number].start for number in finished)
 

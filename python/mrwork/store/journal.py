@@ -109,6 +109,11 @@ class Journal:
         return self._own
 
     @property
+    def n_asked(self) -> int:
+        """Number of steps that have been asked for."""
+        return self._asked
+
+    @property
     def recalling(self) -> bool:
         """Whether the next step is recorded."""
         return self._asked < len(self._recorded)

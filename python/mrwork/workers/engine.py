@@ -144,12 +144,12 @@ def kinds_remark(kinds: Iterable[str]) -> str:
 class Workers:
     """An executor, and how many chunks are given to it at once.
 
-    Results of chunks that are arrays are kept in the folder `kept` until the computation that they belong to ends.
+    Finished chunks of runs are kept beside `journal` until the computation that records there ends.
     """
 
     executor: Executor
     in_flight: int
-    kept: Path | None = None
+    journal: Journal | None = None
     # Chunks of the present work: done before it began, done, in total; and when it began.
     _before: int = field(default=0, init=False)
     _done: int = field(default=0, init=False)
@@ -307,7 +307,7 @@ def on_executor(function: Callable[P, T]) -> Callable[P, T]:
             kept = chunks_beside(journal.path)
             if not journal.recalling:
                 discard_folder(kept)
-            with working_on(replace(workers, kept=kept)):
+            with working_on(replace(workers, journal=journal)):
                 result = function(*args, **kwargs)
             discard_folder(kept)
             return result

@@ -16,26 +16,35 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.store.input_file import make_stored_kind, read_arrays
+from mrwork.store.journal import Journal
 from mrwork.store.output_file import check_own_folder, replacing
+from mrwork.store.run_folder import chunks_beside
 
 _KIND = make_stored_kind("respond", name="a finished chunk of runs")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeptChunks:
-    """Files of the chunks of one call, which its fingerprint names; those of an earlier call are removed."""
+    """Files of the chunks of one call, by its fingerprint and the number of steps that a journal had before."""
 
     folder: Path
+    n_steps: int
     fingerprint: str
 
+    @classmethod
+    def beside(cls, journal: Journal, fingerprint: str) -> KeptChunks:
+        """Those of a call that is made now."""
+        return cls(folder=chunks_beside(journal.path), n_steps=journal.n_asked, fingerprint=fingerprint)
+
     def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:
-        """Arrays of the chunks that are kept, by number; a damaged file is none."""
+        """Arrays of the chunks that are kept, by number; a damaged file is none, those of earlier steps are removed."""
         check_own_folder(self.folder)
         own = {self._path(number): number for number in range(count)}
         found: dict[int, list[NDArray[Any]]] = {}
         for path in sorted(self.folder.iterdir()) if self.folder.is_dir() else ():
             if path not in own:
-                path.unlink(missing_ok=True)
+                if path.name < self._of_step:
+                    path.unlink(missing_ok=True)
                 continue
             with suppress(RecordError):
                 arrays = read_arrays(path, _KIND)
@@ -47,5 +56,9 @@ class KeptChunks:
         with replacing(self._path(number)) as stream:
             np.savez(stream, *arrays)
 
+    @property
+    def _of_step(self) -> str:
+        return f"{self.n_steps:09d}-"
+
     def _path(self, number: int) -> Path:
-        return self.folder / f"{self.fingerprint}-{number}.npz"
+        return self.folder / f"{self._of_step}{self.fingerprint}-{number}.npz"
