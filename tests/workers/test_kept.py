@@ -128,5 +128,5 @@ def test_a_choice_goes_on_with_the_lines_of_its_journals(tmp_path: Path) -> None
 
 
 def test_a_lost_worker_is_no_failure_of_a_model() -> None:
-    with pytest.raises(WorkerError, match=r"lost a part of the work .*; what was finished is kept"):
+    with pytest.raises(WorkerError, match=r"lost a part of the work .*; a journal keeps what was finished"):
         mr.choose_model(mr.synthetic_test("spencer1997"), ["dahl", "bingham"], executor=Failing(0))

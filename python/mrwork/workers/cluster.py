@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import re
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,7 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
     client = _connected(Client, address)
     try:
         _wait_for_workers(client, address)
+        _refuse_without_package(client, address)
         yield client.get_executor()
     finally:
         # A scheduler that has gone does not answer.
@@ -71,7 +74,10 @@ def _address(scheduler: str) -> str:
 
 def _connected(client: Any, address: str) -> Any:
     try:
-        return client(address, timeout=_SECONDS, set_as_default=False)
+        # Versions that matter are compared chunk by chunk.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return client(address, timeout=_SECONDS, set_as_default=False)
     except (OSError, ValueError) as reason:
         raise WorkerError(
             f"no scheduler answers at {address} within {_SECONDS} s ({reason_of(reason)}); start one by "
@@ -86,3 +92,13 @@ def _wait_for_workers(client: Any, address: str) -> None:
         raise WorkerError(
             f"the scheduler at {address} has no worker within {_SECONDS} s; start some by `dask worker {address}`"
         ) from reason
+
+
+def _refuse_without_package(client: Any, address: str) -> None:
+    for who, ask in (("scheduler", client.run_on_scheduler), ("workers", client.run)):
+        try:
+            ask(version, "mrwork")
+        except PackageNotFoundError as reason:
+            raise WorkerError(
+                f"the {who} at {address} cannot find mrwork; install it in the environment in which Dask was started"
+            ) from reason

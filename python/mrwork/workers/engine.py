@@ -45,7 +45,9 @@ _IN_FLIGHT = 2
 _POLL_SECONDS = 0.1
 # Values that many chunks share and a worker keeps, the last ones that it was sent.
 _KEPT = 8
-_RESUME = "what was finished is kept; run again with --resume, on this executor, on another or on none"
+_RESUME = (
+    "a journal keeps what was finished: run again with --resume, on this executor, on another or on none"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
