@@ -31,9 +31,10 @@ def local_workers(count: int) -> Iterator[ProcessPoolExecutor | None]:
     finally:
         # What they compute is dropped, so nothing is lost.
         processes = [*(pool._processes or {}).values()]  # `terminate_workers` comes with Python 3.14
-        pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.terminate()
+        # With its semaphores, which a process that ends at once would leave behind.
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _serve(parent: int) -> None:
