@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.base.numbers import counted, duration_in_words, of_unit
+from mrwork.base.numbers import duration_in_words, of_unit
 from mrwork.base.progress import ProgressReport, share_of_time
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
@@ -24,7 +24,7 @@ from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples
 from mrwork.motions.spectrum import response_spectrum
-from mrwork.workers.engine import present_workers
+from mrwork.workers.engine import by_whom
 
 Kind = Literal["settings", "levels", "runs", "half", "realisations"]
 PartKey = tuple[int, Kind]
@@ -93,12 +93,6 @@ class Part:
     times: float = 1.0
 
 
-def _at_workers() -> str:
-    """By whom runs are done, where it is not by this process."""
-    workers = present_workers()
-    return "" if workers is None else f" on {counted(workers.n_workers, 'worker')}"
-
-
 class Course:
     """Reports of a study in progress; without `on_progress` nothing is tried or reported."""
 
@@ -146,7 +140,7 @@ class Course:
             StudyProgress(
                 done=self._done,
                 total=self._total,
-                label=f"{self._label}{within}{_at_workers()}",
+                label=f"{self._label}{within}{by_whom()}",
                 seconds=time.perf_counter() - self._began,
                 left=left,
                 reasons=() if left is None else self._why,

@@ -37,7 +37,7 @@ from mrwork.tuning.space import (
     objective_of,
     space_of,
 )
-from mrwork.workers.engine import on_executor
+from mrwork.workers.engine import by_whom, on_executor
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -148,7 +148,7 @@ def tune(
             def report(candidates: int, least: float, plan: LawPlan = plan, done: int = number) -> None:
                 on_progress(
                     TuningProgress(
-                        label=plan.label,
+                        label=f"{plan.label}{by_whom()}",
                         candidates=candidates,
                         budget=plan.table.budget,
                         least=least,

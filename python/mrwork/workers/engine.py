@@ -186,7 +186,8 @@ class Workers:
     @property
     def in_words(self) -> str:
         """Where the present work stands: chunks done, workers, and the time that is left."""
-        stands = f"{self._done} of {self._total} chunks on {counted(self.n_workers, 'worker')}"
+        chunks = f"{self._done} of {self._total} chunks" if self._total else "chunks"
+        stands = f"{chunks} on {counted(self.n_workers, 'worker')}"
         left = self.seconds_left
         return stands if left is None else f"{stands}, about {duration_in_words(left)} left"
 
@@ -320,6 +321,12 @@ def on_executor(function: Callable[P, T]) -> Callable[P, T]:
 def present_workers() -> Workers | None:
     """The workers of the innermost block, `None` where this process works itself."""
     return _PRESENT.get()
+
+
+def by_whom() -> str:
+    """Who works, after a label of progress: " on 2 workers", empty where this process does."""
+    workers = present_workers()
+    return "" if workers is None else f" on {counted(workers.n_workers, 'worker')}"
 
 
 def cut_into_chunks(costs: Iterable[float], least: float) -> list[slice]:

@@ -418,6 +418,9 @@ class RunningComparison:
             SharedLikelihood.leave_one_out,
             shared,
             [(fit,) for fit in missing],
+            on_done=lambda number, _: self._report(
+                missing[number].model, f"leave-one-out, {workers.in_words}"
+            ),
         )
         pairs = zip(missing, outcomes, strict=True)
         return lambda fit: next(outcome for own, outcome in pairs if own is fit).get()
