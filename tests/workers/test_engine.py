@@ -114,7 +114,7 @@ def test_progress_counts_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
-    workers = Workers.on(pool)
+    workers = Workers(pool)
     outcomes = [*workers.outcomes(float, _scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])]
     assert outcomes[0].get() == 2.0
     assert outcomes[2].get() == 6.0
@@ -137,7 +137,7 @@ def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it() -> None:
 def test_a_lost_worker_is_a_sentence_and_a_new_pool_goes_on() -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as broken, pytest.raises(WorkerError) as lost:
-        next(Workers.on(broken).outcomes(bool, _die, None, [()]))
+        next(Workers(broken).outcomes(bool, _die, None, [()]))
     assert "ProcessPoolExecutor lost a part of the work (BrokenProcessPool: " in str(lost.value)
     assert "run again with --resume" in str(lost.value)
 
@@ -147,7 +147,7 @@ def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch)
 
     versions = iter([("9.9", "2.0"), ("0.1", "2.0")])
     monkeypatch.setattr(engine, "_versions", lambda: next(versions))
-    (outcome,) = Workers.on(Counting(), 1).outcomes(float, _scaled, 2.0, [(1.0,)])
+    (outcome,) = Workers(Counting(), 1).outcomes(float, _scaled, 2.0, [(1.0,)])
     with pytest.raises(
         WorkerError, match=r"a worker has mrwork 0\.1 with NumPy 2\.0, and this process mrwork 9\.9"
     ):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +15,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 _LOCK = threading.Lock()
+_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 @contextmanager
@@ -21,18 +24,17 @@ def one_blas_thread() -> Iterator[None]:
 
     The number of threads is one of the process: it is back when the last block, on any thread, has ended.
     """
-    limit = _limit()
     with _LOCK:
-        limit.blocks += 1
-        if limit.blocks == 1:
-            limit.present = limit.controller.limit(limits=1, user_api="blas")
+        if not _LIMIT.blocks:
+            _LIMIT.begin()
+        _LIMIT.blocks += 1
     try:
         yield
     finally:
         with _LOCK:
-            limit.blocks -= 1
-            if not limit.blocks:
-                limit.present.restore_original_limits()
+            _LIMIT.blocks -= 1
+            if not _LIMIT.blocks:
+                _LIMIT.end()
 
 
 def on_one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
@@ -48,9 +50,12 @@ def on_one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
 
 def blas_in_words() -> str:
     """The libraries of BLAS of this process: version, and kind of processor for which each computes."""
+    # SciPy's BLAS is a second one, which must be there to be found.
+    import scipy.linalg  # noqa: F401
+
     found = {
         f"{each['internal_api']} {each['version']} for {each.get('architecture') or 'any processor'}"
-        for each in _limit().controller.info()
+        for each in _controller(True).info()
         if each["user_api"] == "blas"
     }
     return " and ".join(sorted(found))
@@ -58,17 +63,32 @@ def blas_in_words() -> str:
 
 @dataclass(slots=True)
 class _Limit:
-    """Open blocks, and the limit that the first of them has set."""
+    """Open blocks, the limit of the first of them, and the variable that limits a BLAS which is loaded later."""
 
-    controller: Any
     blocks: int = 0
     present: Any = None
+    variable: str | None = None
+
+    def begin(self) -> None:
+        loaded = _controller("scipy.linalg" in sys.modules)
+        self.present = loaded.limit(limits=1, user_api="blas")
+        self.variable = os.environ.get(_THREADS)
+        os.environ[_THREADS] = "1"
+
+    def end(self) -> None:
+        self.present.restore_original_limits()
+        if self.variable is None:
+            del os.environ[_THREADS]
+        else:
+            os.environ[_THREADS] = self.variable
+
+
+_LIMIT = _Limit()
 
 
 @cache
-def _limit() -> _Limit:
-    # SciPy's BLAS is a second one, which must be there to be found.
-    import scipy.linalg  # noqa: F401
+def _controller(with_scipy: bool) -> Any:  # noqa: ARG001, of the cache
+    """Of the libraries that are loaded, which are more with SciPy."""
     from threadpoolctl import ThreadpoolController
 
-    return _Limit(controller=ThreadpoolController())
+    return ThreadpoolController()

@@ -197,6 +197,7 @@ class Journal:
         self.record(step, inputs, plain(result))
         return result
 
+    @checked
     def adopt(self, lines: bytes) -> None:
         """Take the lines of this run that were made elsewhere, after those of this journal."""
         if new := lines[len(self.lines) :]:

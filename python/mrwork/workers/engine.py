@@ -36,7 +36,6 @@ from mrwork.store.output_file import discard_folder
 from mrwork.store.run_folder import chunks_beside
 
 P = ParamSpec("P")
-S = TypeVar("S")
 T = TypeVar("T")
 
 # Chunks in flight per worker, so that none waits for the client.
@@ -143,40 +142,46 @@ def kinds_remark(kinds: Iterable[str]) -> str:
 
 
 @dataclass(slots=True, kw_only=True)
+class _Stand:
+    """Where work stands: chunks done before it began, done, in total; and when it began."""
+
+    before: int = 0
+    done: int = 0
+    total: int = 0
+    began: float = field(default_factory=time.perf_counter)
+
+
+@checked
+@dataclass(frozen=True, slots=True)
 class Workers:
     """An executor, and how many chunks are given to it at once.
 
-    Finished chunks of runs are kept beside `journal` until the computation that records there ends.
+    Parameters
+    ----------
+    executor
+        As of `concurrent.futures`.
+    in_flight
+        Chunks that it is given at once; 0 for twice as many as it has workers, or as this machine has processors where
+        it does not tell.
+    journal
+        Finished chunks of runs are kept beside it until the computation that records there ends.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> import mrwork as mr
+    >>> mr.Workers(ThreadPoolExecutor(3)).in_flight
+    6
     """
 
     executor: Executor
-    in_flight: int
-    journal: Journal | None = None
-    # Chunks of the present work: done before it began, done, in total; and when it began.
-    _before: int = field(default=0, init=False)
-    _done: int = field(default=0, init=False)
-    _total: int = field(default=0, init=False)
-    _began: float = field(default_factory=time.perf_counter, init=False)
+    in_flight: Whole = 0
+    journal: Journal | None = field(default=None, kw_only=True)
+    _stand: _Stand = field(default_factory=_Stand, init=False)
 
-    @classmethod
-    @checked
-    def on(cls, executor: Executor, in_flight: Whole = 0) -> Workers:
-        """The workers of an executor.
-
-        Parameters
-        ----------
-        in_flight
-            Chunks that it is given at once; 0 for twice as many as it has workers, or as this machine has processors
-            where it does not tell.
-
-        Examples
-        --------
-        >>> from concurrent.futures import ThreadPoolExecutor
-        >>> import mrwork as mr
-        >>> mr.Workers.on(ThreadPoolExecutor(3)).in_flight
-        6
-        """
-        return cls(executor=executor, in_flight=in_flight or _IN_FLIGHT * _count_workers(executor))
+    def __post_init__(self) -> None:
+        if not self.in_flight:
+            object.__setattr__(self, "in_flight", _IN_FLIGHT * self.n_workers)
 
     @property
     def n_workers(self) -> int:
@@ -186,7 +191,7 @@ class Workers:
     @property
     def in_words(self) -> str:
         """Where the present work stands: chunks done, workers, and the time that is left."""
-        chunks = f"{self._done} of {self._total} chunks" if self._total else "chunks"
+        chunks = f"{self._stand.done} of {self._stand.total} chunks" if self._stand.total else "chunks"
         stands = f"{chunks} on {counted(self.n_workers, 'worker')}"
         left = self.seconds_left
         return stands if left is None else f"{stands}, about {duration_in_words(left)} left"
@@ -194,16 +199,16 @@ class Workers:
     @property
     def seconds_left(self) -> float | None:
         """Time left of the present work [s], if its other chunks last as those that are done; `None` before any is."""
-        done = self._done - self._before
-        if not done:
-            return None
-        return (time.perf_counter() - self._began) / done * (self._total - self._done)
+        stand = self._stand
+        done = stand.done - stand.before
+        return (time.perf_counter() - stand.began) / done * (stand.total - stand.done) if done else None
 
+    @checked
     def outcomes(
         self,
-        prepare: Callable[[S], object],
+        prepare: Callable[[Any], object],
         function: Callable[..., T],
-        shared: S,
+        shared: Any,
         chunks: Sequence[tuple[object, ...]],
         on_done: Callable[[int, Outcome[T]], None] = lambda number, outcome: None,
         done: Mapping[int, Outcome[T]] = MappingProxyType({}),
@@ -225,8 +230,9 @@ class Workers:
         running: dict[Future[Outcome[T] | _Unknown], int] = {}
         # The first chunks carry the shared value, and those of workers that turn out not to have it.
         carrying = {*waiting[-self.in_flight :]}
-        self._before = self._done = len(found)
-        self._total, self._began = len(chunks), time.perf_counter()
+        stand = self._stand
+        stand.before = stand.done = len(found)
+        stand.total, stand.began = len(chunks), time.perf_counter()
         try:
             for asked in range(len(chunks)):
                 while asked not in found:
@@ -245,7 +251,7 @@ class Workers:
                             waiting.append(number)
                             continue
                         found[number] = outcome
-                        self._done += 1
+                        stand.done += 1
                         on_done(number, outcome)
                 yield found.pop(asked)
         except (CancelledError, Exception) as error:
@@ -288,7 +294,7 @@ def working_on(executor: Executor | Workers | None) -> Iterator[None]:
     if executor is None:
         yield
         return
-    token = _PRESENT.set(executor if isinstance(executor, Workers) else Workers.on(executor))
+    token = _PRESENT.set(executor if isinstance(executor, Workers) else Workers(executor))
     try:
         yield
     finally:
