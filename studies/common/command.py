@@ -99,8 +99,8 @@ class Command:
     ----------
     quick
         What the quick form leaves out, if there is one.
-    threads, out
-        Whether the study has these options.
+    threads, workers, out
+        Whether the study has these options; `workers` are for `mr.on_workers`.
     seed
         Default and meaning of the seed, if there is one.
     """
@@ -112,6 +112,7 @@ class Command:
         *,
         quick: str = "",
         threads: bool = False,
+        workers: bool = False,
         out: bool = False,
         seed: tuple[int, str] | None = None,
     ) -> None:
@@ -125,6 +126,16 @@ class Command:
             add("--quick", action="store_true", help=quick)
         if threads:
             add("--threads", type=int, default=0, help="threads of the simulations, 0 for all")
+        if workers:
+            add(
+                "--workers",
+                type=int,
+                default=0,
+                metavar="N",
+                help="processes of this machine that do the work",
+            )
+            meaning = "the same by a Dask scheduler, whose workers have this folder in PYTHONPATH"
+            add("--cluster", metavar="ADDRESS", help=meaning)
         if out:
             add("--out", type=Path, default=ROOT / "out" / self.folder.name, help="where the page goes")
         if seed is not None:
@@ -165,7 +176,7 @@ def levels_command(
     file: str, about: str | None, levels: Iterable[str], *, quick: str, clairvoyants: int, resume: str
 ) -> Command:
     """The command of a study of laws at levels of the motions, with a clairvoyant under some of its test motions."""
-    command = Command(file, about, quick=quick, threads=True)
+    command = Command(file, about, quick=quick, threads=True, workers=True)
     add = command.parser.add_argument
     add("--level", action="append", choices=list(levels), help="one level of the motions; repeat for more")
     meaning = "test motions with a clairvoyant, minutes each; 0 for none"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from studies.common.command import Say
 from studies.common.rig import thinned
-from studies.leaderboard.entries import Entry
+from studies.leaderboard.entries import DAMPERS, LIMIT, Entry, Row, row_of, too_long
 
 SEED = 7
 """First number of every generator that is handed over; the second one counts the calls of an entry."""
@@ -29,11 +31,56 @@ class DamperScore:
 
 def score_damper(entry: Entry, tests: Sequence[mr.DamperTest]) -> DamperScore:
     """Identify without each motion in turn, from thinned tests, and predict its whole tests."""
-    fits: dict[str, float] = {}
-    for number, (rest, held_out) in enumerate(folds(tests)):
-        predict = entry.function(tuple(map(thinned, rest)), np.random.default_rng([SEED, number]))
-        for test in held_out:
-            fits[test.name] = fit_percent(test, predict(without_force(test)))
+    return _score([fold_fits(entry, tests, number) for number, _ in enumerate(folds(tests))])
+
+
+def damper_rows(
+    files: Sequence[Path], tests: Sequence[mr.DamperTest], say: Say
+) -> Iterator[Row[DamperScore]]:
+    """Rows of entries; workers do a fold each, and the time limit is then that of each and of all together."""
+    workers, n_folds = mr.present_workers(), len(list(folds(tests)))
+    pieces = [(file, number) for file in files for number in range(n_folds)]
+    outcomes = None if workers is None else workers.outcomes(tuple, _fold_row, tuple(tests), pieces)
+    for file in files:
+        say(file.stem)
+        if outcomes is None:
+            yield row_of(file, DAMPERS, lambda entry: score_damper(entry, tests))
+        else:
+            yield _joined([next(outcomes).get() for _ in range(n_folds)])
+
+
+def _fold_row(tests: Sequence[mr.DamperTest], file: Path, number: int) -> Row[dict[str, float]]:
+    return row_of(file, DAMPERS, lambda entry: fold_fits(entry, tests, number))
+
+
+def _joined(rows: Sequence[Row[dict[str, float]]]) -> Row[DamperScore]:
+    """The row of an entry from those of its folds."""
+    seconds = sum(row.seconds for row in rows)
+    failures = [row.failure for row in rows if row.failure]
+    if seconds > LIMIT:
+        failures.append(f"TimeoutError: {too_long(LIMIT)}")
+    fits = [row.score for row in rows if row.score is not None]
+    return Row(
+        name=rows[0].name,
+        seconds=seconds,
+        score=None if failures else _score(fits),
+        failure=failures[0] if failures else "",
+        title=rows[0].title,
+        n_params=rows[0].n_params,
+    )
+
+
+# Least squares of an entry sum in another order on several threads.
+@mr.on_one_blas_thread
+def fold_fits(entry: Entry, tests: Sequence[mr.DamperTest], number: int) -> dict[str, float]:
+    """Fit % of the tests of one motion, by what is identified without them."""
+    rest, held_out = list(folds(tests))[number]
+    predict = entry.function(tuple(map(thinned, rest)), np.random.default_rng([SEED, number]))
+    return {test.name: fit_percent(test, predict(without_force(test))) for test in held_out}
+
+
+def _score(folds_fits: Iterable[Mapping[str, float]]) -> DamperScore:
+    fits = {name: fit for each in folds_fits for name, fit in each.items()}
     worst = min(fits, key=lambda name: fits[name])
     return DamperScore(
         median=float(np.median(list(fits.values()))), worst=fits[worst], worst_test=worst, fits=fits

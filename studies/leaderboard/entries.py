@@ -152,11 +152,16 @@ def _executed(file: Path) -> ModuleType:
     return module
 
 
+def too_long(seconds: float) -> str:
+    """What is said of a row that took longer."""
+    return f"the row took longer than {seconds:g} s; make the entry faster"
+
+
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
     """Raise TimeoutError in the block after `seconds`; where the system has no such timer, when the block ends."""
     began = time.perf_counter()
-    sentence = f"the row took longer than {seconds:g} s; make the entry faster"
+    sentence = too_long(seconds)
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise TimeoutError(sentence)

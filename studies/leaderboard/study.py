@@ -1,6 +1,7 @@
 """A leaderboard of identifications, control laws and the Bouc-Wen benchmark; an entry is one small file, see README.md.
 
 python studies/leaderboard/study.py [--only NAME ...] [--quick] [--json] [--out DIRECTORY] [--threads N]
+                                    [--workers N | --cluster ADDRESS]
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import mrwork as mr
 from mrwork.report import Table, write_study_page
 from studies.common.command import Command, Findings, Say
-from studies.leaderboard.damper_scores import DamperScore, score_damper
-from studies.leaderboard.entries import DAMPERS, LAWS, Entry, Kind, Row, attempt, chosen, files_of, row_of
+from studies.leaderboard.damper_scores import DamperScore, damper_rows
+from studies.leaderboard.entries import DAMPERS, LAWS, Kind, Row, attempt, chosen, files_of, row_of
 from studies.leaderboard.law_scores import Bench, bench, measured_motions, score_law, synthetic_motions
 from studies.leaderboard.measured import BENCHMARK, MOTIONS, UTFSM, absent_sentence, measured_files
 from studies.leaderboard.rigs import synthetic_rig, utfsm_rig
@@ -99,8 +100,9 @@ def find(options: Namespace, say: Say) -> Findings | int:
         say(str(error))
         return 2
     only = options.only or []
-    damper_rows, without_tests = _damper_rows(only, options, say)
-    law_rows, without_motions = _law_rows(only, options, say)
+    with mr.on_workers(options):
+        rows_of_dampers, without_tests = _damper_rows(only, options, say)
+        law_rows, without_motions = _law_rows(only, options, say)
     benchmark: list[Row[BenchmarkScore]] = []
     if not only or BENCHMARK_ROW in only:
         # JAX takes seconds to load.
@@ -110,7 +112,7 @@ def find(options: Namespace, say: Say) -> Findings | int:
         benchmark = [attempt(BENCHMARK_ROW, lambda: score_benchmark(quick=options.quick))]
     board = Board(
         processor=_processor(),
-        dampers=damper_rows,
+        dampers=rows_of_dampers,
         laws=law_rows,
         benchmark=benchmark,
         absent={**without_tests, **without_motions},
@@ -140,16 +142,10 @@ def _damper_rows(
     rigs = {"synthetic rig": synthetic[:_QUICK_TESTS] if options.quick else synthetic}
     if not options.quick:
         rigs["UTFSM sinusoids"] = utfsm_rig()
-    rows: dict[str, list[Row[DamperScore]]] = {}
-    for rig, tests in rigs.items():
-
-        def score(entry: Entry, tests: Sequence[mr.DamperTest] = tests) -> DamperScore:
-            return score_damper(entry, tests)
-
-        rows[rig] = []
-        for file in files if tests else ():
-            say(f"{rig}: {file.stem}")
-            rows[rig].append(row_of(file, DAMPERS, score))
+    rows = {
+        rig: [*damper_rows(files if tests else (), tests, lambda name, rig=rig: say(f"{rig}: {name}"))]
+        for rig, tests in rigs.items()
+    }
     return rows, {rig: absent_sentence(UTFSM) for rig, tests in rigs.items() if not tests}
 
 
@@ -196,6 +192,7 @@ if __name__ == "__main__":
         __doc__,
         quick="two motions of the synthetic rig, three motions of the laws, a short benchmark, no measured data",
         threads=True,
+        workers=True,
         out=True,
     )
     command.parser.add_argument(

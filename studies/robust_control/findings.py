@@ -10,9 +10,11 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, ClairvoyantSettings, clairvoyant
+from studies.common.pieces import results_of
 from studies.common.scores import PEAKS
 
 CLAIRVOYANT = "clairvoyant"
+Loop = tuple[mr.Building, tuple[mr.Device, ...], mr.Hardware]
 # Iterations that leave some percent to be found, in minutes instead of hours.
 _SEARCH = ClairvoyantSettings(interval=0.02, explore=15, finish=45)
 
@@ -57,17 +59,22 @@ def _row(law: mr.tuning.LawResult) -> dict[str, Any]:
 
 def _clairvoyants(study: mr.Study, count: int, threads: int, say: Callable[[str], None]) -> dict[str, Any]:
     motions = [each.ground for each in study.motions if each.use == "test"][:count]
+    found = results_of(tuple, clairvoyant_under, loop_of(study), [(motion, threads) for motion in motions])
     scores, ratios = {}, []
     for motion in motions:
         say(f"{study.title}: clairvoyant under {motion.name}")
-        scores[motion.name], under = clairvoyant_under(study, motion, threads)
+        scores[motion.name], under = next(found)
         ratios.append(under)
     return {"motions": scores, "ratios": dict(zip(SCORE, np.mean(ratios, axis=0).tolist(), strict=True))}
 
 
-def clairvoyant_under(study: mr.Study, motion: mr.GroundMotion, threads: int) -> tuple[float, list[float]]:
+def loop_of(study: mr.Study) -> Loop:
+    """Building, devices and hardware of a study."""
+    return study.building, tuple(study.devices), study.hardware
+
+
+def clairvoyant_under(loop: Loop, motion: mr.GroundMotion, threads: int) -> tuple[float, list[float]]:
     """Score and criteria of the best command history under a motion, a local optimum of several starts."""
-    best = clairvoyant(
-        study.building, study.devices, motion, study.hardware, settings=_SEARCH, threads=threads
-    )
+    building, devices, hardware = loop
+    best = clairvoyant(building, devices, motion, hardware, settings=_SEARCH, threads=threads)
     return best.score, [best.ratios[name] for name in SCORE]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -87,16 +87,20 @@ def identified(folder: Path, say: Callable[[str], None]) -> Path:
     return run
 
 
-def tuned(file: Path, run: Path, *, threads: int, quick: bool, resume: bool) -> mr.tuning.TuningResults:
-    """The tuning of a study file, continued where it was begun if `resume`; its folder has chosen.toml and a page."""
+def tuned(
+    file: Path, run: Path, *, computation: Sequence[str], quick: bool, resume: bool
+) -> mr.tuning.TuningResults:
+    """The tuning of a study file, continued where it was begun if `resume`; its folder has chosen.toml and a page.
+
+    `computation` are options of the verb that do not change the result.
+    """
     begun = any((folder / "journal.jsonl").is_file() for folder in (run, run.with_name(f"{run.name}.part")))
     _mrwork(
         "tune",
         str(file),
         "--out",
         str(run),
-        "--threads",
-        str(threads),
+        *computation,
         *(["--resume"] if resume and begun else []),
         *(QUICK if quick else ()),
     )

@@ -1,6 +1,7 @@
 """Laws tuned on synthetic motions and judged on measured ones; what uncertainty does to them, and what is left.
 
 python studies/robust_control/study.py [--level "0.1 g"] [--clairvoyants N] [--resume] [--quick] [--json] [--threads N]
+                                       [--workers N | --cluster ADDRESS]
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ def find(options: Namespace, say: Say) -> Findings | int:
         say(f"no measured motions at {MEASURED}, so nothing can be judged; put them there")
         return 2
     identified(OUT, say)
+    computation = ["--threads", str(options.threads), "--workers", str(options.workers)]
+    if options.cluster is not None:
+        computation += ["--cluster", options.cluster]
     found = {}
     for level in options.level or LEVELS:
         file = LEVELS[level]
@@ -39,17 +43,18 @@ def find(options: Namespace, say: Say) -> Findings | int:
         results = tuned(
             file,
             OUT / (f"{file.stem}_quick" if options.quick else file.stem),
-            threads=options.threads,
+            computation=computation,
             quick=options.quick,
             resume=options.resume,
         )
-        found[level] = level_found(
-            mr.read_study(file),
-            results,
-            clairvoyants=0 if options.quick else options.clairvoyants,
-            threads=options.threads,
-            say=say,
-        )
+        with mr.on_workers(options):
+            found[level] = level_found(
+                mr.read_study(file),
+                results,
+                clairvoyants=0 if options.quick else options.clairvoyants,
+                threads=options.threads,
+                say=say,
+            )
     if not options.quick:
         from studies.robust_control.page import write_page
 

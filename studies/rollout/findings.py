@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ import mrwork as mr
 from mrwork.control import ControlLaw
 from mrwork.dampers import flops_per_step
 from studies.common.command import Say
+from studies.common.pieces import results_of
 from studies.common.scores import constant_commands
-from studies.robust_control.findings import CLAIRVOYANT, clairvoyant_under
-from studies.rollout.cases import CHANGES, LOOPS, Case, sensor_peaks
+from studies.robust_control.findings import CLAIRVOYANT, clairvoyant_under, loop_of
+from studies.rollout.cases import CHANGES, LOOPS, Case, reference_peaks, sensor_peaks
 from studies.rollout.loop import SIXTEEN, TRAINING, Bench, Plant, strongest
 
 _QUICK = ("observer, noise, 2 ms", "no forecast")
@@ -52,19 +54,67 @@ def kept_in(file: Path, *, resume: bool) -> Kept:
 def level_found(
     level: str, bench: Bench, kept: Kept, *, quick: bool, clairvoyants: Iterable[str], say: Say
 ) -> dict[str, Any]:
-    """Rows of a level, each found once."""
+    """Rows of a level, each found once; workers do a row each."""
+    peaks = kept.once(f"{level}, sensors", lambda: sensor_peaks(bench))
+    constant = kept.once(
+        f"{level}, constant", lambda: {group: bench.constant(group) for group in bench.motions}
+    )
 
-    def rows(kind: str, names: Iterable[str], find: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+    def rows(kind: str, names: Iterable[str], row: Callable[[_Level, str], dict[str, Any]]) -> dict[str, Any]:
+        steps = {name: f"{level}, {kind}: {name}" for name in names}
+        missing = [(name,) for name, step in steps.items() if step not in kept.known]
+        made = results_of(_Level.of, row, (_sent(bench), peaks), missing)
         found = {}
-        for name in names:
-            say(f"{level}, {kind}: {name}")
-            found[name] = kept.once(f"{level}, {kind}: {name}", lambda name=name: find(name))
+        for name, step in steps.items():
+            say(step)
+            found[name] = kept.once(step, lambda: next(made))
         return found
 
-    laws = {each.row.label: each for each in bench.study.arrangements if each.devices}
+    def chosen(cases: Mapping[str, Case]) -> list[str]:
+        return [name for name in cases if not quick or name in _QUICK]
 
-    def law_row(name: str) -> dict[str, Any]:
-        arrangement = laws[name]
+    found: dict[str, Any] = {
+        "constant": constant,
+        "laws": rows("law", _laws(bench), _Level.law),
+        "loops": rows("loop", chosen(LOOPS), _Level.loop),
+        "changes": rows("change", chosen(CHANGES), _Level.change),
+    }
+    if names := tuple(clairvoyants):
+        found[CLAIRVOYANT] = rows("clairvoyant", names, _Level.clairvoyant)
+    return found
+
+
+def _laws(bench: Bench) -> dict[str, Any]:
+    """Arrangements with devices, by the labels of their rows."""
+    return {each.row.label: each for each in bench.study.arrangements if each.devices}
+
+
+def _sent(bench: Bench) -> Bench:
+    """The bench as workers are sent it: with the reference peaks themselves, and one thread."""
+    if mr.present_workers() is None:
+        return bench
+    study = bench.study
+    assert study.problem is not None
+    problem = replace(study.problem, reference_peaks=partial(replace, reference_peaks(bench)))
+    return replace(bench, study=replace(study, problem=problem), threads=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Level:
+    """What the rows of a level share: its bench, that of the strong seconds, and the peaks that its sensors measure."""
+
+    bench: Bench
+    strong: Bench
+    peaks: Mapping[str, float]
+
+    @classmethod
+    def of(cls, sent: tuple[Bench, Mapping[str, float]]) -> _Level:
+        bench, peaks = sent
+        return cls(bench=bench, strong=strongest(bench), peaks=peaks)
+
+    def law(self, name: str) -> dict[str, Any]:
+        """A law of the study under all groups of motions."""
+        bench, arrangement = self.bench, _laws(self.bench)[name]
         if arrangement.law is None:
             best = bench.best_constant(TRAINING)
             of = {group: bench.constants(group, Plant())[best] for group in bench.motions}
@@ -76,41 +126,30 @@ def level_found(
             }
         return {group: bench.judge(criteria, group, Plant()) for group, criteria in of.items()}
 
-    def chosen(cases: Mapping[str, Case]) -> list[str]:
-        return [name for name in cases if not quick or name in _QUICK]
+    def loop(self, name: str) -> dict[str, Any]:
+        """The rollout in a wrong loop."""
+        return self._case(LOOPS[name], self.bench)
 
-    strong = strongest(bench)
-    peaks = kept.once(f"{level}, sensors", lambda: sensor_peaks(bench))
+    def change(self, name: str) -> dict[str, Any]:
+        """The strong seconds after a change of one thing."""
+        return self._case(CHANGES[name], self.strong)
 
-    def row(case: Case, of: Bench) -> dict[str, Any]:
-        plant = case.plant(peaks)
-        return of.judge(of.run(case.law(bench), SIXTEEN, plant)[0], SIXTEEN, plant)
+    def _case(self, case: Case, of: Bench) -> dict[str, Any]:
+        plant = case.plant(self.peaks)
+        return of.judge(of.run(case.law(self.bench), SIXTEEN, plant)[0], SIXTEEN, plant)
 
-    found: dict[str, Any] = {
-        "constant": kept.once(
-            f"{level}, constant", lambda: {group: bench.constant(group) for group in bench.motions}
-        ),
-        "laws": rows("law", laws, law_row),
-        "loops": rows("loop", chosen(LOOPS), lambda name: row(LOOPS[name], bench)),
-        "changes": rows("change", chosen(CHANGES), lambda name: row(CHANGES[name], strong)),
-    }
-    if names := tuple(clairvoyants):
-        found[CLAIRVOYANT] = rows("clairvoyant", names, lambda name: _clairvoyant(bench, name))
-    return found
-
-
-def _clairvoyant(bench: Bench, name: str) -> dict[str, Any]:
-    """Scores under a motion: of the best constant command, the rollout and the best command history."""
-    study = bench.study
-    (motion,) = (each for each in study.grounds if each.name == name)
-    under = _on(bench, motion)
-    constants = under.constants(SIXTEEN, Plant())
-    ours = under.run(Case().law(bench), SIXTEEN, Plant())[0, 0]
-    return {
-        "best constant": float((constants / constants[0]).mean(axis=(1, 2)).min()),
-        "rollout": float((ours / constants[0, 0]).mean()),
-        CLAIRVOYANT: clairvoyant_under(study, motion, bench.threads)[0],
-    }
+    def clairvoyant(self, name: str) -> dict[str, Any]:
+        """Scores under a motion: of the best constant command, the rollout and the best command history."""
+        study = self.bench.study
+        (motion,) = (each for each in study.grounds if each.name == name)
+        under = _on(self.bench, motion)
+        constants = under.constants(SIXTEEN, Plant())
+        ours = under.run(Case().law(self.bench), SIXTEEN, Plant())[0, 0]
+        return {
+            "best constant": float((constants / constants[0]).mean(axis=(1, 2)).min()),
+            "rollout": float((ours / constants[0, 0]).mean()),
+            CLAIRVOYANT: clairvoyant_under(loop_of(study), motion, self.bench.threads)[0],
+        }
 
 
 def cost_found(bench: Bench) -> dict[str, float]:

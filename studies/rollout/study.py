@@ -1,6 +1,7 @@
 """The predictive rollout beside other laws on motions that chose nothing; in wrong loops; without its parts; its cost.
 
 python studies/rollout/study.py [--level "0.1 g"] [--clairvoyants N] [--resume] [--quick] [--json] [--threads N]
+                                [--workers N | --cluster ADDRESS]
 """
 
 from __future__ import annotations
@@ -39,14 +40,16 @@ def find(options: Namespace, say: Say) -> Findings | int:
         bench = bench_of(mr.read_study(LEVELS[level]), threads=options.threads)
         if options.quick:
             bench = shortened(bench)
-        found[level] = level_found(
-            level,
-            bench,
-            kept,
-            quick=options.quick,
-            clairvoyants=() if options.quick else CLAIRVOYANTS[: options.clairvoyants],
-            say=say,
-        )
+        with mr.on_workers(options):
+            found[level] = level_found(
+                level,
+                bench,
+                kept,
+                quick=options.quick,
+                clairvoyants=() if options.quick else CLAIRVOYANTS[: options.clairvoyants],
+                say=say,
+            )
+    # Of this process.
     say("cost")
     figures = {"levels": found, "cost": kept.once("cost", partial(cost_found, bench))}
     if not options.quick:

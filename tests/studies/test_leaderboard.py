@@ -29,8 +29,15 @@ from studies.leaderboard.benchmark_score import (
     simulated_sweep,
 )
 from studies.leaderboard.best_constant import best_constant, constant_commands, training_scores
-from studies.leaderboard.damper_scores import fit_percent, folds, score_damper, without_force
-from studies.leaderboard.entries import DAMPERS, LAWS, Entry, Kind, attempt, files_of, load, row_of
+from studies.leaderboard.damper_scores import (
+    DamperScore,
+    damper_rows,
+    fit_percent,
+    folds,
+    score_damper,
+    without_force,
+)
+from studies.leaderboard.entries import DAMPERS, LAWS, Entry, Kind, Row, attempt, files_of, load, row_of
 from studies.leaderboard.law_scores import bench, score_law, synthetic_motions, training_motions
 from studies.leaderboard.rigs import CURRENTS, MOTIONS, synthetic_rig, utfsm_rig
 from studies.leaderboard.tables import damper_table, law_table
@@ -129,6 +136,20 @@ def test_nothing_of_a_held_out_force_is_handed_over(tests: tuple[mr.DamperTest, 
     assert sorted(seen) == sorted(forces)
     # The mean of a force explains none of its deviation.
     assert all(abs(fit) < 1.0 for fit in score.fits.values())
+
+
+def test_rows_of_workers_are_those_of_this_process(tests: tuple[mr.DamperTest, ...], tmp_path: Path) -> None:
+    fails = file_of(tmp_path, '"""A method."""\ndef identify(tests, rng): return 1 / 0')
+    files = [files_of(DAMPERS)["linear_regression"], fails]
+
+    def rows() -> list[Row[DamperScore]]:
+        return [replace(row, seconds=0.0) for row in damper_rows(files, tests, lambda name: None)]
+
+    here = rows()
+    with mr.local_workers(1) as pool, mr.working_on(pool):
+        assert rows() == here
+    assert here[0].score is not None
+    assert here[1].failure == "ZeroDivisionError: division by zero"
 
 
 def test_a_motion_is_left_out_at_every_current(tests: tuple[mr.DamperTest, ...]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
+from mrwork.closed_loop import ClairvoyantSettings
 from mrwork.control import settings_of
+from studies.robust_control import findings as robust_findings
 from studies.robust_control import runs as robust_runs
 from studies.robust_control.findings import level_found
 from studies.robust_control.page import score_figure
@@ -38,6 +41,20 @@ def test_laws_and_references_stand_beside_each_other(found: dict[str, Any]) -> N
     assert set(laws["Passive-off"]["motions"]) == {"B", "C"}
     band = laws["Clipped-optimal, tuned"]["bands"]["peak_drift"]
     assert 0.0 < band["lower"] < band["median"] < band["upper"]
+
+
+def test_clairvoyants_of_workers_are_those_of_this_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robust_findings, "_SEARCH", ClairvoyantSettings(explore=1, finish=0))
+    study = mr.read_study(tuning_samples.study_file(tmp_path, tune="", building=tuning_samples.TWO_STOREYS))
+
+    def under() -> dict[str, Any]:
+        return robust_findings._clairvoyants(study, 2, 1, lambda what: None)
+
+    here = under()
+    with ThreadPoolExecutor(1) as pool, mr.working_on(pool):
+        assert under() == here
 
 
 def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
@@ -93,11 +110,11 @@ def test_a_tuning_is_made_by_the_command_line_and_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tuning_samples.study_file(tmp_path)
-    first = robust_runs.tuned(file, tmp_path / "run", threads=1, quick=True, resume=True)
+    first = robust_runs.tuned(file, tmp_path / "run", computation=("--workers", "1"), quick=True, resume=True)
     assert (tmp_path / "run" / "chosen.toml").is_file()
     asked: list[tuple[str, ...]] = []
     monkeypatch.setattr(robust_runs, "_mrwork", lambda *arguments: asked.append(arguments))
-    again = robust_runs.tuned(file, tmp_path / "run", threads=1, quick=True, resume=True)
+    again = robust_runs.tuned(file, tmp_path / "run", computation=(), quick=True, resume=True)
     assert "--resume" in asked[0]
     assert again.laws[0].settings == first.laws[0].settings
 

@@ -52,6 +52,15 @@ def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> Non
     assert_filled(tables({**found, "levels": levels}))
 
 
+def test_rows_of_workers_are_those_of_this_process(
+    bench: Bench, found: dict[str, Any], tmp_path: Path
+) -> None:
+    kept = kept_in(tmp_path / "runs.json", resume=False)
+    with mr.local_workers(1) as pool, mr.working_on(pool):
+        level = level_found("0.1 g", bench, kept, quick=True, clairvoyants=(), say=lambda what: None)
+    assert level == found["levels"]["0.1 g"]
+
+
 @pytest.mark.usefixtures("drawn_pictures")
 def test_the_page_stands_alone(found: dict[str, Any], tmp_path: Path) -> None:
     write_page(found, tmp_path / "report.html")

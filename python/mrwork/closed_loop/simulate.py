@@ -113,7 +113,7 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
 
 
 def _core_building(
-    building: Building, devices: Sequence[Device], varied: Sequence[Building] = ()
+    building: Building, devices: Sequence[Device], varied: Sequence[tuple[Floats, Floats]] = ()
 ) -> _rust.Building:
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
@@ -132,7 +132,7 @@ def _core_building(
             storeys=building.storeys,
             devices=elongation_rows(building, devices),
             elements=building.elements,
-            varied=[(other.damping, other.stiffness) for other in varied],
+            varied=varied,
         )
     except ValueError as error:
         raise SettingError(f"{building.name}: {error}") from error
@@ -173,35 +173,76 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     return _rust.LoopModel(_core_building(linear, devices), _core_dampers(devices, first_draws))
 
 
+@array_dataclass()
+class RunsOfLoop:
+    """Runs of a loop: candidate, motion, draw, building and delay of each, shape (n_runs, 5), with its stream of noise.
+
+    `gains` (n_candidates, n_gains), `shaping` (n_candidates, 2) or `None`, `theta` (n_draws, n_devices, n_columns).
+    """
+
+    runs: NDArray[np.uint32]
+    streams: NDArray[np.uint64]
+    gains: Floats
+    shaping: Floats | None
+    theta: Floats
+
+    def part(self, which: slice) -> RunsOfLoop:
+        """Some of the runs, with the candidates and the draws from their first to their last ones."""
+        runs = self.runs[which].copy()
+        candidates, draws = (slice(int(each.min()), int(each.max()) + 1) for each in (runs[:, 0], runs[:, 2]))
+        runs[:, 0] -= np.uint32(candidates.start)
+        runs[:, 2] -= np.uint32(draws.start)
+        return RunsOfLoop(
+            runs=runs,
+            streams=self.streams[which],
+            gains=self.gains[candidates],
+            shaping=None if self.shaping is None else self.shaping[candidates],
+            theta=self.theta[draws],
+        )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Core:
     """What the runs of a call share, as the core takes it."""
 
+    loop: LoopOfRuns
     building: _rust.Building
-    dampers: _rust.Dampers
-    controller: _rust.Controller
     observer: _rust.Observer | None
-    hardware: Hardware
     # Pairs of a time step and an acceleration.
     waves: list[Any]
-    step_factor: int
+
+    def driven(self, runs: RunsOfLoop) -> tuple[_rust.Dampers, _rust.Controller]:
+        """Dampers and controller of the runs' draws and candidates."""
+        law, devices = self.loop.law, self.loop.devices
+        with core_refusals():
+            return (
+                _ideal_actuators(len(devices))
+                if law.spec.commands_force
+                else _core_dampers(devices, runs.theta),
+                _rust.Controller(
+                    law.name,
+                    np.ascontiguousarray(runs.gains),
+                    law.table_rows(),
+                    _core_curve(law),
+                    runs.shaping,
+                    _core_model(law),
+                    law.signals,
+                ),
+            )
 
 
 @array_dataclass()
 class LoopOfRuns:
     """What the runs of a call share, in values that can be sent to another process; designs are made already.
 
-    `gains` (n_candidates, n_gains), `theta` (n_draws, n_devices, n_columns), `shaping` (n_candidates, 2) or `None`;
-    the observer, if there is one, measures the accelerations of `floors`.
+    The gains of `law` are not those of the runs, `varied` are pairs of damping and stiffness, and the observer, if
+    there is one, measures the accelerations of `floors`.
     """
 
     building: Building
-    varied: tuple[Building, ...]
+    varied: tuple[tuple[Floats, Floats], ...]
     devices: tuple[Device, ...]
-    theta: Floats
     law: ControlLaw
-    gains: Floats
-    shaping: Floats | None
     hardware: Hardware
     floors: tuple[int, ...]
     observer: Observer | None
@@ -210,34 +251,21 @@ class LoopOfRuns:
 
     def core(self) -> _Core:
         """The same for the core, which is made anew in each process."""
-        law, devices = self.law, self.devices
-        building = _core_building(self.building, devices, self.varied)
+        building = _core_building(self.building, self.devices, self.varied)
         with core_refusals():
             return _Core(
+                loop=self,
                 building=building,
-                dampers=_ideal_actuators(len(devices))
-                if law.spec.commands_force
-                else _core_dampers(devices, self.theta),
-                controller=_rust.Controller(
-                    law.name,
-                    self.gains,
-                    law.table_rows(),
-                    _core_curve(law),
-                    self.shaping,
-                    _core_model(law),
-                    law.signals,
-                ),
                 observer=None
                 if self.observer is None
-                else _core_observer(self.observer, self.floors, len(devices), self.hardware),
-                hardware=self.hardware,
+                else _core_observer(self.observer, self.floors, len(self.devices), self.hardware),
                 waves=[(motion.dt, np.ascontiguousarray(motion.acceleration)) for motion in self.motions],
-                step_factor=self.step_factor,
             )
 
 
 def _respond(
     core: _Core,
+    driven: tuple[_rust.Dampers, _rust.Controller],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     *,
@@ -245,42 +273,43 @@ def _respond(
     threads: int = 0,
     outside: Any = None,
 ) -> Any:
+    dampers, controller = driven
     with core_refusals():
         return _rust.respond(
             core.building,
-            core.dampers,
-            core.controller,
-            core.hardware,
+            dampers,
+            controller,
+            core.loop.hardware,
             core.waves,
             np.ascontiguousarray(runs),
             streams,
             observer=core.observer,
             histories=histories,
-            step_factor=core.step_factor,
+            step_factor=core.loop.step_factor,
             threads=threads,
             outside=outside,
         )
 
 
-def respond_alone(core: _Core, runs: NDArray[np.uint32], streams: NDArray[np.uint64]) -> list[NDArray[Any]]:
+def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
     """Runs of a loop in a process of their own, on one thread: summaries, outcomes, steps, without histories."""
-    return list(_respond(core, runs, streams, threads=1)[:3])
+    return list(_respond(core, core.driven(runs), runs.runs, runs.streams, threads=1)[:3])
 
 
 def _respond_elsewhere(
     workers: Workers,
     loop: LoopOfRuns,
-    runs: NDArray[np.uint32],
-    streams: NDArray[np.uint64],
+    runs: RunsOfLoop,
     on_progress: Callable[[int, int], None] | None,
 ) -> list[Any]:
     """Runs of a loop by workers, in chunks that depend on their samples alone."""
     samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
-    costs = samples[runs[:, 1]] * loop.hardware.steps * loop.step_factor
+    costs = samples[runs.runs[:, 1]] * loop.hardware.steps * loop.step_factor
     chunks = cut_into_chunks(costs.tolist(), _CHUNK_STEPS / loop.building.n_coordinates)
     kept = None
     if workers.journal is not None:
-        kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), runs, streams))
+        arrays = runs.runs, runs.streams, runs.gains, runs.shaping, runs.theta
+        kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
     finished = {} if kept is None else kept.recall(len(chunks))
     done = sum(chunks[number].stop - chunks[number].start for number in finished)
 
@@ -290,13 +319,13 @@ def _respond_elsewhere(
         if kept is not None and outcome.value is not None:
             kept.keep(number, outcome.value)
         if on_progress is not None:
-            on_progress(done, len(runs))
+            on_progress(done, len(runs.runs))
 
     outcomes = workers.outcomes(
         LoopOfRuns.core,
         respond_alone,
         loop,
-        [(runs[each], streams[each]) for each in chunks],
+        [(runs.part(each),) for each in chunks],
         on_done=count,
         done={number: Outcome(value=arrays) for number, arrays in finished.items()},
     )
@@ -555,12 +584,9 @@ def simulate_loop(
             observer = loop_observer(nominal or building, devices, hardware, floors)
     loop = LoopOfRuns(
         building=building,
-        varied=tuple(varied),
+        varied=tuple((each.damping, each.stiffness) for each in varied),
         devices=tuple(devices),
-        theta=theta,
-        law=law,
-        gains=gains,
-        shaping=shaping,
+        law=_without_gains(law, len(devices), n_states),
         hardware=hardware,
         floors=tuple(floors),
         observer=observer,
@@ -587,8 +613,9 @@ def simulate_loop(
     # The noise of a run depends on its motion and realisation only, so that candidates are compared under equal noise.
     seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
     streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
+    own = RunsOfLoop(runs=runs, streams=streams, gains=gains, shaping=shaping, theta=theta)
     core = loop.core()
-    workers = present_workers()
+    driven, workers = core.driven(own), present_workers()
     if workers is None or histories or user is not None:
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
@@ -598,7 +625,13 @@ def simulate_loop(
             outside = None if user is None else user.asked(runs[part, :3], devices, hardware.sample_time)
             parts.append(
                 _respond(
-                    core, runs[part], streams[part], histories=histories, threads=threads, outside=outside
+                    core,
+                    driven,
+                    runs[part],
+                    streams[part],
+                    histories=histories,
+                    threads=threads,
+                    outside=outside,
                 )
             )
             done = min(part.stop, len(runs))
@@ -607,7 +640,7 @@ def simulate_loop(
                 blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     else:
-        parts = _respond_elsewhere(workers, loop, runs, streams, on_progress)
+        parts = _respond_elsewhere(workers, loop, own, on_progress)
     responses = _responses(
         parts, core.building, hardware, shape, () if actuators else tuple(devices), motions
     )
@@ -615,6 +648,16 @@ def simulate_loop(
         return responses
     scale = factors[candidate]
     return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
+
+
+def _without_gains(law: ControlLaw, n_devices: int, n_states: int) -> ControlLaw:
+    """The law as its candidates share it: with gains of zero, which are of no candidate."""
+    zeros = {
+        gain.name: np.zeros(gain.shape_for(n_devices, n_states, len(law.signals)))
+        for gain in law.spec.gains
+        if gain.name in law.gains
+    }
+    return replace(law, gains=zeros, weights=None, margins=None, notes=())
 
 
 def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:

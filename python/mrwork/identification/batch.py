@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import is_
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -68,7 +69,7 @@ class FitBatch:
         while True:
             outcome, self._asked = next(self._outcomes), self._asked + 1
             if self._asked > number:
-                return outcome.get()[0]
+                return self._whole(number, outcome.get()[0])
 
     def _made_here(self, number: int) -> Fit:
         task = self.tasks[number]
@@ -110,7 +111,7 @@ class FitBatch:
         def arrived(number: int, outcome: Outcome[tuple[Fit, bytes]]) -> None:
             self._kinds.add(outcome.kind)
             if outcome.value is not None:
-                fit, lines = outcome.value
+                fit, lines = self._whole(number, outcome.value[0]), outcome.value[1]
                 if self.journal_of is not None:
                     with closing(self.journal_of(self.tasks[number].step)) as journal:
                         journal.adopt(lines)
@@ -118,6 +119,10 @@ class FitBatch:
             self.on_progress(self._asked, None)
 
         return workers.outcomes(tuple, fit_on_worker, tests, chunks, on_done=arrived)
+
+    def _whole(self, number: int, fit: Fit) -> Fit:
+        """A fit with its tests, which come back only where they are not those of its task."""
+        return fit if fit.tests else replace(fit, tests=self.tasks[number].tests)
 
     def _recorded(self, task: FitTask) -> bytes | None:
         """Lines of the journal of a task, from which a worker goes on; `None` where none are wanted."""
@@ -137,12 +142,17 @@ def fit_on_worker(
 ) -> tuple[Fit, bytes]:
     """The fit of a task to those tests, on one thread, and the lines of its journal, which go on after `lines`."""
     own = tuple(tests[place] for place in places)
-    identify = partial(identify_with, spec, own, settings, threads=1, warns=False, examines=examines)
+
+    def identify(journal: Journal | None) -> Fit:
+        fit = identify_with(spec, own, settings, threads=1, journal=journal, warns=False, examines=examines)
+        same = len(fit.tests) == len(own) and all(map(is_, fit.tests, own))
+        return replace(fit, tests=()) if same else fit
+
     if lines is None:
-        return identify(), b""
+        return identify(None), b""
     with TemporaryDirectory(prefix="mrwork-") as folder:
         path = Path(folder) / "fit.jsonl"
         path.write_bytes(lines)
         with closing(Journal(path, resume=bool(lines))) as journal:
-            fit = identify(journal=journal)
+            fit = identify(journal)
         return fit, path.read_bytes()

@@ -178,6 +178,7 @@ class Workers:
     in_flight: Whole = 0
     journal: Journal | None = field(default=None, kw_only=True)
     _stand: _Stand = field(default_factory=_Stand, init=False)
+    _sent: set[str] = field(default_factory=set, init=False)
 
     def __post_init__(self) -> None:
         if not self.in_flight:
@@ -228,8 +229,9 @@ class Workers:
         found = dict(done)
         waiting = [number for number in reversed(range(len(chunks))) if number not in found]
         running: dict[Future[Outcome[T] | _Unknown], int] = {}
-        # The first chunks carry the shared value, and those of workers that turn out not to have it.
-        carrying = {*waiting[-self.in_flight :]}
+        # The first chunks carry a shared value that is new, and those of workers that turn out not to have it.
+        carrying = set[int]() if whole.digest in self._sent else {*waiting[-self.in_flight :]}
+        self._sent.add(whole.digest)
         stand = self._stand
         stand.before = stand.done = len(found)
         stand.total, stand.began = len(chunks), time.perf_counter()
