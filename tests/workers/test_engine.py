@@ -57,7 +57,7 @@ def _sleep(shared: object, seconds: float) -> None:
     threading.Event().wait(seconds)
 
 
-def _study(**changes: Any) -> Callable[..., Any]:
+def loop_of_many_runs(**changes: Any) -> Callable[..., Any]:
     frame = mr.building("uts")
     preset = mr.damper("static_hysteretic").preset("kwok2006")
     device = mr.Device(
@@ -72,7 +72,7 @@ def _study(**changes: Any) -> Callable[..., Any]:
 
 def test_runs_have_the_same_bits_in_other_processes(pool: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
-    run = _study()
+    run = loop_of_many_runs()
     here = run()
     with working_on(pool):
         there = run()
@@ -88,7 +88,7 @@ def test_observers_and_realisations_are_sent(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
     frame = mr.building("uts")
     variation = LoopVariation(buildings=(frame,) * 2, delay=np.array([0.0, 0.002]), seed=np.array([0, 5]))
-    run = _study(hardware={"feedback": "observer"}, variation=variation)
+    run = loop_of_many_runs(hardware={"feedback": "observer"}, variation=variation)
     here = run()
     executor = Counting()
     with working_on(executor):
@@ -99,7 +99,7 @@ def test_observers_and_realisations_are_sent(monkeypatch: pytest.MonkeyPatch) ->
 def test_histories_stay_in_this_process() -> None:
     executor = Counting()
     with working_on(executor):
-        run = _study(histories=True)()
+        run = loop_of_many_runs(histories=True)()
     assert run.histories is not None
     assert not executor.sent
 
@@ -108,7 +108,7 @@ def test_progress_counts_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
     told: list[tuple[int, int]] = []
     with working_on(Counting()):
-        _study(on_progress=lambda done, total: told.append((done, total)))()
+        loop_of_many_runs(on_progress=lambda done, total: told.append((done, total)))()
     assert told[-1] == (120, 120)
     assert [done for done, _ in told] == sorted(done for done, _ in told)
 

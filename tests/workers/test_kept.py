@@ -10,11 +10,10 @@ import pytest
 import mrwork as mr
 from mrwork.errors import WorkerError
 from mrwork.store.run_folder import chunks_beside
-from mrwork.workers import engine
+from mrwork.workers.engine import on_executor
 from mrwork.workers.kept_chunks import KeptChunks
 from tests.conftest import Refused
-from tests.workers.computations import STUDY
-from tests.workers.test_engine import Counting
+from tests.workers.test_engine import Counting, loop_of_many_runs
 
 
 class Failing(Counting):
@@ -31,44 +30,30 @@ class Failing(Counting):
         return super().submit(function, *args, **kwargs)
 
 
-def _tune(journal: mr.Journal, executor: Executor | None) -> Any:
-    engine._SHARED.clear()  # what workers that are new have
-    try:
-        tuned = mr.tune(
-            mr.read_study(STUDY),
-            laws=["clipped_optimal"],
-            rng=1,
-            budget=24,
-            journal=journal,
-            executor=executor,
-        )
-        return tuned.laws[0].settings, tuned.laws[0].judged
-    finally:
-        journal.close()
-
-
 def test_chunks_of_a_call_outlive_the_client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e5)
-    path = tmp_path / "tuning.jsonl"
-    whole = Counting()
-    expected = _tune(mr.Journal(tmp_path / "other.jsonl"), whole)
-    assert expected == _tune(mr.Journal(path), None)
-    assert not chunks_beside(path).exists()
-    # In the middle of the call with the most chunks.
-    calls = [sent[3].digest for sent in whole.sent]
-    of_call = [number for number, call in enumerate(calls) if call == max(calls, key=calls.count)]
-    middle = of_call[len(of_call) // 2]
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
+    run = loop_of_many_runs()
+    journal = mr.Journal(tmp_path / "study.jsonl")
+
+    @on_executor
+    def study(*, journal: mr.Journal, executor: Executor) -> Any:
+        return run()
+
+    whole, resumed = Counting(), Counting()
+    expected = study(journal=journal, executor=whole)
+    folder = chunks_beside(journal.path)
+    assert expected == run()
+    assert not folder.exists()
     with pytest.raises(WorkerError, match="RuntimeError: the batch system has ended it"):
-        _tune(mr.Journal(path), Failing(middle))
-    kept = sorted(chunks_beside(path).iterdir())
-    assert len(kept) == middle - of_call[0]
+        study(journal=journal, executor=Failing(5))
+    kept = sorted(folder.iterdir())
+    assert len(kept) == 5
     # One is damaged, and computed again.
     kept[0].write_bytes(kept[0].read_bytes()[:-40])
-    resumed = Counting()
-    assert _tune(mr.Journal(path, resume=True), resumed) == expected
-    again = [sent[3].digest for sent in resumed.sent].count(calls[middle])
-    assert again == len(of_call) - len(kept) + 1
-    assert not chunks_beside(path).exists()
+    monkeypatch.setattr(mr.Journal, "recalling", True)  # as in a run that is resumed
+    assert study(journal=journal, executor=resumed) == expected
+    assert len(resumed.sent) == len(whole.sent) - 4
+    assert not folder.exists()
 
 
 def test_files_of_earlier_steps_are_removed_and_damaged_ones_are_none(
