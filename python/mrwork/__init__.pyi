@@ -51,6 +51,7 @@ from .runs.export import export as export
 from .runs.load import StoredRun as StoredRun
 from .runs.load import load as load
 from .runs.study import read_study as read_study
+from .runs.study import study_of as study_of
 from .store.journal import Journal as Journal
 from .study.folder import StoredStudy as StoredStudy
 from .study.results import StudyResults as StudyResults

@@ -21,7 +21,7 @@ import valid_calls_loop
 import valid_calls_plots
 from wrong_arguments import Calls, ValidCall, smallest, wrong
 
-from mrwork.errors import MrworkError, MrworkWarning
+from mrwork.errors import MistakesError, MrworkError, MrworkWarning
 
 ROOMS = (
     *valid_calls_dampers.ROOMS,
@@ -73,7 +73,9 @@ def said(valid: ValidCall, **changed: Any) -> str:
         with soon():
             valid.function(**{**valid.arguments, **changed})
     except MrworkError as error:
-        return "" if str(error).isprintable() else f"not one line: {error!r}"
+        # Of several mistakes of a study each has a line.
+        told = error.mistakes if isinstance(error, MistakesError) else (error,)
+        return "" if all(str(each).isprintable() for each in told) else f"not one line: {error!r}"
     except Exception as error:
         return repr(error)
     return ""

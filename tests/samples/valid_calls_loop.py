@@ -322,10 +322,30 @@ def loop_calls(_: Path) -> Calls:
     yield call(run.outside, run=0)
 
 
-def studies_calls(_: Path) -> Calls:
+def studies_calls(place: Path) -> Calls:
     """Studies and their results."""
     found = results()
     yield call(mr.read_study, path="missing.toml", seed=0, on_python=print, on_progress=print)
+    yield call(
+        mr.study_of,
+        building=five_storeys(),
+        motions=[sweep(0.1)],
+        dampers=[{"storey": 1, "preset": "kwok2006"}],
+        laws=["best_passive", {"law": "passive_on"}, _viscous],
+        baselines=[{"label": "b", "building": {"viscous": {"storey": 1, "damping": 10.0}}}],
+        hardware=mr.Hardware(),
+        uncertainty={"realisations": 2, "stiffness": 0.1},
+        tune={"laws": ["lyapunov"]},
+        report={"histories": "none"},
+        clairvoyant={"interval": 0.02},
+        references="none",
+        title="a",
+        folder=".",
+        seed=0,
+        on_progress=print,
+    )
+    study = mr.study_of(building=five_storeys(), motions=[sweep(0.1)])
+    yield call(study.to_toml, path=place / "study.toml", replace=True)
     yield call(mr.study.read_results, folder="missing")
     yield call(mr.tuning.read_tuning, folder="missing")
     yield call(mr.load, run="missing", kind=mr.StoredRun)

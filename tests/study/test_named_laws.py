@@ -64,7 +64,7 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
     if taken is not None:
         assert set(lacking) <= taken.settings.keys()
         notes = dict(study.design_notes)[f"Settings of {study.arrangements[-1].row.label}"]
-        assert "[controller.settings]" in notes[1]
+        assert "`settings = {" in notes[1]
         # The line to type gives the same law, and nothing is left to be taken.
         again = read(tmp_path, named(law, notes[1].split("`")[1] + "\n"))
         assert again.taken_settings == ()

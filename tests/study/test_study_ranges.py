@@ -103,6 +103,10 @@ def with_controller(table: Document) -> Document:
 TABLES: dict[str, tuple[Document, KeyPath]] = {
     "": (SOUND, ()),
     "[motion.suite]": (essential(motion=[{"suite": {"motions": 8}, "dt": 0.02}]), ("motion", 0, "suite")),
+    "[[building.element]]": (
+        essential(building={**SOUND["building"], "element": [{"name": "e", "row": [1.0, 0.0]}]}),
+        ("building", "element", 0),
+    ),
     "[[controller]]": (with_controller({"law": "passive_on"}), ("controller", 0)),
     "[controller.user]": (
         with_controller({"user": {"file": "law.py", "function": "command"}}),
@@ -168,7 +172,8 @@ def absurd_numbers(entry: Field[Any], kind: type) -> Iterator[float]:
 
 def numeric(hint: Any) -> type | None:
     """Kind of the number that a key takes, alone or in an array; none where it takes no number."""
-    kinds = {hint, *get_args(hint), *(inner for each in get_args(hint) for inner in get_args(each))}
+    inner = (one for each in get_args(hint) for one in get_args(each) if isinstance(one, type))
+    kinds = {hint, *get_args(hint), *inner}
     return float if float in kinds else int if int in kinds and bool not in kinds else None
 
 

@@ -514,7 +514,7 @@ def _tuple(kinds: list[Kind]) -> Kind:
 
 
 def _mapping(names: Kind, values: Kind) -> Kind:
-    words = f"a dict, each value {values.words}"
+    words = "a dict" if values is _ANYTHING else f"a dict, each value {values.words}"
 
     def accept(value: Any) -> Any:
         if not isinstance(value, Mapping):

@@ -14,7 +14,6 @@ import unicodedata
 from abc import ABCMeta
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from datetime import date, time
 from difflib import get_close_matches
@@ -47,7 +46,12 @@ def quote_value(value: object) -> str:
     """Text of a table's value in a message."""
     if isinstance(value, date | time):
         return f"the date or time {value}"
-    return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
+    if value is None or isinstance(value, str | int | float):
+        return repr(value)
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "an array"
+    kind = getattr(value, "dtype", None)
+    return f"an array of {kind}" if kind is not None else f"a value of the type {type(value).__name__}"
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
@@ -100,13 +104,15 @@ def key(
     span: object = None,
     from_one: bool = False,
     named: str = "",
+    file: bool = False,
 ) -> Any:
     """Declare a key of a table: what it means in a few words, and its range, as of `Within`.
 
     A number with a `unit`, which is that of SI, may be a text with another unit in a file. A key without a default is
     required. `matrix` permits a matrix, in a file also the name of a text file with it; a `label` is a name in tables
     and figures, which has no control characters. `span` is the range in which a search looks for it. A number that
-    counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one.
+    counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one. A text
+    that may name a `file` is relative to the folder of the document.
     """
     within = Within(least=least, above=above, most=most, below=below)
     notes = {
@@ -120,6 +126,7 @@ def key(
         "span": span,
         "from_one": from_one,
         "named": named,
+        "file": file,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
@@ -148,6 +155,27 @@ class DeclaredTable(ABCMeta):
             if name not in given and is_required(entry):
                 raise SettingError(f"{cls.__name__} has no {name}; give {describe_key(entry)}")
         return super().__call__(*args, **given)
+
+
+def given_in(table: Any) -> dict[str, Any]:
+    """The keys of a table that are not as by default, as a document has them: what `read_table` reads back."""
+    given = {}
+    for entry in keys_of(type(table)):
+        value = getattr(table, entry.name)
+        if type(value) is not type(entry.default) or value != entry.default:
+            given[name_in_file(entry)] = as_document(value, from_one=entry.metadata["from_one"])
+    return given
+
+
+def as_document(value: Any, *, from_one: bool = False) -> Any:
+    """A value of a key as a document has it: tables and arrays of plain values."""
+    if isinstance(value, Mapping):
+        return {name: as_document(item, from_one=from_one) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_document(item, from_one=from_one) for item in value]
+    if is_dataclass(value) and keys_of(type(value)):
+        return given_in(value)
+    return value + 1 if from_one else value
 
 
 def is_required(entry: Field[Any]) -> bool:
@@ -348,7 +376,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
             if near is None and {getattr(member, "kind", None) for member in members} == {int, str}:
                 _refuse(place, value, "a whole number or a text in quotes")
             return _read_value(near or members[0], value, place, entry)
-        case nodes.Record(kind):
+        case nodes.Record(kind) if keys_of(kind):
             if not isinstance(value, dict):
                 _refuse(place, value, f"a table [{place.path[-1]}]")
             return read_table(cast(type[Any], kind), value, place)
@@ -393,15 +421,19 @@ def _read_items(node: nodes.Fixed, value: Any, place: Place, entry: Field[Any]) 
         place.refuse(f"{_name(place)} has {len(value)} entries; give {len(kinds)}, {describe_key(entry)}")
     if node.is_matrix:
         _check_rows(value, place)
-    places = (place.within(number) for number in range(len(value)))
-    given = list(zip(kinds, value, places, strict=True))
-    if not tables:
-        # Many numbers are soon read where all are right.
-        alone = ((kind, one, replace(where, mistakes=None)) for kind, one, where in given)
-        with suppress(SettingError):
-            return tuple(_read_value(*each, entry) for each in alone)
-    read = [place.attempt(_read_value, kind, one, where, entry) for kind, one, where in given]
+    # Many numbers are soon read where all are right.
+    if isinstance(item, Scalar) and item.kind is float and _are_right(value, item.notes, entry):
+        return tuple(map(float, value))
+    read = [
+        place.attempt(_read_value, kind, one, place.within(number), entry)
+        for number, (kind, one) in enumerate(zip(kinds, value, strict=True))
+    ]
     return tuple(result() for result in read)
+
+
+def _are_right(values: Sequence[Any], notes: Notes, entry: Field[Any]) -> bool:
+    """Whether all values are numbers that a key can have."""
+    return all(type(each) in (float, int) and not _wanted_instead_of(each, notes, entry) for each in values)
 
 
 def _read_scalar(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:
@@ -415,10 +447,13 @@ def _read_scalar(kind: type, notes: Notes, value: Any, place: Place, entry: Fiel
         whole = isinstance(value, int) or (isinstance(value, float) and kind is float)
         if isinstance(value, bool) or not whole:
             _refuse(place, value, f"a {'whole ' if kind is int else ''}number{f' [{unit}]' if unit else ''}")
-        if wanted := _wanted_instead_of(kind(value), notes, entry):
+        # Whole numbers of Python, which no file has, may be larger than any float.
+        huge = isinstance(value, int) and kind is float and abs(value) > LARGEST
+        read = (math.inf if value > 0 else -math.inf) if huge else kind(value)
+        if wanted := _wanted_instead_of(read, notes, entry):
             number = f"{value:g}" if isinstance(value, float) or abs(value) < LARGEST else "too large"
             place.refuse(f"{_name(place)} is {number}; give {wanted}")
-        return kind(value) - entry.metadata["from_one"]
+        return read - entry.metadata["from_one"]
     if not isinstance(value, kind):
         _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
     if isinstance(value, str) and entry.metadata["label"] and (control := control_in(value)):
@@ -428,11 +463,11 @@ def _read_scalar(kind: type, notes: Notes, value: Any, place: Place, entry: Fiel
 
 def _wanted_instead_of(value: float, notes: Notes, entry: Field[Any]) -> str:
     """Permitted range, in words, for a number that a key cannot have; empty if it can have it."""
+    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
+        return "a whole number of at most 18 digits"
     # A number whose default is infinite may be so, too: it means no limit.
     if (math.isnan(value) and May.BE_NAN not in notes) or (math.isinf(value) and entry.default != math.inf):
         return "a finite number"
-    if isinstance(value, int) and abs(value) > _LARGEST_WHOLE:
-        return "a whole number of at most 18 digits"
     # Entries of a matrix have no range.
     within = _range_of(entry) if any(isinstance(note, Within) for note in notes) else Within()
     if within.excludes(value):
@@ -453,6 +488,10 @@ def _check_rows(rows: Sequence[Any], place: Place) -> None:
 def _is_near(node: Node, value: Any) -> bool:
     """Whether a value has the form of this member of a union, whose errors then apply."""
     match node:
+        case nodes.Record(kind) if not keys_of(kind):
+            return isinstance(value, kind)
+        case nodes.Function():
+            return callable(value)
         case nodes.Record() | nodes.ByName():
             return isinstance(value, dict)
         case nodes.Fixed():
@@ -491,7 +530,7 @@ def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
 def _inner_table(node: Node) -> tuple[type | None, bool]:
     """Class of the table that a key holds, if any, and whether the key may hold several."""
     if isinstance(node, Record):
-        return node.kind, False
+        return (node.kind if keys_of(node.kind) else None), False
     inner = [_inner_table(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
     return kind, isinstance(node, nodes.Fixed) or any(describe_repeat for _, describe_repeat in inner)
@@ -512,12 +551,33 @@ def toml_value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, str):
         # The escapes of JSON are those of TOML.
-        return json.dumps(value, ensure_ascii=False)
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {toml_value(item)}" for name, item in value.items()) + " }"
+        return "{ " + ", ".join(toml_lines_of(value)) + " }" if value else "{}"
     if isinstance(value, Sequence):
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
     return repr(value)
+
+
+def toml_lines_of(table: Mapping[str, Any]) -> list[str]:
+    """A line of TOML for each key of a table."""
+    return [
+        f"{name if re.fullmatch('[A-Za-z0-9_-]+', name) else toml_value(name)} = {toml_value(value)}"
+        for name, value in table.items()
+    ]
+
+
+def toml_text(document: Mapping[str, Any]) -> str:
+    """A document as TOML: its own keys, then its tables below their headings, and what is in these in their lines."""
+    own, blocks = {}, []
+    for name, value in document.items():
+        several = isinstance(value, list) and all(isinstance(each, dict) for each in value)
+        if not several and not isinstance(value, dict):
+            own[name] = value
+            continue
+        heading = f"[[{name}]]" if several else f"[{name}]"
+        blocks += [[heading, *toml_lines_of(each)] for each in (value if several else [value])]
+    return "\n\n".join("\n".join(block) for block in [toml_lines_of(own), *blocks] if block) + "\n"
 
 
 def heading_lines(heading: str, prose: str) -> list[str]:
@@ -608,10 +668,14 @@ def _default(entry: Field[Any]) -> str:
 
 
 def in_words(node: Node) -> str:
-    """An annotation in words, as "text or number"."""
+    """An annotation in words, as "text or number"; empty for a value that no file can hold."""
     match node:
+        case nodes.Function():
+            return ""
+        case nodes.Record(kind) if not keys_of(kind):
+            return ""
         case nodes.Either(_, members):
-            return " or ".join(map(in_words, members))
+            return " or ".join(filter(None, map(in_words, members)))
         case nodes.Record():
             return "table"
         case nodes.Enumerated(choices):

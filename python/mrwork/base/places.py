@@ -5,7 +5,8 @@ A reader goes on behind a mistake: what depends on what could not be read is `Un
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import NoReturn, TypeVar, TypeVarTuple
@@ -14,6 +15,9 @@ from mrwork.errors import MOST_MISTAKES, InvalidSettingError, MistakesError, Mrw
 
 T = TypeVar("T")
 Given = TypeVarTuple("Given")
+
+# What sentences call a table of a file: [[damper]], [controller.settings].
+_HEADING = re.compile(r"(?:\ban? )?\[?\[(\w+)([\w.]*)\]\]?")
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
@@ -36,13 +40,16 @@ class Place:
     """Where a table or value stands in a document; begins a message.
 
     With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
-    "frame.toml, rayleigh.ratios". `title` is what messages call the document.
+    "frame.toml, rayleigh.ratios". `title` is what messages call the document. Where that is a call, `arguments` has the
+    names of its arguments by the keys of a file: a place reads "study_of, dampers[0].storey", and sentences name
+    `dampers` for [[damper]].
     """
 
     origin: str
     path: KeyPath = ()
     lines: dict[KeyPath, int] = field(default_factory=dict)
     title: str = "the study"
+    arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
     mistakes: _Mistakes | None = field(default=None, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:
@@ -61,7 +68,9 @@ class Place:
         return next((self.lines[path] for path in known if path in self.lines), 0)
 
     def _keys(self) -> str:
-        parts = (f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in self.path)
+        first = 0 if self.arguments else 1
+        path = (*(self.arguments.get(str(key), key) for key in self.path[:1]), *self.path[1:])
+        parts = (f"[{key + first}]" if isinstance(key, int) else f".{key}" for key in path)
         return "".join(parts).removeprefix(".")
 
     def take_for(self, name: str, meant: str) -> None:
@@ -77,6 +86,8 @@ class Place:
         keys = [str(part) for part in self.path if isinstance(part, str)]
         if not keys:
             return self.title
+        if self.arguments:
+            return self._keys()
         return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
 
     def refuse(self, sentence: str) -> NoReturn:
@@ -112,7 +123,13 @@ class Place:
 
     def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
         """An error whose message begins with this place."""
+        if self.arguments:
+            sentence = _HEADING.sub(self._argument, sentence)
         return self._as(kind, f"{self}: {sentence}", self.line)
+
+    def _argument(self, heading: re.Match[str]) -> str:
+        name, below = heading.groups()
+        return f"`{self.arguments[name]}{below}`" if name in self.arguments else heading.group()
 
     def _as(self, kind: type[MrworkError], text: str, line: int) -> MrworkError:
         # A place says more than the key of an InvalidSettingError.

@@ -19,9 +19,10 @@ _WORDS: Final[Mapping[str, str]] = {
     "controller law laws controllers": "law controller regulator control control_law feedback_law",
     "controller law search": "algorithm strategy control_strategy control_algorithm method",
     "motion file": (
-        "earthquake record ground_motion quake seismic excitation accelerogram seismogram ground_record eq loading "
-        "load load_case load_pattern time_history uniform_excitation ground input_motion"
+        "earthquake motion record ground_motion quake seismic excitation accelerogram seismogram ground_record eq "
+        "loading load load_case load_pattern time_history uniform_excitation ground input_motion"
     ),
+    "acceleration": "samples array values ag",
     "file folder": "path filename filepath csv directory dir",
     "hardware": "loop sensor sampling daq dsp controller_hardware measurement control_loop acquisition",
     "baseline": "comparison reference benchmark alternative compare other_building baseline_correction detrend",

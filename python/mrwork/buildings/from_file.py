@@ -33,7 +33,7 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import Building, check_size, source_with
+from mrwork.buildings.matrices import Building, PassiveElement, check_size, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -242,6 +242,20 @@ class LiquidColumnTable(Addition):
     name: str | None = key("name in tables", default=None, label=True)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElementTable:
+    """A passive element whose spring and dashpot are in the matrices, see `mr.buildings.PassiveElement`."""
+
+    name: str = key("name in tables", label=True)
+    row: _Numbers = key("its displacement over the coordinates: a number for each")
+    stiffness: float = key("spring, which is in the matrices", unit="N/m", default=0.0, least=0.0)
+    damping: float = key("dashpot, which is in the matrices", unit="N s/m", default=0.0, least=0.0)
+    head_loss: float = key("coefficient of head loss, in N s2/m2", default=0.0, least=0.0)
+    yield_force: float = key("force at which it yields or slips", unit="N", default=0.0, least=0.0)
+    yield_displacement: float = key("displacement at which it does", unit="m", default=1.0, above=0.0)
+    sharpness: float = key(_SHARP, default=10.0, least=1.0, most=50.0)
+
+
 _Numbers = tuple[float, ...]
 _Rows = tuple[_Numbers, ...]
 _Names = tuple[str, ...]
@@ -258,13 +272,14 @@ class BuildingTable:
     """
 
     published: str | None = key("name of a published building, as uts", default=None)
-    file: str | None = key(
+    file: str | Building | None = key(
         "file of the building: .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv",
         default=None,
+        file=True,
     )
-    mass: _Rows | str | None = key(f"mass matrix{_OR_FILE}", unit="kg", default=None)
-    damping: _Rows | str | None = key(f"damping matrix{_OR_FILE}", unit="N s/m", default=None)
-    stiffness: _Rows | str | None = key(f"stiffness matrix{_OR_FILE}", unit="N/m", default=None)
+    mass: _Rows | str | None = key(f"mass matrix{_OR_FILE}", unit="kg", default=None, file=True)
+    damping: _Rows | str | None = key(f"damping matrix{_OR_FILE}", unit="N s/m", default=None, file=True)
+    stiffness: _Rows | str | None = key(f"stiffness matrix{_OR_FILE}", unit="N/m", default=None, file=True)
     masses: _Numbers | None = key(
         "masses of the floors of a shear building, lowest first", unit="kg", default=None, above=0.0
     )
@@ -276,16 +291,22 @@ class BuildingTable:
         least=1,
     )
     influence: _Numbers | str | None = key(
-        "coordinates under a unit displacement of the ground; ones by default", default=None
+        "coordinates under a unit displacement of the ground; ones by default", default=None, file=True
     )
     floors: _Rows | str | None = key(
-        "rows from coordinates to floors; by default each is a floor", default=None
+        "rows from coordinates to floors; by default each is a floor", default=None, file=True
     )
-    storeys: _Rows | str | None = key("rows from coordinates to drifts of storeys", default=None)
+    storeys: _Rows | str | None = key("rows from coordinates to drifts of storeys", default=None, file=True)
     floor_names: _Names | None = key("names of floors in tables", default=None, label=True)
     storey_names: _Names | None = key("names of storeys in tables", default=None, label=True)
     name: str | None = key("name of the building", default=None, label=True)
     source: str | None = key("origin of its numbers", default=None, label=True)
+    n_strokes: int | None = key(
+        "number of last rows of storeys that are strokes of what is built in, no drifts",
+        default=None,
+        least=0,
+    )
+    element: tuple[ElementTable, ...] = key("passive elements beside the matrices", default=())
     rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
     modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
     isolation: IsolationTable | None = key("base isolation", default=None)
@@ -395,15 +416,32 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _from_matrices(_arrays(table, folder), table)
         else:
             name, where = getattr(table, form), place.within(form)
-            if form == "file" and real_place(folder / name) in readers:
+            if isinstance(name, str) and form == "file" and real_place(folder / name) in readers:
                 where.refuse(f"{name} refers back to itself; name the file of another building")
             with where.prefix_errors():
-                known = published_building(name) if form == "published" else _read(folder / name, readers)
+                if isinstance(name, str):
+                    known = published_building(name) if form == "published" else _read(folder / name, readers)
+                else:
+                    known = name
             built = _replace_matrices(known, table, folder)
+        with place.prefix_errors():
+            built = _with_elements(built, table)
         for where, way in ways:
             with where.prefix_errors():
                 built = way()(built)
     return built
+
+
+def _with_elements(building: Building, table: BuildingTable) -> Building:
+    """The building with the strokes and the passive elements that a table states beside its matrices."""
+    if table.n_strokes is None and not table.element:
+        return building
+    elements = tuple(
+        PassiveElement(**{entry.name: getattr(each, entry.name) for entry in keys_of(ElementTable)})
+        for each in table.element
+    )
+    n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
+    return replace(building, n_strokes=n_strokes, elements=(*building.elements, *elements))
 
 
 def _shear(table: BuildingTable) -> Building:

@@ -136,6 +136,7 @@ def run_on_study(
         assert results is not None  # an interrupted study has the runs so far
         written, page = frame.is_to_write(status), None
         if written:
+            assert study.file is not None  # it was read from one
             seconds = time.perf_counter() - began
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if status == 0:

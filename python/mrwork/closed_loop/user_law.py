@@ -203,6 +203,10 @@ class LoopSample(Summarised):
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
 
 
+Command = Callable[[LoopSample, Floats], ArrayLike]
+"""A law in Python: takes what is measured and the memory of each run, and returns the commands."""
+
+
 class _Fading:
     """Mean squares of the readings of all runs, which fade from sample to sample by the share `left`."""
 
@@ -284,7 +288,7 @@ class UserLaw(Summarised):
     _made_by: ClassVar[str] = "mr.closed_loop.UserLaw(name=..., command=...)"
 
     name: str
-    command: Callable[[LoopSample, Floats], ArrayLike]
+    command: Command
     n_candidates: Annotated[int, Within(least=1, most=1_000_000)] = 1
     n_memory: Annotated[int, Within(least=0, most=MOST_MEMORY)] = 0
     rms_time: Positive | None = None

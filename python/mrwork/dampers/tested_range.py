@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import ClassVar, Literal, get_args
@@ -225,7 +225,8 @@ class FittedDamper:
     """Model and parameters of an identified damper, and the ranges of its tests, `None` if unknown.
 
     `draws` reads its posterior draws, shape (n_draws, n_params), `None` where there are none. `others` are the same
-    damper with other sets of laws that predict nearly as well.
+    damper with other sets of laws that predict nearly as well. `files` are the files of a run folder that has it, by
+    name.
     """
 
     spec: DamperSpec
@@ -233,6 +234,7 @@ class FittedDamper:
     tested: OperatingRange | None = None
     draws: Callable[[], Floats | None] = lambda: None
     others: tuple[FittedDamper, ...] = ()
+    files: Callable[[], Mapping[str, bytes]] = dict
 
 
 def outside_of(

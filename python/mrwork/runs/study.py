@@ -1,21 +1,36 @@
-"""A study file whose dampers may be those of run folders: what joins the two wings."""
+"""Studies of files and of calls, whose dampers may be fits or those of run folders: what joins the two wings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mrwork.base.arguments import Seed, checked
+from mrwork.base.keys import given_in, keys_of
+from mrwork.base.places import Place
 from mrwork.base.values import Floats
+from mrwork.buildings import Building
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.user_law import Command, UserLaw
 from mrwork.dampers.tested_range import FittedDamper
+from mrwork.errors import SettingError
+from mrwork.motions import GroundMotion
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import FIT, FIT_RUN, MANIFEST
 from mrwork.study import reading
 from mrwork.study.course import StudyProgress
 from mrwork.study.dampers import Identified
+from mrwork.study.schema import References, StudyTable, TuneTable, UncertaintyTable
 from mrwork.study.study import Study
+
+if TYPE_CHECKING:
+    from mrwork.identification.fit import Fit
 
 
 def fitted_damper(run: Path) -> FittedDamper:
@@ -75,3 +90,168 @@ def read_study(
         If anything in it is wrong; the message has file and line.
     """
     return reading.read_study(path, identified, seed=seed, on_python=on_python, on_progress=on_progress)
+
+
+# Names of the arguments by the tables of a study file, where they are others.
+_PLURALS = {"damper": "dampers", "controller": "laws", "baseline": "baselines", "motion": "motions"}
+_ARGUMENTS = {**{entry.name: entry.name for entry in keys_of(StudyTable)}, **_PLURALS}
+
+Table = Mapping[str, Any]
+
+
+@checked
+def study_of(
+    *,
+    building: Building | Table,
+    motions: Sequence[GroundMotion | str | Path | Table],
+    dampers: Sequence[Table] = (),
+    laws: Sequence[str | Table | Command | UserLaw] = (),
+    baselines: Sequence[Table] = (),
+    hardware: Hardware | Table | None = None,
+    uncertainty: UncertaintyTable | Table | None = None,
+    tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
+    report: Table | None = None,
+    clairvoyant: Table | None = None,
+    references: References = "best_passive",
+    title: str = "",
+    folder: str | Path = "",
+    seed: Seed = 0,
+    on_progress: Callable[[StudyProgress], None] | None = None,
+) -> Study:
+    """Make a study, of the same tables as a study file has, see `read_study`.
+
+    A table is a dict with the keys of its table in a file, which ``mrwork respond --schema`` lists. Numbers are in SI,
+    or texts with a unit as ``"2 mm"``; arrays may stand for rows of numbers.
+
+    Parameters
+    ----------
+    building
+        A `Building`, or a table, as ``{"n_storeys": 3, "masses": [300], "stiffnesses": [4e5]}``. In a table a
+        `Building` may stand for ``file``, with what is built into it.
+    motions
+        Each a `GroundMotion`, the file of a record, or a table, as ``{"synthetic": "kanai_tajimi", "pga": "0.3 g"}``.
+        In a table a `GroundMotion` may stand for ``file``; samples of one's own are
+        ``{"acceleration": array, "dt": 0.01}``, shape (n_time,) [m/s2, or its ``unit``; s].
+    dampers
+        Tables, as ``{"storey": 1, "preset": "kwok2006", "count": 2}``. In the place of ``preset`` stands ``run`` with
+        the folder of an identified run, a `Fit`, or what `load` returned.
+    laws
+        Each the name of a control law, as ``"best_passive"``; a table, as ``{"law": "clipped_optimal", "settings":
+        {...}}``; or a function of a `LoopSample` and the memory, or a `UserLaw` of one. In a table a function may stand
+        for the name.
+    baselines
+        Tables of the building with other devices, each with ``label`` and ``building``.
+    hardware, uncertainty, tune, report, clairvoyant
+        Their tables, or a `Hardware`, and one or several `TuneTable`.
+    references
+        What laws are compared with besides i = 0: ``"best_passive"`` or ``"none"``.
+    title
+        Heading of the page, by default the name of the building.
+    folder
+        Folder that names of files are relative to, by default the working directory.
+    seed
+        Seed of noise and synthetic motions.
+    on_progress
+        Called with the progress of the runs from which settings are taken that laws leave out.
+
+    Returns
+    -------
+    Study
+        Ready for `run_study` and `tune`; `Study.to_toml` writes it as a file.
+
+    Raises
+    ------
+    SettingError
+        If anything is wrong with it; the message names the argument.
+    RecordError
+        If a file that it names cannot be read.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> study = mr.study_of(
+    ...     building=mr.building("uts"),
+    ...     dampers=[{"storey": 1, "preset": "kwok2006"}],
+    ...     laws=["best_passive", {"law": "inverse_direct", "settings": {"drifts": 1.0, "control_weight": 1e-9}}],
+    ...     motions=[mr.synthetic_motion(rng=0, duration=5.0, peak=3.0)],
+    ... )
+    >>> mr.run_study(study).to_pandas()["peak_drift"].shape
+    (4,)
+    """
+    if isinstance(hardware, Hardware) and hardware.seed:
+        raise SettingError(
+            f"`hardware` of study_of has the seed {hardware.seed}, and a study has one for all; give it as `seed`"
+        )
+    tables = [tune] if isinstance(tune, TuneTable | Mapping) else tune
+    given = {
+        "title": title,
+        "folder": str(folder),
+        "building": {"file": building} if isinstance(building, Building) else building,
+        "damper": dampers,
+        "controller": [_law_table(each) for each in laws],
+        "baseline": baselines,
+        "motion": [each if isinstance(each, Mapping) else {"file": each} for each in motions],
+        "references": references,
+        "hardware": hardware,
+        "report": report,
+        "uncertainty": uncertainty,
+        "tune": tables,
+        "clairvoyant": clairvoyant,
+    }
+    try:
+        document = {name: _plain(value) for name, value in given.items() if value is not None}
+    except RecursionError:
+        raise SettingError("a table or list of study_of holds itself; give each without itself") from None
+    place = Place(origin="study_of", arguments=_ARGUMENTS)
+    return reading.study_of_document(
+        document, place, Path(), fitted_damper, seed, lambda _: None, on_progress
+    )
+
+
+def _law_table(law: str | Table | Command | UserLaw) -> Table:
+    """The table of a law that is given by its name, by a table, by a function or as a value."""
+    table: dict[str, Any] = dict(law) if isinstance(law, Mapping) else {"law": law}
+    if isinstance(law, UserLaw):
+        kept = {"memory": law.n_memory} | ({} if law.rms_time is None else {"rms_time": law.rms_time})
+        table = {"law": law.command, "label": law.name, "user": kept}
+    user = table.get("user", {})
+    if callable(table.get("law")) and isinstance(user, Mapping):
+        user = {"function": table.pop("law"), **user}
+    if isinstance(user, Mapping) and callable(function := user.get("function")):
+        name = getattr(function, "__name__", type(function).__name__)
+        table["user"] = {**user, "file": function, "function": name}
+    return table
+
+
+def _plain(value: Any) -> Any:
+    """A value as a document of TOML has it, with the fits in it as a study takes them."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if is_dataclass(value) and keys_of(type(value)):
+        return _plain(given_in(value))
+    if isinstance(value, str | float | int | Building | GroundMotion) or callable(value):
+        return value
+    if hasattr(value, "__array__"):
+        array = np.asarray(value)
+        return array if array.ndim and array.dtype.kind in "cb" else array.tolist()
+    # Most studies have no fit, and the wing of identification takes half as long again to load.
+    from mrwork.identification.fit import Fit
+    from mrwork.runs.load import StoredRun
+
+    if isinstance(value, StoredRun):
+        return str(value.place.absolute())
+    return _damper_of(value) if isinstance(value, Fit) else value
+
+
+def _damper_of(fit: Fit) -> FittedDamper:
+    from mrwork.identification.fit_file import fit_content, manifest_of
+
+    def files() -> dict[str, bytes]:
+        manifest = json_document({"kind": FIT_RUN.kind, "verb": FIT_RUN.verb, **manifest_of(fit, fit.status)})
+        return {FIT: fit_content(fit), MANIFEST: manifest.encode()}
+
+    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files)

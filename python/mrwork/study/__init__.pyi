@@ -1,4 +1,5 @@
 from ..runs.study import read_study as read_study
+from ..runs.study import study_of as study_of
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
 from .folder import StoredStudy as StoredStudy

@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from mrwork.base.keys import (
+    as_document,
     given_values,
     heading_lines,
     key_lines,
@@ -43,7 +44,8 @@ from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 from mrwork.study.course import StudyProgress
-from mrwork.study.named_laws import Trials, course_of_trials, missing_settings, without_defaults
+from mrwork.study.law_text import text_to_compare
+from mrwork.study.named_laws import Trials, course_of_trials, missing_settings
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,
@@ -75,17 +77,21 @@ _PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="giv
 
 def running_in_words(table: LawFileTable, folder: Path) -> str:
     """Notice of a file that is about to run as Python, with the line of the study that names it."""
-    return f"{table.place.within('file')}: running {folder / table.file} as Python, for its function {table.function}"
+    file = folder / str(table.file)
+    return f"{table.place.within('file')}: running {file} as Python, for its function {table.function}"
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     name = table.function
-    module, text = _run_module(table, folder / table.file)
-    functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
-    function = getattr(module, name, None)
-    if not callable(function):
-        near = suggestion(name, functions, otherwise="it has")
-        table.place.within("function").refuse(f"{table.file} has no function {name!r}{near}")
+    if isinstance(table.file, str):
+        module, text = _run_module(table, folder / table.file)
+        functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
+        function = getattr(module, name, None)
+        if not callable(function):
+            near = suggestion(name, functions, otherwise="it has")
+            table.place.within("function").refuse(f"{table.file} has no function {name!r}{near}")
+    else:
+        function, text = table.file, text_to_compare(table.file)
     try:
         inspect.signature(function).bind(None, None)
     except TypeError:
@@ -288,7 +294,10 @@ def _arrange_controller(
         at_zero = Row(label=controller.label, kind="passive_off")
         return make_arrangement(bare, at_zero, problem.building, devices, law)
     user = controller.user
-    description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
+    description = controller.law
+    if user is not None:
+        of_file = f" of {user.file}" if isinstance(user.file, str) else ""
+        description = f"{user.function}{of_file}, in Python"
     row = Row(label=controller.label or title, kind=_kind(law), description=description)
     made = make_arrangement(bare, row, problem.building, tuple(limited.devices), law)
     return replace(made, taken=taken)
@@ -461,7 +470,7 @@ def _choose_law(
         problem, beside = trials.expect_motion(problem) if spec.needs_curve else (problem, "")
         taken = trials.take(table.law, given.values, problem, partial(_with_shaping, table), beside=beside)
         settings: LawSettings = read_table(
-            kind, given.stated | (taken.as_read if taken else {}), given.where, whole=True
+            kind, given.stated | (as_document(taken.settings) if taken else {}), given.where, whole=True
         )
         return spec.title, design_law(table.law, problem, settings), taken
 
@@ -523,7 +532,7 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
         names = {entry.name for entry in keys_of(SETTINGS[law])}
         given = {name: value for name, value in table.settings.items() if name in names}
         values = given_values(SETTINGS[law], _with_matrices(SETTINGS[law], given, place, folder), place)
-        settings |= {name: without_defaults(value) for name, value in values.items()}
+        settings |= as_document(values)
     return replace(table, settings=settings)
 
 

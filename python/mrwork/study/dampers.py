@@ -53,11 +53,11 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     if table.preset is not None:
         draft, largest, source = _draft_of_preset(table, table.preset)
     elif table.run is not None:
-        draft, tested = _draft_of_run(table, folder / table.run, identified)
+        draft, tested = _draft_of_run(table, folder, identified)
         largest = (
             None if tested is None or tested.command is None else command_level(tested.command[1], draft.unit)
         )
-        source = f"run {table.run}"
+        source = f"run {table.run}" if isinstance(table.run, str) else "a fit"
     else:
         unit = table.unit or "A"
         draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=unit, lag=None)
@@ -168,10 +168,10 @@ def _draft_of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | Non
 
 
 def _draft_of_run(
-    table: DamperTable, run: Path, identified: Identified
+    table: DamperTable, folder: Path, identified: Identified
 ) -> tuple[_Draft, OperatingRange | None]:
     try:
-        fitted = identified(run)
+        fitted = fitted_of(table, folder, identified)
     except RecordError as error:
         table.place.within("run").refuse(str(error))
     current = fitted.spec.current
@@ -181,6 +181,12 @@ def _draft_of_run(
             "voltage; identify it from tests with their current or voltage"
         )
     return _draft(fitted.spec, fitted.theta), fitted.tested
+
+
+def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> FittedDamper:
+    """The fit of a table, or that of the run folder that it names, relative to `folder`."""
+    assert table.run is not None
+    return identified(folder / table.run) if isinstance(table.run, str) else table.run
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
@@ -253,7 +259,7 @@ class OtherSet:
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
-    runs = {folder / each.run: identified(folder / each.run) for each in tables if each.run is not None}
+    runs = {folder / each.run: identified(folder / each.run) for each in tables if isinstance(each.run, str)}
     sets = []
     for wanted in next((run.others for run in runs.values() if run.others), ()):
         fitted = {

@@ -224,7 +224,7 @@ def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float,
     else:
         raise SettingError(
             f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
-            "it, because its storeys do not determine its coordinates; leave stiffness and damping out of [uncertainty]"
+            "it, because its storeys do not determine its coordinates; leave both out of its uncertainty"
         )
     return replace(
         building,

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.keys import is_required, keys_of, toml_value
+from mrwork.base.keys import as_document, is_required, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -28,7 +28,6 @@ from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
-from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.course import (
@@ -237,7 +236,7 @@ class Trials:
         return TakenSettings(
             settings=taken,
             origin=tuple([*says, beside] if beside else says),
-            remedy=f"settings = {toml_value({name: without_defaults(own) for name, own in given.items()} | taken)}",
+            remedy=f"settings = {toml_value(as_document(given) | taken)}",
         )
 
     def _weights(
@@ -323,14 +322,3 @@ class Trials:
             bare=self.bare,
             on_block=self.course.advance,
         )
-
-
-def without_defaults(value: Any) -> Any:
-    """Values of a table that differ from their defaults, by name; any other value unchanged."""
-    if not isinstance(value, WeightWishes):
-        return value
-    return {
-        entry.name: given
-        for entry in keys_of(WeightWishes)
-        if (given := getattr(value, entry.name)) != entry.default
-    }

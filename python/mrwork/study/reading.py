@@ -1,4 +1,4 @@
-"""Read a study file into a study that is ready to run; its errors have the line of the key.
+"""Read a study file, or the document of a call, into a study that is ready to run; errors have the place of the key.
 
 Its ground motions are read or synthetic, then cut, corrected, stretched and scaled in that order. Controllers are tuned
 on training motions and judged on test motions; no record may be both.
@@ -17,7 +17,7 @@ import numpy as np
 
 from mrwork.base.keys import read_table, suggestion
 from mrwork.base.places import KeyPath, Place
-from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -38,6 +38,7 @@ from mrwork.motions.ground_motion import (
     time_scaled,
     trimmed,
 )
+from mrwork.motions.networks import refuse_absurd
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import suite, synthetic_motion
@@ -59,6 +60,7 @@ from mrwork.study.dampers import (
     choose_dampers,
     chosen_damper,
     equip_building,
+    fitted_of,
     other_sets,
 )
 from mrwork.study.schema import (
@@ -115,19 +117,26 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[Motio
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
         return [
-            MotionOfStudy(ground=ground, use=bare.table.use, synthetic=bare.file is None)
+            MotionOfStudy(ground=ground, use=bare.table.use, synthetic=_is_synthetic(bare.table))
             for ground in _scale(bare.ground, bare.table)
         ]
 
 
+def _is_synthetic(table: MotionTable) -> bool:
+    return table.synthetic is not None or table.suite is not None
+
+
 def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     place = table.place
-    if sum(each is not None for each in (table.file, table.synthetic, table.suite)) != 1:
-        place.refuse(f"{place.table} needs either a file, a synthetic motion or a suite")
+    ways = (table.file, table.acceleration, table.synthetic, table.suite)
+    if sum(each is not None for each in ways) != 1:
+        place.refuse(f"{place.table} needs either a file, samples, a synthetic motion or a suite")
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
-    if table.file is not None:
+    if isinstance(table.file, str):
         grounds = _read_record(table, table.file, folder)
+    elif not _is_synthetic(table):
+        grounds = [(motion_of_samples(table), None)]
     else:
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         grounds = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
@@ -157,6 +166,27 @@ def _read_record(table: MotionTable, file: str, folder: Path) -> _Grounds:
                 motion = replace(motion, name=name)
             grounds.append((motion, path.resolve()))
     return grounds
+
+
+def motion_of_samples(table: MotionTable) -> GroundMotion:
+    """The motion that a table gives as a value or by its samples, with its own name."""
+    place, given = table.place, table.file
+    if isinstance(given, GroundMotion):
+        _refuse_keys(
+            table, ("unit", "dt", "column", "channel"), "is for files, and this motion is a GroundMotion"
+        )
+        with place.within("file").prefix_errors(SettingError):
+            refuse_absurd(given.acceleration, source=given.name)
+        return replace(given, name=table.name or given.name)
+    _refuse_keys(table, ("column", "channel"), "is for files, and this motion is given by its samples")
+    if table.dt is None:
+        place.refuse(f"{place.table} has no dt of its samples; give it [s]")
+    with place.prefix_errors(SettingError):
+        acceleration = factor_to_si(table.unit or "m/s2", "acceleration", context="unit") * np.array(
+            table.acceleration
+        )
+        refuse_absurd(acceleration, source="acceleration")
+        return GroundMotion(name=table.name or "motion", dt=table.dt, acceleration=acceleration)
 
 
 def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Grounds:
@@ -239,7 +269,8 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
 
 def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.group:
-        motion = replace(motion, groups=(table.group, *motion.groups))
+        groups = (table.group,) if isinstance(table.group, str) else table.group
+        motion = replace(motion, groups=(*groups, *motion.groups))
     if table.start > 0.0 or table.end is not None:
         motion = trimmed(motion, start=table.start, end=math.inf if table.end is None else table.end)
     if table.baseline is not None:
@@ -301,27 +332,43 @@ def read_study(
     text_in(content, path, TOML)
     file = StudyFile(path=path.resolve(), content=content)
     document, lines = parse(file.text, str(path))
-    with Place(origin=str(path), lines=lines).collecting() as place:
+    place = Place(origin=str(path), lines=lines)
+    return study_of_document(document, place, path.parent, identified, seed, on_python, on_progress, file)
+
+
+def study_of_document(
+    document: dict[str, Any],
+    place: Place,
+    folder: Path,
+    identified: Identified,
+    seed: int,
+    on_python: Callable[[str], None],
+    on_progress: Callable[[StudyProgress], None] | None,
+    file: StudyFile | None = None,
+) -> Study:
+    """The study of a document, which may hold values that no file can; names of files are relative to `folder`."""
+    with place.collecting() as place:
         refuse_loose_settings(document, place)
         table = read_table(StudyTable, document, place)
-        return _study_of(table, file, place, cache(identified), seed, on_python, on_progress)
+        return _study_of(table, file, place, folder, cache(identified), seed, on_python, on_progress)
 
 
 def _study_of(
     table: StudyTable,
-    file: StudyFile,
+    file: StudyFile | None,
     place: Place,
+    folder: Path,
     identified: Identified,
     seed: int,
     on_python: Callable[[str], None],
     on_progress: Callable[[StudyProgress], None] | None,
 ) -> Study:
     """The study of a table, whose parts are read by themselves: a mistake in one hides none in others."""
-    folder = Path(place.origin).parent / table.folder
+    folder = folder / table.folder
     with place.keeping():
         for each in table.controller:
             with place.keeping():
-                if each.user is not None:
+                if each.user is not None and isinstance(each.user.file, str):
                     on_python(running_in_words(each.user, folder))
 
     def build() -> Building:
@@ -386,6 +433,8 @@ def _study_of(
     study = Study(
         title=table.title or bare.name,
         file=file,
+        table=table,
+        folder=folder.resolve(),
         building=bare,
         arrangements=compared,
         motions=motions,
@@ -421,12 +470,15 @@ def _realisations(
     for each in table.damper:
         rows = None
         if given.damper and each.run is not None:
-            fit = identified(folder / each.run)
+            fit = fitted_of(each, folder, identified)
             rows = fit.draws()
             if rows is None:
+                run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
+                if isinstance(each.run, str):
+                    run, remedy = each.run, f"run mrwork sample {each.run} first"
                 each.place.within("run").refuse(
-                    f"{each.run} has no posterior draws, and [uncertainty] asks for them; run mrwork sample {each.run} "
-                    "first, or set damper = false there"
+                    f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false "
+                    "there"
                 )
             # One draw for each realisation, equally spread over the chains.
             places = np.linspace(0, len(rows) - 1, given.realisations).round().astype(np.int64)

@@ -17,9 +17,10 @@ from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.user_law import MOST_MEMORY
+from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.parameters import LawName
-from mrwork.motions.ground_motion import HIGHEST_ORDER
+from mrwork.dampers.tested_range import FittedDamper
+from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
 from mrwork.search.rules import LARGEST_POPULATION
 
@@ -72,7 +73,7 @@ class TuneTable:
 
     laws: tuple[str, ...] = key("names of the laws")
     label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
-    settings: Mapping[str, Any] | None = key("settings that are held", default=None)
+    settings: Mapping[str, Any] | None = key("settings that are held", default=None, file=True)
     free: Mapping[str, tuple[float, ...]] | None = key(
         "settings to be searched, with lower and upper bounds, as { control_weight = [1e-15, 1e-9] }; an empty array "
         "for the range of the law. Of any law also largest_command, and dead_zone [m/s] and command_slope [A/s or V/s] "
@@ -165,7 +166,9 @@ class DamperTable:
 
     storey: int | str = key("storey of the damper: its number from 1, or its name")
     preset: str | None = key("published set, as kwok2006; see mrwork models NAME", default=None)
-    run: str | None = key("folder of an identified run, relative to the study file", default=None)
+    run: str | FittedDamper | None = key(
+        "folder of an identified run, relative to the study file", default=None, file=True
+    )
     model: str | None = key(
         "model of the parameters, or of the preset if two models have one of that name", default=None
     )
@@ -223,7 +226,7 @@ class LawFileTable:
     resumed only if the text of this one is the same.
     """
 
-    file: str = key("Python file of the law, relative to the study file")
+    file: str | Command = key("Python file of the law, relative to the study file", file=True)
     function: str = key("function in it, of a LoopSample and the memory, that returns the commands")
     memory: int = key(
         "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
@@ -252,12 +255,13 @@ class ControllerTable:
     law: str = key("name of the law; required without user", default="")
     user: LawFileTable | None = key("law in Python instead", default=None)
     label: str = key("label in tables; by default the title of the law", default="", label=True)
-    settings: Mapping[str, Any] | None = key("settings of the law", default=None)
+    settings: Mapping[str, Any] | None = key("settings of the law", default=None, file=True)
     gain: tuple[tuple[float, ...], ...] | str | None = key(
         "finished gain K of the desired force f_c = -K s, for laws of a desired force, instead of weights among the "
         "settings: a row for each device, a column for each displacement [N/m] and then each velocity [N s/m] of the "
         "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
         default=None,
+        file=True,
     )
     largest_command: float | None = key(
         "largest command that this law may send, by default that of the dampers",
@@ -319,24 +323,30 @@ class MotionTable:
     Training and test motions must be different records: files and accelerations are compared.
     """
 
-    file: str | None = key(
+    file: str | GroundMotion | None = key(
         "record: .AT2, .csv, .mat and others, relative to the study file; of a folder, or a pattern as records/*.AT2, "
         "every record is a motion",
         default=None,
+        file=True,
+    )
+    acceleration: tuple[float, ...] | None = key(
+        "samples instead of a file, every dt, in m/s2 or the unit", default=None
     )
     synthetic: Synthetic | None = key("filtered noise instead of a file", default=None)
     suite: SuiteTable | None = key("many synthetic motions instead of a file", default=None)
     name: str = key(
         "name in tables; of several records or a suite, the beginning of their names", default="", label=True
     )
-    group: str = key("group of the motions, of which tables have the score", default="", label=True)
+    group: str | tuple[str, ...] = key(
+        "group of the motions, or several, of which tables have the score", default="", label=True
+    )
     unit: str | None = key(
         "unit of the acceleration in the file, as g; needed if the file does not state it", default=None
     )
     column: str | None = key("column or variable of the acceleration, if there are several", default=None)
     channel: int | None = key("channel of a file with several, from 1", default=None, least=1)
     dt: float | None = key(
-        "step of synthetic motions, 0.01 s by default, or of a table without times",
+        "step of synthetic motions, 0.01 s by default, of samples, or of a table without times",
         unit="s",
         default=None,
         above=0.0,

@@ -29,7 +29,8 @@ from mrwork.motions import GroundMotion
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.dampers import OtherSet
-from mrwork.study.schema import ReportTable, TuneTable, UncertaintyTable, Use
+from mrwork.study.schema import ReportTable, StudyTable, TuneTable, UncertaintyTable, Use
+from mrwork.study.study_file import write_study_file
 
 
 @array_dataclass(repr=False)
@@ -156,19 +157,12 @@ class TakenSettings:
     remedy: str
 
     @property
-    def as_read(self) -> dict[str, Any]:
-        """The values as a file is read."""
-        return {
-            name: list(value) if isinstance(value, tuple) else value for name, value in self.settings.items()
-        }
-
-    @property
     def in_words(self) -> tuple[str, ...]:
         """How they came, and what to type for another choice."""
         taken = f"Not given, and taken: {'; '.join(self.origin)}."
         if not self.remedy:
             return (taken,)
-        return taken, f"For others give them in its [controller.settings], or below its law: `{self.remedy}`"
+        return taken, f"For others give the law `{self.remedy}`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,7 +227,9 @@ class StudyFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Study(Summarised):
-    """The content of a study file; the first arrangements are the building without dampers and the dampers at i = 0.
+    """A study that is ready to run, of a file or of a call.
+
+    The first arrangements are the building without dampers and the dampers at i = 0.
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
@@ -241,13 +237,16 @@ class Study(Summarised):
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
     `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
-    sets of laws that predict nearly as well.
+    sets of laws that predict nearly as well. `table` is what was read, `None` for a part of it; names of files in it
+    are relative to `folder`. `file` is the file that was read, if it was one.
     """
 
-    _made_by: ClassVar[str] = "mr.read_study(path)"
+    _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
 
     title: str
-    file: StudyFile
+    file: StudyFile | None
+    table: StudyTable | None
+    folder: Path
     building: Building
     arrangements: tuple[Arrangement, ...]
     motions: tuple[MotionOfStudy, ...]
@@ -312,17 +311,60 @@ class Study(Summarised):
         kept = [number for number, motion in enumerate(self.motions) if motion.use == use]
         if not kept:
             raise SettingError(
-                f"study {self.title!r}: no motion is for {use}; give a [[motion]] the key use = {use!r}"
+                f"study {self.title!r}: no motion is for {use}; give one of its motions use = {use!r}"
             )
         peaks = [self.motions[number].ground.peak for number in kept]
         detailed = self.detailed if self.detailed in kept else kept[int(np.argmax(peaks))]
         stored = {detailed if number == self.detailed else number for number in self.histories}
         return replace(
             self,
+            table=self.table if len(kept) == len(self.motions) else None,
             motions=tuple(self.motions[number] for number in kept),
             detailed=kept.index(detailed),
             histories=tuple(kept.index(number) for number in sorted(stored) if number in kept),
         )
+
+    @checked
+    def to_toml(self, path: str | Path, *, replace: bool = False) -> Path:
+        """Write the study file that gives the same results, for `mrwork respond` and `mr.read_study`.
+
+        Buildings, motions, fits and functions that were given as values are written into the folder ``NAME_files``
+        beside the file ``NAME.toml``: matrices and samples as text with every digit, a fit as a run folder, a function
+        as a Python file with what it uses. Other files keep their places, and the study file names the folder that
+        their names are relative to. What a study of another seed than 0 draws it draws again where it is read with
+        that seed, which the first line tells.
+
+        Parameters
+        ----------
+        path
+            The file.
+        replace
+            Whether files of these names are replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        SettingError
+            If the study was made from another, by `of_use` or `mr.tuning.with_tuned_law`, or a function has no text.
+        OutputError
+            If the file or the folder is there already, or cannot be written.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> study = mr.study_of(building=mr.building("uts"), motions=[mr.synthetic_motion(rng=0, duration=5.0)])
+        >>> study.to_toml("study.toml")  # doctest: +SKIP
+        """
+        if self.table is None:
+            raise SettingError(
+                f"study {self.title!r} has not the motions or laws of its file; write the study that it was made from"
+            )
+        write_study_file(self.table, self.folder, self.hardware.seed, Path(path), replace=replace)
+        return Path(path)
 
     @property
     def designs(self) -> tuple[tuple[tuple[str, ...], DesignedWeights], ...]:

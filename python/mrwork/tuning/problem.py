@@ -197,7 +197,7 @@ def _shaping_of(candidates: Sequence[LawCandidate]) -> Floats | None:
 def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
     if study.problem is None or not study.devices:
-        raise SettingError(f"study {study.title!r} has no dampers to be controlled; give a [[damper]]")
+        raise SettingError(f"study {study.title!r} has no dampers to be controlled; give it one")
     if not any(device.spec.follows_command for device in study.devices):
         raise SettingError(
             f"study {study.title!r}: no parameter of the dampers depends on the command, so no law can be tuned; "
@@ -243,7 +243,7 @@ def with_tuned_law(
     if name in (row.label for row in study.rows):
         raise SettingError(f"the study has a row called {name!r} already; give another `label`")
     arrangement = arrange_law(study, found.law, candidate, name)
-    return replace(study, arrangements=(*study.arrangements, arrangement))
+    return replace(study, table=None, arrangements=(*study.arrangements, arrangement))
 
 
 @array_dataclass(repr=False)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Whole, checked
-from mrwork.base.keys import suggestion, toml_value
+from mrwork.base.keys import suggestion, toml_text, toml_value
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.base.plotted import plots_of
@@ -599,14 +599,8 @@ def _controller(law: LawResult) -> str:
     settings, of_command = _part_settings(law.settings)
     if not law.limited:
         of_command.pop(LARGEST, None)
-    lines = [
-        "[[controller]]",
-        f"law = {toml_value(law.law)}",
-        f"label = {toml_value(law.label)}",
-        *([f"settings = {toml_value(settings)}"] if settings else []),
-        *(f"{name} = {toml_value(value)}" for name, value in of_command.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    own = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
+    return toml_text({"controller": [own | of_command]})
 
 
 def _scores_csv(results: TuningResults) -> str:

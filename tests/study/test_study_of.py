@@ -1,0 +1,339 @@
+"""`mr.study_of` makes the study that a file makes, and `to_toml` writes the file: same numbers, same refusals."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from contextlib import suppress
+from math import tanh
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sentences import Refused
+from study_texts import study_text
+from tuning_samples import study_file
+
+import mrwork as mr
+
+# Their names are no promise: how studies are compared, and how a file is read before its laws are designed.
+from mrwork.base.keys import given_in, read_table
+from mrwork.base.places import Place
+from mrwork.errors import MrworkError
+from mrwork.study.schema import StudyTable
+from mrwork.study.study import fingerprint_of
+from mrwork.study.study_file import write_study_file
+
+ROOT = Path(__file__).parents[2]
+FILES = (ROOT / "python/mrwork/cli/samples/study.toml", *sorted((ROOT / "studies").rglob("*.toml")))
+# Their laws are designed for as long as those of all other files take together, or they name other files.
+SLOW = {
+    "studies/respond/five_storeys.toml",
+    *(
+        f"studies/{study}/{use}_{level}.toml"
+        for study in ("rollout", "robust_control")
+        for use in ("level", "chosen")
+        for level in ("01", "03")
+    ),
+    *(f"tests/study/test_study_{name}.py" for name in ("clairvoyant", "demand", "ensemble", "law_file")),
+}
+
+
+def texts_of(module: Path) -> Iterator[str]:
+    """The texts in a module of tests that are whole studies."""
+    for node in ast.walk(ast.parse(module.read_text())):
+        text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+        if "[building]" in text and "[[motion]]" in text:
+            with suppress(MrworkError, tomllib.TOMLDecodeError):
+                read_tables(tomllib.loads(text))
+                yield text
+
+
+def read_tables(document: dict[str, Any]) -> StudyTable:
+    with Place(origin="study").collecting() as place:
+        return read_table(StudyTable, document, place)
+
+
+TEXTS = {
+    **{str(path.relative_to(ROOT)): text for path in FILES if "[[motion]]" in (text := path.read_text())},
+    **{
+        str(module.relative_to(ROOT)): text
+        for module in sorted((ROOT / "tests" / "study").glob("*.py"))
+        for text in texts_of(module)
+    },
+}
+ARGUMENTS = {"damper": "dampers", "controller": "laws", "baseline": "baselines", "motion": "motions"}
+Samples = NDArray[np.float64]
+
+UTS = mr.building("uts")
+PAIR = {"storey": 1, "preset": "kwok2006"}
+NOISE = mr.synthetic_motion(rng=0, duration=3.0, peak=3.0)
+TIME = np.arange(0.0, 20.0, 0.01)
+SLOPE = 5.0
+WEIGHTS = np.array([1.0, 0.5])
+
+
+def clip(command: Samples) -> Samples:
+    return np.minimum(command, tanh(2.0))
+
+
+def brake(sample: mr.closed_loop.LoopSample, memory: Samples) -> Samples:
+    return clip(SLOPE * WEIGHTS[0] * np.abs(sample.rate))
+
+
+def in_python(document: dict[str, Any], folder: Path) -> mr.Study:
+    """The study of the tables of a file."""
+    arguments = {ARGUMENTS.get(name, name): value for name, value in document.items()}
+    return mr.study_of(**arguments | {"folder": folder / document.get("folder", "")})
+
+
+def rewritten(study: mr.Study, folder: Path) -> mr.Study:
+    return mr.read_study(study.to_toml(folder / "written" / "study.toml"))
+
+
+def quick(**changed: Any) -> mr.Study:
+    given: dict[str, Any] = {"building": UTS, "dampers": [PAIR], "laws": ["passive_on"], "motions": [NOISE]}
+    return mr.study_of(**given | changed)
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_tables_are_written_as_they_were_read(text: str, tmp_path: Path) -> None:
+    table = read_tables(tomllib.loads(text))
+    folder = (tmp_path / table.folder).resolve()
+    write_study_file(table, folder, 0, tmp_path / "out" / "study.toml", replace=False)
+    written = tomllib.loads((tmp_path / "out" / "study.toml").read_text())
+    named = (tmp_path / "out" / written.pop("folder", "")).resolve()
+    assert named in (folder, (tmp_path / "out").resolve())
+    given = given_in(table)
+    given.pop("folder", "")
+    assert given_in(read_tables(written)) == given
+
+
+@pytest.mark.parametrize("name", [name for name in TEXTS if name not in SLOW])
+def test_a_study_file_is_rebuilt_in_python_and_written_again(name: str, tmp_path: Path) -> None:
+    path = ROOT / name
+    if path.suffix == ".py":
+        path = tmp_path / "study.toml"
+        path.write_text(TEXTS[name])
+    expected = fingerprint_of(mr.read_study(path))
+    study = in_python(tomllib.loads(TEXTS[name]), path.parent)
+    assert fingerprint_of(study) == expected
+    assert fingerprint_of(rewritten(study, tmp_path)) == expected
+
+
+@pytest.mark.parametrize("settings", ["drifts = 1.0\ncontrol_weight = 1e-13", 'full_force = "2 kN"'])
+def test_a_study_of_the_tests_is_rebuilt_with_its_numbers(settings: str, tmp_path: Path) -> None:
+    text = (
+        study_text(settings) if "drifts" in settings else study_text("").replace("[controller.settings]", "")
+    )
+    (tmp_path / "study.toml").write_text(text)
+    study = in_python(tomllib.loads(text), tmp_path)
+    expected = mr.run_study(mr.read_study(tmp_path / "study.toml"), threads=1)
+    assert mr.run_study(study, threads=1).to_pandas().equals(expected.to_pandas())
+    again = mr.run_study(rewritten(study, tmp_path), threads=1)
+    assert again.to_pandas().equals(expected.to_pandas())
+
+
+def test_what_is_tuned_is_rebuilt(tmp_path: Path) -> None:
+    path = study_file(tmp_path)
+    expected = mr.read_study(path).tunes
+    study = in_python(tomllib.loads(path.read_text()), tmp_path)
+    given = given_in(expected[0])
+    assert [given_in(each) for each in (*study.tunes, *rewritten(study, tmp_path).tunes)] == [given, given]
+    table = mr.study.TuneTable(laws=["lyapunov"], free={"scale": (1.0, 2.0)})
+    training = {"synthetic": "kanai_tajimi", "duration": 3.0, "use": "training"}
+    assert quick(tune=table, motions=[training, NOISE]).tunes[0].free == {"scale": (1.0, 2.0)}
+
+
+def test_values_are_written_beside_the_file_and_read_back(tmp_path: Path) -> None:
+    tuned = mr.buildings.with_tuned_mass(UTS, floor=5, mass=10.0, frequency=3.0, ratio=0.1)
+    rubber = mr.buildings.with_lead_rubber_bearings(tuned, mass=300.0, period=2.0, yield_force=50.0)
+    samples = np.random.default_rng(0).normal(size=80)
+    grouped = mr.GroundMotion(name="own", dt=0.013, acceleration=samples, groups=("soft", "pulse"))
+    study = mr.study_of(
+        building={"file": tuned},
+        dampers=[{**PAIR, "differential": True}],
+        laws=[
+            brake,
+            {"law": brake, "label": "slower", "user": {"memory": 1, "rms_time": "2 s"}},
+            mr.closed_loop.UserLaw(name="a value", command=brake, n_memory=2, rms_time=1.0),
+            {"law": "clipped_optimal", "gain": np.full((1, 12), 1e3)},
+            {"law": "inverse_direct", "settings": mr.control.RegulatorSettings(control_weight=1e-9)},
+        ],
+        baselines=[{"label": "rubber", "building": {"file": rubber}}],
+        motions=[
+            {"file": grouped, "pga": ["0.1 g", "0.2 g"], "group": "mine"},
+            {"acceleration": samples[:40], "dt": 0.02, "unit": "g"},
+        ],
+        hardware=mr.Hardware(feedback="observer", measured_floors=(0, 4), acceleration_noise=0.01),
+        uncertainty={"delay": "1 ms", "realisations": 2},
+        seed=3,
+        title="Of values",
+    )
+    written = study.to_toml(tmp_path / "study.toml")
+    assert "folder" not in written.read_text()
+    # It can be moved with what is beside it.
+    moved = (tmp_path / "study.toml").rename(tmp_path / "moved.toml")
+    again = mr.read_study(moved, seed=3)
+    assert fingerprint_of(again) == fingerprint_of(study)
+    assert [each.groups for each in again.grounds] == [each.groups for each in study.grounds]
+    assert again.building.n_strokes == 1
+    assert [each.row.label for each in again.arrangements] == [each.row.label for each in study.arrangements]
+    results = mr.run_study(study, threads=1)
+    assert mr.run_study(again, threads=1).to_pandas().equals(results.to_pandas())
+
+
+def test_a_fit_stands_in_a_study_as_its_folder_does(tmp_path: Path) -> None:
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
+    loading = mr.Loading(dt=0.01, displacement=0.01 * np.sin(TIME), velocity=0.01 * np.cos(TIME))
+    tests = [
+        mr.test_from_arrays(
+            time=TIME,
+            displacement=loading.displacement,
+            velocity=loading.velocity,
+            force=(500.0 + 900.0 * current) * np.tanh(100.0 * loading.velocity),
+            current=current,
+        )
+        for current in (0.0, 1.0)
+    ]
+    fit = mr.identify(spec, tests, threads=1)
+    study = quick(dampers=[{"storey": 1, "run": fit, "count": 2}])
+    assert study.devices[0].tested == fit.tested
+    written = study.to_toml(tmp_path / "study.toml")
+    assert fingerprint_of(mr.read_study(written)) == fingerprint_of(study)
+    run = mr.load(tmp_path / "study_files" / "damper_1", mr.StoredRun)
+    assert run.fit == fit
+    for each in (run, run.place):
+        assert fingerprint_of(quick(dampers=[{"storey": 1, "run": each, "count": 2}])) == fingerprint_of(
+            study
+        )
+
+
+def test_a_study_names_the_folder_of_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "records").mkdir()
+    np.savetxt(tmp_path / "records" / "one.txt", NOISE.acceleration)
+    monkeypatch.chdir(tmp_path)
+    study = quick(motions=[{"file": "records/one.txt", "dt": 0.01, "unit": "m/s2"}])
+    monkeypatch.chdir(ROOT)
+    assert fingerprint_of(rewritten(study, tmp_path)) == fingerprint_of(study)
+    assert 'folder = ".."' in (tmp_path / "written" / "study.toml").read_text()
+    study.to_toml(tmp_path / "study.toml")
+    assert "folder" not in (tmp_path / "study.toml").read_text()
+
+
+def test_a_study_of_own_arrays_in_a_few_lines_with_its_figure() -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    study = mr.study_of(
+        building={"mass": np.diag([300.0, 300.0]), "stiffness": 4e5 * np.array([[2.0, -1.0], [-1.0, 1.0]])},
+        dampers=[{"storey": 1, "preset": "kwok2006"}],
+        laws=[brake],
+        motions=[{"acceleration": 3.0 * np.sin(12.0 * time) * np.exp(-time), "dt": 0.01, "name": "pulse"}],
+    )
+    results = mr.run_study(study, threads=1)
+    figure = results.plot.storey_profiles()
+    assert [row.label for row in results.rows][3:] == ["brake"]
+    assert figure.axes
+
+
+def test_a_study_prints_on_one_screen() -> None:
+    suite = mr.motions.suite(("firm",), 40, rng=0, dt=0.05)
+    study = quick(laws=[{"law": "passive_on", "label": f"row {n}"} for n in range(40)], motions=suite)
+    lines = repr(study).splitlines()
+    assert len(lines) <= 26
+    assert max(map(len, lines)) <= 100
+
+
+def test_functions_of_other_values_are_told_apart() -> None:
+    def law_of(gain: float) -> Any:
+        def law(sample: mr.closed_loop.LoopSample, memory: Samples) -> Samples:
+            return gain * np.abs(sample.rate)
+
+        return law
+
+    one, other, same = (fingerprint_of(quick(laws=[law_of(gain)])) for gain in (1.0, 2.0, 1.0))
+    assert one == same != other
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"building": "uts"},
+        {"building": {"masses": [300.0]}},
+        {"building": {"mases": [300.0], "stiffnesses": [1e5]}},
+        {"building": {"file": 3}},
+        {"dampers": PAIR},
+        {"dampers": ["kwok2006"]},
+        {"dampers": [PAIR, {"preset": "kwok2006"}]},
+        {"dampers": [{**PAIR, "storey": 9}]},
+        {"dampers": [{**PAIR, "storey": object()}]},
+        {"dampers": [{"storey": 1, "run": "nowhere"}]},
+        {"dampers": [{**PAIR, "count": 0}]},
+        {"dampers": []},
+        {"laws": "passive_on"},
+        {"laws": ["clipped"]},
+        {"laws": [{"law": "clipped_optimal", "drifts": 1.0}]},
+        {"laws": [{"law": "clipped_optimal", "settings": {"control_weight": -1}}]},
+        {"laws": [lambda sample: sample]},
+        {"laws": [{"law": brake, "user": 3}]},
+        {"laws": [{"user": {"function": "mine"}}]},
+        {"motions": NOISE},
+        {"motions": []},
+        {"motions": [NOISE, NOISE]},
+        {"motions": [{"file": NOISE, "use": "training"}]},
+        {"motions": [{"file": NOISE, "dt": 0.1}]},
+        {"motions": [{"acceleration": NOISE.acceleration}]},
+        {"motions": [{"acceleration": [1.0, np.nan], "dt": 0.01}]},
+        {"motions": [{"samples": NOISE.acceleration, "dt": 0.01}]},
+        {"motions": [{"acceleration": NOISE.acceleration > 0.0, "dt": 0.01}]},
+        {"motions": [{"acceleration": NOISE.acceleration, "dt": 0.01, "file": NOISE}]},
+        {"motions": [{"acceleration": 1e4 * NOISE.acceleration, "dt": 0.01}]},
+        {"motions": ["nowhere.csv"]},
+        {"hardware": {"sample_time": "1 kg"}},
+        {"hardware": mr.Hardware(seed=3)},
+        {"uncertainty": {}},
+        {"tune": {"laws": ["clipped"]}},
+        {"baselines": [{"label": "a"}]},
+        {"references": "none at all"},
+        {"report": {"motion": "El Centro"}},
+        {"title": 3},
+        {"controllers": []},
+    ],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_a_wrong_argument_is_refused_by_its_name(wrong: dict[str, Any], refused: Refused) -> None:
+    error = refused(quick, **wrong)
+    # Of several mistakes each line names its argument; those of who calls with another name are named themselves.
+    assert any(name in str(error) for name in wrong)
+
+
+def test_several_mistakes_are_told_at_once(refused: Refused) -> None:
+    refused(quick, dampers=[{**PAIR, "storey": 9}], laws=["clipped"], motions=["nowhere.csv"])
+
+
+def test_a_table_that_holds_itself_is_refused(refused: Refused) -> None:
+    endless: dict[str, Any] = {}
+    endless["step"] = endless
+    refused(quick, hardware=endless)
+
+
+def test_what_cannot_be_written_is_refused(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "study.toml"
+    training = {"synthetic": "kanai_tajimi", "duration": 3.0, "use": "training"}
+    refused(quick(motions=[training, NOISE]).of_use("test").to_toml, path)
+    refused(quick(laws=[lambda sample, memory: 0.0 * sample.rate]).to_toml, path)
+    unwritable = object()
+
+    def law(sample: mr.closed_loop.LoopSample, memory: Samples) -> Samples:
+        return 0.0 * sample.rate if unwritable else sample.rate
+
+    refused(quick(laws=[law]).to_toml, path)
+    assert not any(tmp_path.iterdir())
+    study = quick()
+    study.to_toml(path)
+    refused(study.to_toml, path)
+    path.unlink()
+    refused(study.to_toml, path)
+    study.to_toml(path, replace=True)
