@@ -20,7 +20,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
-from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
@@ -31,6 +30,7 @@ from mrwork.base.arguments import Whole, checked
 from mrwork.base.blas import blas_in_words, one_blas_thread
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.errors import MrworkError, WorkerError, reason_of
+from mrwork.store.codec import package_version
 from mrwork.store.journal import Journal
 from mrwork.store.output_file import discard_folder
 from mrwork.store.run_folder import chunks_beside
@@ -113,8 +113,9 @@ def work_on_chunk(
         return Outcome(error=error, kind=own_kind())
 
 
+@cache
 def _versions() -> tuple[str, str]:
-    return version("mrwork"), np.__version__
+    return package_version("mrwork"), np.__version__
 
 
 @cache
