@@ -110,8 +110,6 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             "--ensemble runs the study for each set of laws that predicts nearly as well, and no run folder of "
             "its dampers has others than the chosen one; leave it out, or identify the damper with --law auto"
         )
-    if (options.workers or options.cluster) and len(study.histories) == len(study.motions):
-        note("every history is stored, for which this process simulates the runs of workers again")
     histories = Histories(place, study, resume=options.resume)
     further: dict[str, Any] = {}
     lines: list[str] = []
@@ -119,6 +117,8 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
         from mrwork.study.run import run_study
 
+        if (options.workers or options.cluster) and len(study.histories) == len(study.motions):
+            note("every history is stored, for which this process simulates the runs of workers again")
         results = run_study(
             study,
             journal=journal,

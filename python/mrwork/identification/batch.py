@@ -16,7 +16,8 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
-from mrwork.store.journal import Journal
+from mrwork.store.input_file import bytes_of
+from mrwork.store.journal import JOURNAL_FILE, Journal
 from mrwork.workers.engine import Outcome, kinds_remark, own_kind, present_workers
 
 JournalOf = Callable[[str], Journal]
@@ -152,7 +153,8 @@ def fit_on_worker(
         return identify(None), b""
     with TemporaryDirectory(prefix="mrwork-") as folder:
         path = Path(folder) / "fit.jsonl"
-        path.write_bytes(lines)
+        with closing(Journal(path)) as journal:
+            journal.adopt(lines)
         with closing(Journal(path, resume=bool(lines))) as journal:
             fit = identify(journal)
-        return fit, path.read_bytes()
+        return fit, bytes_of(path, JOURNAL_FILE)

@@ -36,6 +36,7 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
     if scheduler is None:
         yield None
         return
+    address = address_of(scheduler)
     try:
         from distributed import Client
     except ImportError as reason:
@@ -44,7 +45,6 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
         ) from reason
     # Dask tells of lost connections at length, which become a sentence here.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    address = _address(scheduler)
     client = _connected(Client, address)
     try:
         _wait_for_workers(client, address)
@@ -56,7 +56,7 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
             client.close(timeout=1)
 
 
-def _address(scheduler: str) -> str:
+def address_of(scheduler: str) -> str:
     """The address itself, or that in the file of a scheduler."""
     address: object = scheduler
     if Path(scheduler).is_file():

@@ -90,7 +90,7 @@ def work_on_chunk(
     prepare: Callable[[Any], object],
     function: Callable[..., T],
     shared: Shared,
-    arguments: tuple[object, ...],
+    arguments: bytes,
 ) -> Outcome[T] | _Unknown:
     """Do a chunk on a worker, which prepares what chunks share once; an error of the package is a value."""
     if (own := _versions()) != versions:
@@ -102,13 +102,13 @@ def work_on_chunk(
         if shared.digest not in _SHARED:
             if not shared.data:
                 return _Unknown()
-            value = pickle.loads(shared.data)
-            _SHARED[shared.digest] = prepare(value)
+            _SHARED[shared.digest] = prepare(pickle.loads(shared.data))
             while len(_SHARED) > _KEPT:
                 _SHARED.popitem(last=False)
         _SHARED.move_to_end(shared.digest)
         with one_blas_thread():
-            return Outcome(value=function(_SHARED[shared.digest], *arguments), kind=own_kind())
+            value = function(_SHARED[shared.digest], *pickle.loads(arguments))
+        return Outcome(value=value, kind=own_kind())
     except MrworkError as error:
         return Outcome(error=error, kind=own_kind())
 
@@ -242,8 +242,10 @@ class Workers:
                     while waiting and len(running) < self.in_flight:
                         number = waiting.pop()
                         sent = whole if number in carrying else Shared(digest=whole.digest)
+                        # As bytes, since executors may hand over arrays that are not aligned.
+                        arguments = pickle.dumps(chunks[number], protocol=pickle.HIGHEST_PROTOCOL)
                         future = self.executor.submit(
-                            work_on_chunk, versions, prepare, function, sent, chunks[number]
+                            work_on_chunk, versions, prepare, function, sent, arguments
                         )
                         running[future] = number
                     ready, _ = wait(running, timeout=_POLL_SECONDS, return_when=FIRST_COMPLETED)
