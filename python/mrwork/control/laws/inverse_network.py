@@ -36,13 +36,8 @@ _BAND = 5.0
 _PER_CYCLE = 100
 
 
-@array_dataclass()
-class _InverseSamples:
-    """Inputs, shape (n, n_inputs); the right command as a share of the largest; and the weight of each sample."""
-
-    inputs: Floats
-    share: Floats
-    importance: Floats
+_Samples = tuple[Floats, Floats, Floats]
+"""Inputs, shape (n, n_inputs); the right command as a share of the largest; and the weight of each sample."""
 
 
 def random_loading(
@@ -115,7 +110,7 @@ def _draw_samples(
     largest_command: float,
     n_previous: int,
     rng: np.random.Generator,
-) -> tuple[_InverseSamples, float]:
+) -> tuple[_Samples, float]:
     """Samples with desired forces within, above and below the range of the damper, and a scale of force [N]."""
     force = group.force(loading)
     least = group.force(replace(loading, command=0.0))
@@ -138,9 +133,8 @@ def _draw_samples(
         rows = rng.integers(1, force.size, round(portion * N_SAMPLES))
         inputs = _network_inputs(loading, wanted, n_previous)[rows]
         parts.append((inputs, share[rows], importance[rows]))
-    inputs, share, weight = (np.concatenate(each) for each in zip(*parts, strict=True))
-    scale = _FORCE_MARGIN * float(np.abs(most).max())
-    return _InverseSamples(inputs=inputs, share=share, importance=weight), scale
+    inputs, share, importance = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return (inputs, share, importance), _FORCE_MARGIN * float(np.abs(most).max())
 
 
 def _scale_inputs(inputs: Floats, scale: Floats) -> Floats:
@@ -326,7 +320,7 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
 
 
 def _train(
-    samples: _InverseSamples,
+    samples: _Samples,
     scale: Floats,
     n_hidden: int,
     rng: np.random.Generator,
@@ -336,7 +330,8 @@ def _train(
 
     Previous samples are nearly equal to the present ones, so the network is trained on their scaled differences.
     """
-    features = _scale_inputs(samples.inputs, scale)
+    inputs, right, importance = samples
+    features = _scale_inputs(inputs, scale)
     to_features = np.eye(len(scale))
     if len(scale) > 3:
         change = features[:, :3] - features[:, 3:]
@@ -344,9 +339,9 @@ def _train(
         to_features[3:, :3], to_features[3:, 3:] = np.diag(1.0 / size), -np.diag(1.0 / size)
         features = features @ to_features.T
     n_inputs = features.shape[1]
-    weight = samples.importance / np.sqrt(len(features))
+    weight = importance / np.sqrt(len(features))
     shapes = n_hidden * n_inputs
-    none_wanted, all_wanted = samples.share <= 0.0, samples.share >= 1.0
+    none_wanted, all_wanted = right <= 0.0, right >= 1.0
     steps = 0
 
     def hidden_and_share(parameters: Floats) -> tuple[Floats, Floats, Floats]:
@@ -360,7 +355,7 @@ def _train(
 
     def residuals(parameters: Floats) -> Floats:
         _, share, counted = hidden_and_share(parameters)
-        return np.concatenate([counted * (share - samples.share), np.sqrt(_RIDGE) * parameters])
+        return np.concatenate([counted * (share - right), np.sqrt(_RIDGE) * parameters])
 
     def jacobian(parameters: Floats) -> Floats:
         nonlocal steps
@@ -376,7 +371,7 @@ def _train(
         )
         steps += 1
         if on_step is not None:
-            on_step(steps, float(np.linalg.norm(counted * (share - samples.share))))
+            on_step(steps, float(np.linalg.norm(counted * (share - right))))
         return np.vstack([rows, np.sqrt(_RIDGE) * np.eye(parameters.size)])
 
     start = np.concatenate(

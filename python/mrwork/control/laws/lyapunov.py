@@ -12,14 +12,9 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.keys import key
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.laws.law_problem import (
-    Design,
-    DesignProblem,
-    LawSettings,
-    Span,
-)
+from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.laws.weights import CostWeights
-from mrwork.control.linear.lqr import Weighed, Weights, regulators_of_costs
+from mrwork.control.linear.lqr import Regulator, Weights, regulators_of_costs
 from mrwork.control.linear.plant import Plant
 from mrwork.control.linear.riccati import attempt_each, lyapunov_solutions, only, solve_together
 from mrwork.errors import SettingError
@@ -182,9 +177,10 @@ class ProportionalSettings(LyapunovSettings):
     @classmethod
     def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
         """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
-        regulated = iter(
-            _regulator_vectors(problem, [each for each in many if each.control_weight is not None])
-        )
+        weighed = [(each, each.control_weight) for each in many if each.control_weight is not None]
+        costs = attempt_each(lambda pair: (pair[0].weigh_outputs(problem), pair[1]), weighed)
+        regulators = regulators_of_costs(problem.plant, costs)
+        regulated = iter([each.vectors if isinstance(each, Regulator) else each for each in regulators])
         free = iter(_lyapunov_vectors(problem, [each for each in many if each.control_weight is None]))
         return [next(free if each.control_weight is None else regulated) for each in many]
 
@@ -201,14 +197,3 @@ def _lyapunov_vectors(
         attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
     )
     return [each if isinstance(each, SettingError) else each.vectors for each in functions]
-
-
-def _regulator_vectors(
-    problem: DesignProblem, many: Sequence[ProportionalSettings]
-) -> list[Floats | SettingError]:
-    def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
-        assert each.control_weight is not None
-        return each.weigh_outputs(problem), each.control_weight
-
-    regulators = regulators_of_costs(problem.plant, attempt_each(cost, many))
-    return [each if isinstance(each, SettingError) else each.vectors for each in regulators]

@@ -14,7 +14,7 @@ from mrwork.base.keys import describe_key, key, keys_of
 from mrwork.base.values import Floats
 from mrwork.control.laws.control_law import SOURCES, FurtherSignal, SignalName, SignalSource, control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
-from mrwork.control.laws.inverse_network import InverseNetwork, train_inverse_network
+from mrwork.control.laws.inverse_network import train_inverse_network
 from mrwork.control.laws.law_problem import (
     NO_CERTIFICATE,
     Design,
@@ -299,17 +299,11 @@ class NetworkSettings(RegulatorSettings):
             differential=device.differential,
             rng=self.seed,
         )
-        return Design(gains={"gain": gain}, tables=_network_tables(network))
-
-
-def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
-    """The network with its scales included, and the range of its inputs.
-
-    Each row of the layer belongs to a hidden unit: bias, weights of its inputs, weight in the output.
-    """
-    layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
-    output = np.array([network.b2 * network.output_scale])
-    return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
+        # A row for each hidden unit, with the scales: bias, weights of its inputs, weight in the output.
+        reach, size = network.input_scale, network.output_scale
+        layer = np.column_stack([network.b1, network.W1 / reach, network.w2 * size])
+        tables = {"layer": layer.ravel(), "output": np.array([network.b2 * size]), "reach": reach}
+        return Design(gains={"gain": gain}, tables=tables)
 
 
 _SIGNALS, _MOST_POWERS = 4, 9

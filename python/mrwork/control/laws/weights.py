@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
@@ -21,6 +21,7 @@ from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes
 from mrwork.control.linear.lqr import Weighed, Weights, weighed_outputs, weighed_state, weight_matrix
 from mrwork.control.linear.plant import (
     Outputs,
+    Plant,
     accelerations,
     deformation_rates,
     displacements,
@@ -303,7 +304,7 @@ class CostWeights:
             )
         plant = problem.plant
         given: list[tuple[Outputs, Floats]] = []
-        for name, make, each in _OUTPUTS:
+        for name, make, each, _ in _OUTPUTS:
             weights = getattr(self, name)
             if weights is not None:
                 outputs = make(plant)
@@ -378,29 +379,20 @@ class CostWeights:
         return costs or magnitudes.energy
 
     def _names(self) -> tuple[str, ...]:
-        return (*(name for name, _, _ in _OUTPUTS), "state_weight")
+        return (*(name for name, *_ in _OUTPUTS), "state_weight")
 
 
 def _sum(parts: Sequence[Floats]) -> Floats:
     return np.asarray(sum(parts[1:], start=parts[0]))
 
 
-_OUTPUTS = (
-    ("accelerations", accelerations, "floors"),
-    ("drifts", drifts, "storeys"),
-    ("displacements", displacements, "floors"),
-    ("velocities", velocities, "floors"),
-    ("relative_velocities", relative_velocities, "storeys"),
-    ("rates", deformation_rates, "devices"),
+_OUTPUTS: tuple[tuple[str, Callable[[Plant], Outputs], str, Magnitude], ...] = (
+    ("accelerations", accelerations, "floors", "acceleration"),
+    ("drifts", drifts, "storeys", "drift"),
+    ("displacements", displacements, "floors", "displacement"),
+    ("velocities", velocities, "floors", "velocity"),
+    ("relative_velocities", relative_velocities, "storeys", "rate"),
+    ("rates", deformation_rates, "devices", "rate"),
 )
-"""Settings of outputs, the outputs, and what they belong to."""
-_MAGNITUDES: Mapping[str, Magnitude] = {
-    "accelerations": "acceleration",
-    "drifts": "drift",
-    "displacements": "displacement",
-    "velocities": "velocity",
-    "relative_velocities": "rate",
-    "rates": "rate",
-    "energy": "energy",
-}
-"""Magnitude of what each weight belongs to."""
+"""Settings of outputs, the outputs, what they belong to, and its magnitude."""
+_MAGNITUDES = {"energy": "energy"} | {name: magnitude for name, _, _, magnitude in _OUTPUTS}

@@ -181,14 +181,12 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     state_weight
         Q over s = [q; q'], shape (2n, 2n), or its diagonal. `plant.energy` weighs twice the energy of the building.
     control_weight
-        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
-        dampers together.
+        R [1/N^2], as in `regulator_of_outputs`.
 
     Raises
     ------
     SettingError
-        If a weight has the wrong shape or sign or is not symmetric, or the Riccati equation has no stabilising
-        solution.
+        As `regulator_of_outputs`.
     """
     Q = weight_matrix("state_weight", state_weight, 2 * plant.n_coordinates, "states")
     return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
@@ -425,9 +423,12 @@ def observer_of(
             f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
             f"give one number for each of one or more measurements"
         )
-    Ad, Bd, Ed = _hold_inputs(plant, sample_time)
-    # The Riccati equation is solved in z, with sensors scaled by their noise.
     T, ground = plant.scaling, ground_intensity / sample_time
+    inputs = np.column_stack([plant.B, plant.E])
+    slope, pushed = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
+    F_z, held = hold_input(slope, pushed, sample_time)
+    Ad, Bd, Ed = T @ F_z @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
+    # The Riccati equation is solved in z, with sensors scaled by their noise.
     deviation = np.sqrt(np.broadcast_to(noise, n_measurements) / sample_time)
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
@@ -469,11 +470,3 @@ def observer_of(
         Ed=Ed,
         G=measurements.G,
     )
-
-
-def _hold_inputs(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
-    """Transition over one sample with held forces and ground (zero-order hold), in scaled coordinates."""
-    T, inputs = plant.scaling, np.column_stack([plant.B, plant.E])
-    A_z, inputs_z = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
-    Ad, held = hold_input(A_z, inputs_z, sample_time)
-    return T @ Ad @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]

@@ -91,22 +91,16 @@ class WeightCertificate(Summarised):
             ),
             columns=("output", "unit", "rms", "limit", "rms / limit"),
             rows=[
-                *(
-                    (name, unit, format_rounded(rms), format_rounded(limit), format_rounded(rms / limit))
-                    for name, unit, rms, limit in zip(
-                        self.names, self.units, self.rms, self.limits, strict=True
-                    )
-                ),
-                *(
-                    (
-                        f"force, device {number + 1}",
-                        "N",
-                        format_rounded(force),
-                        format_rounded(budget),
-                        format_rounded(force / budget),
-                    )
-                    for number, (force, budget) in enumerate(zip(self.forces, self.budgets, strict=True))
-                ),
+                (name, unit, *map(format_rounded, (rms, limit, rms / limit)))
+                for name, unit, rms, limit in (
+                    *zip(self.names, self.units, self.rms, self.limits, strict=True),
+                    *(
+                        (f"force, device {number}", "N", force, budget)
+                        for number, (force, budget) in enumerate(
+                            zip(self.forces, self.budgets, strict=True), start=1
+                        )
+                    ),
+                )
             ],
         )
 
