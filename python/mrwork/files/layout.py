@@ -100,7 +100,7 @@ def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout,
     layout = _layout_above(lines, filled, rows)
     followed = layout.data == tuple(index for index in filled if index >= layout.data[0])
     # Names such as nan might be repeated below, and be taken for a row.
-    named = layout.names == numbered_names(rows.width) or not any(map(_reads_as_number, layout.names))
+    named = layout.names == numbered_names(rows.width) or not any(map(reads_as_float, layout.names))
     return (layout, with_texts) if followed and named else None
 
 
@@ -153,7 +153,8 @@ def is_number(text: str) -> bool:
     return bool(NUMBER.fullmatch(text) or DECIMAL_COMMA.fullmatch(text))
 
 
-def _reads_as_number(text: str) -> bool:
+def reads_as_float(text: str) -> bool:
+    """Whether Python reads a text as a number, finite or not."""
     try:
         float(text)
     except ValueError:

@@ -17,6 +17,7 @@ from mrwork.base.units import FACTORS, factor_to_si
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
+from mrwork.files.layout import reads_as_float
 from mrwork.motions.ground_motion import GroundMotion
 
 _HEADER_SHOWN = 60
@@ -59,21 +60,12 @@ def read_numbers(lines: Lines, first: int) -> Floats:
         (index, word)
         for index, text in enumerate(texts, start=first)
         for word in text.split()
-        if not is_number(word) or not np.isfinite(float(word))
+        if not reads_as_float(word) or not np.isfinite(float(word))
     )
     raise RecordError(
         f"{lines.where(index)} holds '{quote_text(word)}' where a number was expected; the file is damaged or in "
         "another format"
     )
-
-
-def is_number(word: str) -> bool:
-    """Whether a word reads as a number, finite or not."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def quote_text(text: str) -> str:

@@ -21,7 +21,7 @@ from mrwork.base.units import factor_of, factor_to_si, known_units
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes, regular_table
-from mrwork.files.layout import DECIMAL_COMMA
+from mrwork.files.layout import DECIMAL_COMMA, reads_as_float
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
 from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
 from mrwork.motions.ground_motion import GroundMotion
@@ -33,7 +33,6 @@ from mrwork.motions.networks import (
     Format,
     Lines,
     Stated,
-    is_number,
     lines_of,
     make_motion,
     quote_text,
@@ -260,7 +259,7 @@ def read_regular_motion(
     ):
         return None
     fields = [field for field in re.split(r"[\t;,]", above[0]) if field.strip()]
-    if len(fields) < 2 or all(is_number(field) for field in fields):
+    if len(fields) < 2 or all(map(reads_as_float, fields)):
         return None
 
     def line_by_line() -> DelimitedTable:
@@ -283,7 +282,7 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
         # Also where blanks separate the columns; line numbers do not change.
         texts = ["\t".join(text.split()) for text in texts]
     fields = [field for field in texts[first].split(delimiter) if field.strip()]
-    if not all(is_number(field) or _has_comma(field) for field in fields):
+    if not all(reads_as_float(field) or _has_comma(field) for field in fields):
         return _motion_of_table(_table(lines, texts), stated, lines.path)
     if stated.dt is not None:
         return _series(lines, first, delimiter, stated)
@@ -311,7 +310,7 @@ def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None)
 def _delimiter(line: str) -> str:
     """Separator of the numbers of a line; a tab stands for blanks. A comma between blanks is a decimal comma."""
     words = line.split()
-    if len(words) > 1 and all(is_number(word) or _has_comma(word) for word in words):
+    if len(words) > 1 and all(reads_as_float(word) or _has_comma(word) for word in words):
         return "\t"
     return next((mark for mark in "\t;," if mark in line), "\t")
 

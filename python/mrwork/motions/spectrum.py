@@ -136,7 +136,12 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
     """Peak displacement, velocity and absolute acceleration of oscillators of circular frequency w, shape (3, n)."""
     a, h = motion.acceleration, motion.dt
     eigenvalue = -zeta * w + 1j * w * np.sqrt(1.0 - zeta * zeta)
-    at_samples = _march(a, h, eigenvalue)
+    decay, first, second = _oscillator_step(eigenvalue, h)
+    # The input of each step first, then the recurrence.
+    at_samples = np.zeros((a.size, eigenvalue.size), dtype=np.complex128)
+    at_samples[1:] = -first * a[:-1, None] - second * np.diff(a)[:, None]
+    for k in range(1, a.size):
+        at_samples[k] += decay * at_samples[k - 1]
     peaks = _largest(at_samples, eigenvalue, w, zeta)
     rise = np.diff(a)[:, None]
     for place in range(1, places):
@@ -145,17 +150,6 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
         between = decay * at_samples[:-1] - first * a[:-1, None] - second * part * rise
         peaks = np.maximum(peaks, _largest(between, eigenvalue, w, zeta))
     return peaks
-
-
-def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
-    """States z at the samples, shape (n_time, n)."""
-    decay, first, second = _oscillator_step(eigenvalue, h)
-    # The input of each step first, then the recurrence.
-    z = np.zeros((a.size, eigenvalue.size), dtype=np.complex128)
-    z[1:] = -first * a[:-1, None] - second * np.diff(a)[:, None]
-    for k in range(1, a.size):
-        z[k] += decay * z[k - 1]
-    return z
 
 
 def _oscillator_step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Complexes]:

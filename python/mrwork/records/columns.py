@@ -288,11 +288,9 @@ class _Names:
             name, unit = fitting[0]
             return ColumnChoice(column=name, unit=unit, factor=factor_to_si(unit, quantity, context=name))
         for name, unit in claims:
-            if (
-                is_second_choice(quantity, name)
-                or self._is_weak(quantity, name)
-                or self._claimed_by_another(quantity, name)
-            ):
+            # The name of an optional column is too ambiguous to refuse if it is one letter, or several words.
+            is_weak = quantity not in REQUIRED and (len(name.strip()) == 1 or not is_plain(quantity, name))
+            if is_weak or is_second_choice(quantity, name) or self._claimed_by_another(quantity, name):
                 continue
             if quantity_of(unit) is None:
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
@@ -345,10 +343,6 @@ class _Names:
     @property
     def _is_nameless(self) -> bool:
         return tuple(self.names) == numbered_names(len(self.names))
-
-    def _is_weak(self, quantity: TestQuantity, name: str) -> bool:
-        """Whether an optional column's name is too ambiguous to refuse: one letter, or several words."""
-        return quantity not in REQUIRED and (len(name.strip()) == 1 or not is_plain(quantity, name))
 
     def _claimed_by_another(self, quantity: TestQuantity, name: str) -> bool:
         return any(

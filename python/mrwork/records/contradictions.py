@@ -163,8 +163,8 @@ _WIDTHS: Final = (0.03, 0.1, 0.3)
 _MOST_SAMPLES: Final = 2000
 
 
-def drift_of_displacement(test: DamperTest, motion: SmoothMotion) -> Measured | None:
-    """Drift [m/s] of the displacement channel that the force does not have; `None` without.
+def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a displacement channel that drifts [m/s], as the force does not.
 
     The displacement, or the centre of its cycles where it has regular ones, moves on steadily. A damper that is driven
     so reverses its force where the recorded velocity is zero; a channel that drifts has that velocity shifted by its
@@ -178,14 +178,23 @@ def drift_of_displacement(test: DamperTest, motion: SmoothMotion) -> Measured | 
         centre = np.array([motion.displacement[cycle].mean() for cycle in cycles])
         drift, level = (float(each) for each in np.polyfit(at, centre, 1))
     stroke = max(np.ptp(motion.displacement - drift * time), np.finfo(float).tiny)
-    if not _DRIFT < abs(drift) * test.n_time * test.dt / stroke < _RAMP:
-        return None
+    seconds = test.n_time * test.dt
+    if not _DRIFT < abs(drift) * seconds / stroke < _RAMP:
+        return
     kept = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
     recorded, moved = motion.displacement[kept], motion.velocity[kept]
     centred = recorded - level - drift * time[kept]
     as_recorded = _least_residual(test.force[kept], recorded, moved, centred)
     without = _least_residual(test.force[kept], centred, moved - drift, centred)
-    return Measured(value=drift, unit="m/s") if without < _BETTER * as_recorded else None
+    if without >= _BETTER * as_recorded:
+        return
+    message = (
+        f"the displacement drifts by {1e3 * drift:+.3g} mm/s, {1e3 * drift * seconds:+.3g} mm over the record, and the "
+        "force reverses as if the damper did not"
+    )
+    action = "check the sensor, its zero and its fastening, and subtract the drift"
+    measured = Measured(value=drift, unit="m/s")
+    yield Finding.warning("displacement_drifts", message, action=action, measured=measured)
 
 
 def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
@@ -200,20 +209,6 @@ def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centr
             np.stack((*linear, np.tanh((velocity + hysteresis * quadrature) / (width * peak))), axis=1)
         ]
     )
-
-
-def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
-    """Warn of a displacement channel that drifts."""
-    drift = drift_of_displacement(test, motion)
-    if drift is None:
-        return
-    seconds = test.n_time * test.dt
-    message = (
-        f"the displacement drifts by {1e3 * drift.value:+.3g} mm/s, {1e3 * drift.value * seconds:+.3g} mm over the "
-        "record, and the force reverses as if the damper did not"
-    )
-    action = "check the sensor, its zero and its fastening, and subtract the drift"
-    yield Finding.warning("displacement_drifts", message, action=action, measured=drift)
 
 
 # Samples at the end that are looked for, and the least share of a record that is a copy.

@@ -466,22 +466,18 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
         return (tests,)
     as_tuple = tuple(tests)
     for (first, one), (second, other) in combinations(enumerate(as_tuple, start=1), 2):
-        if _has_samples_of(one, other):
+        if one is other or (
+            one.dt == other.dt
+            and np.array_equal(one.force, other.force)
+            and np.array_equal(one.displacement, other.displacement)
+            and same_commands(one, other)
+        ):
             names = one.label if one.label == other.label else f"{one.label} and {other.label}"
             raise RecordError(
                 f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
                 "bands too narrow, so give each test once"
             )
     return as_tuple
-
-
-def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
-    return one is other or (
-        one.dt == other.dt
-        and np.array_equal(one.force, other.force)
-        and np.array_equal(one.displacement, other.displacement)
-        and same_commands(one, other)
-    )
 
 
 def fields_of_commands(commands: Iterable[Command]) -> dict[str, Any]:

@@ -305,8 +305,6 @@ def spans_with(
     spans: tuple[tuple[int, int], ...], left_out: NDArray[np.bool_]
 ) -> tuple[tuple[int, int], ...]:
     """Spans of samples together with other samples that are left out, shape (n_time,)."""
-    if not left_out.any():
-        return spans
     chosen = left_out.copy()
     for first, last in spans:
         chosen[first:last] = True
