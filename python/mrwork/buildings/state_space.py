@@ -98,8 +98,8 @@ class LinearSystem(Summarised):
         """Return the system with selected inputs and outputs, by name and in that order; an empty selection is all."""
         columns = _indices(inputs, self.input_names, "input")
         rows = _indices(outputs, self.output_names, "output")
-        return LinearSystem(
-            A=self.A,
+        return replace(
+            self,
             B=self.B[:, columns],
             C=self.C[rows],
             D=self.D[np.ix_(rows, columns)],
@@ -416,14 +416,7 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
     scale = 1.0 / np.sqrt(hankel[:order])
     into = scale[:, None] * (left[:, :order].T @ observability.T)
     out = (controllability @ right[:order].T) * scale
-    reduced = LinearSystem(
-        A=into @ system.A @ out,
-        B=into @ system.B,
-        C=system.C @ out,
-        D=system.D,
-        input_names=system.input_names,
-        output_names=system.output_names,
-    )
+    reduced = replace(system, A=into @ system.A @ out, B=into @ system.B, C=system.C @ out)
     return BalancedReduction(system=reduced, hankel=hankel, error_bound=2.0 * float(hankel[order:].sum()))
 
 

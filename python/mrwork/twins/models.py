@@ -112,14 +112,9 @@ def orifice(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     return p.d * jnp.abs(v) * v + p.c * v + p.f0
 
 
-def _maxwell_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """z' = v - z/tau."""
-    return jnp.stack([v - state[0] / p.tau])
-
-
-@_twin(rate=_maxwell_rate)
+@_twin(rate=lambda p, state, x, v: jnp.stack([v - state[0] / p.tau]))
 def maxwell(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = k z + c v + f0: a spring in series with a dashpot."""
+    """f = k z + c v + f0, z' = v - z/tau: a spring in series with a dashpot."""
     return p.k * state[0] + p.c * v + p.f0
 
 
@@ -214,15 +209,9 @@ def _behind_play(g: Array, x: Array) -> tuple[Array, Array]:
     return slope, jnp.sign(x) * (jnp.abs(x) - 0.5 * _WIDTH * jnp.log(above / below))
 
 
-def _backlash_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """w' of the loop for the velocity u."""
-    slope, _ = _behind_play(p.g, x)
-    return jnp.stack([_normalised_loop(p, state[0], slope * v)])
-
-
-@_twin(rate=_backlash_rate)
+@_twin(rate=lambda p, state, x, v: jnp.stack([_normalised_loop(p, state[0], _behind_play(p.g, x)[0] * v)]))
 def backlash_bouc_wen(p: Parameters, state: Array, x: Array, v: Array) -> Array:
-    """f = c u + k (d - x0) + k_w w: the normalised model behind a dead zone of the displacement."""
+    """f = c u + k (d - x0) + k_w w, w' for u: the normalised model behind a dead zone of the displacement."""
     slope, displacement = _behind_play(p.g, x)
     return p.c * slope * v + p.k * (displacement - p.x0) + p.k_w * state[0]
 
