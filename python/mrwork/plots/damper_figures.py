@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import NotNegative, Positive, checked
-from mrwork.base.numbers import shortest
+from mrwork.base.numbers import counted, shortest
 from mrwork.base.values import Floats
 from mrwork.dampers.design import DamperDesign
 from mrwork.dampers.parameters import ParamSpec
@@ -145,7 +145,7 @@ def _label_whole(axes: Axes, design: DamperDesign, inch: float) -> None:
             (f"fluid, {design.fluid.name}", (-(end + half) / 2.0, (rod + bore) / 2.0)),
             (f"core, {design.steel.name}", (-0.85 * half, (2.0 * rod + _MM * core) / 3.0)),
             (
-                f"{_number(design.stages, 'coil')} of {design.turns} turns",
+                f"{counted(design.stages, 'coil')} of {design.turns} turns",
                 (coil + _MM * design.coil_length / 2.0, _MM * (core + winding) / 2.0),
             ),
             (f"cylinder, wall {_mm(design.wall)}", ((end + half) / 2.0, (bore + outer) / 2.0)),
@@ -241,10 +241,6 @@ def _dimension(
 
 def _mm(length: float) -> str:
     return f"{_MM * length:.3g} mm"
-
-
-def _number(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 # Half, as given, double: the last is drawn above the others.

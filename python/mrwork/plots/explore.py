@@ -90,7 +90,8 @@ class Explorer:
         theta = self.theta
         try:
             force = simulate(self.spec, theta, self.test)
-            self._status.value = f"fit {format_fixed(100.0 * (1.0 - self._misfit()), 2)} %"
+            misfit = float(self._objective([slider.value for slider in self.sliders.values()]))
+            self._status.value = f"fit {format_fixed(100.0 * (1.0 - misfit), 2)} %"
         except SimulationError as reason:
             force = np.full(self.test.n_time, np.nan)
             self._status.value = str(reason)
@@ -101,9 +102,6 @@ class Explorer:
             axes.relim()
             axes.autoscale_view()
         self._picture.value = png_bytes(self.figure)
-
-    def _misfit(self) -> float:
-        return float(self._objective([slider.value for slider in self.sliders.values()]))
 
     def _fit(self, _: object = None) -> None:
         """Fit locally from the values of the sliders, and set these to the result."""

@@ -230,7 +230,9 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r"\bd=\"[^\"]*\"|<use [^>]*>", _two_decimals, body)
+    # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
+    places = re.compile(r"\bd=\"[^\"]*\"|<use [^>]*>")
+    body = places.sub(lambda element: _DIGITS_BEYOND.sub("", element.group()), body)
     body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{identifier}-", body)
     title = f"{identifier}-title"
     return (
@@ -256,8 +258,3 @@ def _without_controls(figure: Figure) -> None:
 
 # Looked behind, so that nothing is put back: there are ten thousands of numbers on a page.
 _DIGITS_BEYOND = re.compile(r"(?<=\.\d\d)\d+")
-
-
-def _two_decimals(element: re.Match[str]) -> str:
-    # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
-    return _DIGITS_BEYOND.sub("", element.group())

@@ -43,11 +43,7 @@ def fitted_damper(run: Path) -> FittedDamper:
 
     def draws() -> Floats | None:
         stored_draws = read_draws(run, fit)
-        return (
-            None
-            if stored_draws is None
-            else np.asarray(stored_draws.chains.reshape(-1, stored_draws.chains.shape[-1]))
-        )
+        return None if stored_draws is None else stored_draws.theta
 
     chosen = FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
     # Draws of the chosen set only are known.

@@ -389,28 +389,24 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     rows = [*classes, *([every] if len(classes) > 1 else [])]
     decimals = numbers.decimals_of([each.rmse for each in rows], 3)
 
+    def column(heading: str, cell: Callable[[_HalfCycles], str], unit: str = "") -> TableColumn:
+        return TableColumn(heading=heading, unit=unit, cell=cell)
+
     def rmse(part: int) -> Callable[[_HalfCycles], str]:
         return lambda each: numbers.significant(each.rmse_at_and_between_reversals[part], 3)
 
     return page_table(
         "Errors by amplitude of the half cycles",
         (
-            TableColumn(heading="amplitude", cell=lambda each: "all" if each is every else each.in_words),
-            TableColumn(
-                heading="half cycles", cell=lambda each: numbers.format_fixed(each.amplitude.size, 0)
-            ),
-            TableColumn(heading="samples", cell=lambda each: numbers.format_fixed(each.n_samples, 0)),
-            TableColumn(
-                heading="RMSE", unit="N", cell=lambda each: numbers.format_fixed(each.rmse, decimals)
-            ),
-            TableColumn(
-                heading="RMSE / RMS force", unit="%", cell=lambda each: numbers.percent(each.relative)
-            ),
-            TableColumn(heading="RMSE at reversals", unit="N", cell=rmse(0)),
-            TableColumn(heading="RMSE elsewhere", unit="N", cell=rmse(1)),
-            TableColumn(
-                heading="at reversals / elsewhere",
-                cell=lambda each: numbers.format_fixed(each.excess_at_reversals, 2),
+            column("amplitude", lambda each: "all" if each is every else each.in_words),
+            column("half cycles", lambda each: numbers.format_fixed(each.amplitude.size, 0)),
+            column("samples", lambda each: numbers.format_fixed(each.n_samples, 0)),
+            column("RMSE", lambda each: numbers.format_fixed(each.rmse, decimals), "N"),
+            column("RMSE / RMS force", lambda each: numbers.percent(each.relative), "%"),
+            column("RMSE at reversals", rmse(0), "N"),
+            column("RMSE elsewhere", rmse(1), "N"),
+            column(
+                "at reversals / elsewhere", lambda each: numbers.format_fixed(each.excess_at_reversals, 2)
             ),
         ),
         rows,

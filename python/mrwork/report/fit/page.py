@@ -245,7 +245,8 @@ def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, 
     drawn: dict[str, Callable[[], Figure]] = {"convergence": partial(search_figure, run.fit)}
     for number, comparison in enumerate(comparisons, start=1):
         test = comparison.test
-        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(test.name)}_"
+        stem = re.sub(r"[^A-Za-z0-9.-]+", "_", test.name).strip("._") or "test"
+        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{stem}_"
         drawn[f"{prefix}force_history"] = partial(figures.force_history, comparison, unit)
         drawn[f"{prefix}hysteresis_loops"] = partial(figures.hysteresis_loops, comparison, unit)
         if test.original is not None:
@@ -258,7 +259,3 @@ def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, 
         current = run.fit.spec.current
         drawn["plan"] = partial(plan_figure, run.plan.plan, None if current is None else current.unit)
     return drawn
-
-
-def _file_stem(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._") or "test"

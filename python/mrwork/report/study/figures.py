@@ -212,33 +212,29 @@ def loop_figure(
 
 
 @style.drawn_in_style()
-def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """Current or voltage in the coil of the first damper over time, around its largest force."""
+def command_figure(
+    history: RunHistory, unit: str, largest: float, stroke: Stroke, *, is_sent: bool = False
+) -> Figure:
+    """Current or voltage in the coil of the first damper over time, around its largest force.
+
+    Or the command that the controller sends to it, sample by sample.
+    """
     figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, 0], _COMMAND_SECONDS)
-    time, current = envelope(history.time[part], history.current[part, 0], _SMALL_BINS)
-    axes.plot(time, current, color=stroke.colour, linewidth=0.7)
-    _finish_command(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", largest)
-    return figure
-
-
-@style.drawn_in_style()
-def switching_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """Command that the controller sends to the first damper, sample by sample, around its largest force."""
-    figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, 0], _STRIP_SECONDS)
-    command = history.command[part, 0]
-    axes.step(history.time[part], command, where="post", color=stroke.colour, linewidth=0.7)
-    axes.margins(x=0.0)
-    _finish_command(axes, f"Command ({unit})", largest)
-    return figure
-
-
-def _finish_command(axes: Axes, ordinate: str, largest: float) -> None:
+    part = strong_part(history.time, history.force[:, 0], _STRIP_SECONDS if is_sent else _COMMAND_SECONDS)
+    if is_sent:
+        axes.step(
+            history.time[part], history.command[part, 0], where="post", color=stroke.colour, linewidth=0.7
+        )
+        axes.margins(x=0.0)
+    else:
+        drawn = envelope(history.time[part], history.current[part, 0], _SMALL_BINS)
+        axes.plot(*drawn, color=stroke.colour, linewidth=0.7)
     axes.set_ylim(-0.04 * largest, 1.06 * largest)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     plain_ticks(axes, 3, "y")
-    name_small_axes(axes, ordinate, "Time (s)")
+    ordinate = "Command" if is_sent else "Current" if unit == "A" else "Voltage"
+    name_small_axes(axes, f"{ordinate} ({unit})", "Time (s)")
+    return figure
 
 
 @style.drawn_in_style()
@@ -342,7 +338,7 @@ def device_section(
             )
         ]
         coil = command_figure(history, results.command_unit, largest, stroke)
-        sent = switching_figure(history, results.command_unit, most, stroke)
+        sent = command_figure(history, results.command_unit, most, stroke, is_sent=True)
         figures += [
             ("command", coil, f"Command of {device} {under}"),
             ("switching", sent, f"Command sent to {device} {under}, sample by sample"),
