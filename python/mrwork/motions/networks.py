@@ -196,7 +196,6 @@ def refuse_false_at2(lines: Lines) -> None:
     )
 
 
-_UNKNOWN = -999.0
 # Positions in the real header, from 1: step of a processed series [ms], and of the recorder [s].
 _PROCESSED_STEP = 62
 _RECORDER_STEP = 34
@@ -330,7 +329,7 @@ def _step_cosmos(lines: Lines, real: Floats) -> float:
                 return float(step)
     raise RecordError(
         f"{lines.path}: the real header states no step between samples (values {_PROCESSED_STEP} and "
-        f"{_RECORDER_STEP}, {_UNKNOWN:g} where unknown); save the series as two columns, time and acceleration"
+        f"{_RECORDER_STEP}, -999 where unknown); save the series as two columns, time and acceleration"
     )
 
 

@@ -364,14 +364,11 @@ class Stratum:
         """The ground in words."""
         return "rock" if self.soil == "rock" else f"{self.soil} soil"
 
-    def generator(self, number: int) -> np.random.Generator:
-        """The random numbers of one motion, independent of all others."""
-        place = (self.seed, _SOILS.index(self.soil), int(self.pulse), number)
-        return np.random.default_rng(np.random.SeedSequence(place))
-
 
 def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMotion:
-    rng = stratum.generator(number)
+    # The random numbers of one motion are independent of those of all others.
+    place = (stratum.seed, _SOILS.index(stratum.soil), int(stratum.pulse), number)
+    rng = np.random.default_rng(np.random.SeedSequence(place))
     frequency, damping = _GROUND[stratum.soil]
     ground = KanaiTajimi(
         frequency=frequency * _lognormal(rng, 0.3, limit=2.0),

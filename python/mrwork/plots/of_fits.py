@@ -245,8 +245,8 @@ def bands(
     result
         A prediction, with its `calibration`; or a run with calibrated bands, of which a test that was held out is drawn
         with the band that the others give.
-    ax
-        Axes to draw into; by default those of a new figure.
+    ax, data
+        As in `histories`.
     calibration
         Calibration of the band of a prediction.
     over
@@ -255,8 +255,6 @@ def bands(
         Name or number of the test of a run, by default the first.
     level
         Nominal coverage.
-    data
-        Whether to return the table behind the figure instead.
 
     Raises
     ------

@@ -144,8 +144,8 @@ def storey_profiles(
     ----------
     result
         Runs of a batch, of which the first draw is shown, or of a study, also where `mr.load` has read it.
-    ax
-        Axes to draw into; by default those of a new figure.
+    ax, data
+        As in `histories`.
     quantity
         Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration".
     motion
@@ -153,8 +153,6 @@ def storey_profiles(
     rows
         Labels or numbers of rows of a study, or numbers of candidates; by default all. More than eight are drawn in
         tones from light to dark.
-    data
-        Whether to return the table behind the figure instead.
 
     Raises
     ------
@@ -342,12 +340,10 @@ def fronts(
     ----------
     result
         A front, or a tuning with fronts.
-    ax
-        Axes to draw into; by default those of a new figure.
+    ax, data
+        As in `histories`.
     law
         Label or number of the front of a tuning, by default the first.
-    data
-        Whether to return the table behind the figure instead.
 
     Raises
     ------

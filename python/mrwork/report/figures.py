@@ -263,11 +263,9 @@ def draw_command(figure: Figure, column: int, comparison: Comparison, unit: Disp
     """A varying command over the whole record, held between samples; the part of `draw_cycles` is shaded."""
     test = comparison.test
     axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
-    for command, symbol in test.commands:
-        if isinstance(command, np.ndarray):
-            add_command(axes, test.time, command)
-            finish_signed(axes, f"Command ({symbol})", "Time (s)")
-            break
+    command, symbol = next(command for command in test.commands if command.varies)
+    add_command(axes, test.time, np.asarray(command))
+    finish_signed(axes, f"Command ({symbol})", "Time (s)")
     _shade_window(axes, test)
     axes.set_xlim(float(test.time[0]), float(test.time[-1]))
 

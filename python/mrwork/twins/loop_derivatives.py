@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from typing import NamedTuple
 
 import jax
@@ -237,25 +236,16 @@ class _Inputs(NamedTuple):
 class PrescribedLoop:
     """A building with devices under one ground motion [m/s^2], for commands that are constant over intervals.
 
-    `ground` has `half_steps`, `places` the interval of each step, shape (n_steps,), in ascending order.
+    `stretches` are ground and weight of their steps, `places` the interval of each step, shape (n_steps,), in
+    ascending order.
     """
 
     plant: LoopPlant
     devices: Devices
-    ground: Floats
     step_time: float
     places: NDArray[np.intp]
     scales: CriteriaAtRest
-    _stretches: tuple[tuple[StepGround, Array], ...] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        ground = [self.ground[:-1:2], self.ground[1::2], self.ground[2::2]]
-        stretches = []
-        for start in range(0, self.places.size, _STRETCH):
-            here = [jnp.asarray(_pad_stretch(each[start : start + _STRETCH])) for each in ground]
-            weight = jnp.asarray(_pad_stretch(np.ones(min(_STRETCH, self.places.size - start))))
-            stretches.append((StepGround(*here), weight))
-        object.__setattr__(self, "_stretches", tuple(stretches))
+    stretches: tuple[tuple[StepGround, Array], ...]
 
     def ratios(self, commands: Floats) -> Floats:
         """Criteria of a run over those at i = 0; `commands` (n_intervals, n_devices), the coils start at the first."""
@@ -291,7 +281,7 @@ class PrescribedLoop:
         return [
             _Inputs(jnp.asarray(_pad_stretch(by_step[start : start + _STRETCH])), ground, weight)
             for start, (ground, weight) in zip(
-                range(0, self.places.size, _STRETCH), self._stretches, strict=True
+                range(0, self.places.size, _STRETCH), self.stretches, strict=True
             )
         ]
 
@@ -322,13 +312,22 @@ def prescribed_loop(
     begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
     times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
+    halves = half_steps(acceleration, dt, step_time, n_steps)
+    stretches = []
+    for start in range(0, n_steps, _STRETCH):
+        here = [
+            _pad_stretch(each[start : start + _STRETCH])
+            for each in (halves[:-1:2], halves[1::2], halves[2::2])
+        ]
+        weight = jnp.asarray(_pad_stretch(np.ones(min(_STRETCH, n_steps - start))))
+        stretches.append((StepGround(*map(jnp.asarray, here)), weight))
     return PrescribedLoop(
         plant=LoopPlant.of(**matrices),
         devices=_devices(dampers),
-        ground=half_steps(acceleration, dt, step_time, n_steps),
         step_time=step_time,
         places=np.floor(times / interval + 1e-9).astype(np.intp),
         scales=scales,
+        stretches=tuple(stretches),
     )
 
 

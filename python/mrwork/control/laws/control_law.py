@@ -285,16 +285,13 @@ class ControlLaw(Summarised):
     @property
     def shaping_notes(self) -> tuple[str, ...]:
         """Sentences on dead zone and slope of the command; none where it is sent as it is."""
-        zone = of_unit(self.dead_zone, "m/s")
-        slope = format_rounded(self.command_slope)
-        return (
-            *((f"The command is zero below a damper velocity of {zone}.",) if self.dead_zone > 0.0 else ()),
-            *(
-                (f"The command changes by at most {slope} A or V per second.",)
-                if math.isfinite(self.command_slope)
-                else ()
-            ),
-        )
+        notes = []
+        if self.dead_zone > 0.0:
+            notes.append(f"The command is zero below a damper velocity of {of_unit(self.dead_zone, 'm/s')}.")
+        if math.isfinite(self.command_slope):
+            slope = format_rounded(self.command_slope)
+            notes.append(f"The command changes by at most {slope} A or V per second.")
+        return tuple(notes)
 
     @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:

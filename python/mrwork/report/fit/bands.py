@@ -80,13 +80,9 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     if bands is not None and len(bands.predictions) > 1:
         for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
-    return Section(anchor="bands", title="Bands", summary=_summary(bands), groups=tuple(groups))
-
-
-def _summary(bands: StoredBands | None) -> str:
-    if bands is None:
-        return "Bands: parameter band only; prediction bands are not calibrated yet."
-    return f"Bands: {bands.calibration.basis}."
+    uncalibrated = "parameter band only; prediction bands are not calibrated yet"
+    summary = f"Bands: {uncalibrated if bands is None else bands.calibration.basis}."
+    return Section(anchor="bands", title="Bands", summary=summary, groups=tuple(groups))
 
 
 def _prose(bands: StoredBands | None) -> tuple[str, ...]:

@@ -59,7 +59,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="posterior",
         title="Posterior",
-        summary=_summary(draws),
+        summary=f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, "
+        f"{numbers.format_fixed(len(draws.theta), 0)} draws.",
         groups=(
             Group(prose=_prose(draws), table=_table(draws)),
             Group(
@@ -95,12 +96,6 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     )
 
 
-def _summary(draws: Draws) -> str:
-    """End of the sampling in words, without its unmet criteria."""
-    n_draws = numbers.format_fixed(len(draws.theta), 0)
-    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {n_draws} draws."
-
-
 def _prose(draws: Draws) -> tuple[str, ...]:
     counted = (
         f"The noise model is {draws.noise_model}. To allow for autocorrelation, the log-likelihood is multiplied by "
@@ -109,7 +104,7 @@ def _prose(draws: Draws) -> tuple[str, ...]:
         else f"The noise model is {draws.noise_model}; every sample counts in full. "
     )
     return (
-        f"{draws.verdict}",
+        draws.verdict,
         f"{counted}The intervals of the parameters hold if the model is right. They do not bound the error of the "
         "force on another test; calibrated prediction bands do.",
     )
