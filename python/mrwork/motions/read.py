@@ -96,8 +96,7 @@ def _on_one_step(
 ) -> tuple[float, Floats, str]:
     """Step [s], samples, and a description of the change."""
     steps = np.diff(time)
-    duration = float(time[-1] - time[0])
-    mean, median = duration / steps.size, float(np.median(steps))
+    mean, median = float(time[-1] - time[0]) / steps.size, float(np.median(steps))
     # In a long record, times written with few digits differ in the last digit.
     regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
     if regular.all():
@@ -181,8 +180,7 @@ def _time_column(names: Sequence[str], *, source: str) -> Column | None:
         return None
     name, unit = candidates[0]
     unit = "s" if unit.casefold() in _SECONDS else unit
-    context = f"{source}: column '{name}'"
-    return Column(name=name, factor=factor_to_si(unit, "time", context=context))
+    return Column(name=name, factor=factor_to_si(unit, "time", context=f"{source}: column '{name}'"))
 
 
 def _are_named(names: Sequence[str]) -> bool:

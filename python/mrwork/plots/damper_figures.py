@@ -21,7 +21,6 @@ from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
 from mrwork.report import canvas, style
-from mrwork.report.canvas import axes_between
 
 _STEEL, _ROD, _COIL, _FLUID = "#b9c2c9", "#e3e7ea", "#e3a66a", "#bcd6ea"
 _MM = style.MILLIMETRE.factor
@@ -57,7 +56,7 @@ def cross_section_figure(design: DamperDesign) -> Figure:
     bottom = below + _DETAIL_HEIGHT + _ABOVE + _BELOW
     figure = Figure(figsize=(_WIDTH, bottom + height + _ABOVE))
     whole, detail = (
-        axes_between(figure, left=_EDGE, right=_WIDTH - _EDGE, bottom=low, top=high)
+        canvas.axes_between(figure, left=_EDGE, right=_WIDTH - _EDGE, bottom=low, top=high)
         for low, high in ((bottom, bottom + height), (below, below + _DETAIL_HEIGHT))
     )
     whole.set_xlim(-reach, span - reach)

@@ -227,8 +227,7 @@ def clipped_share(samples: Floats) -> float:
     if levels.size < 2 * _SHORTEST_RUN:
         return 0.0
     resolution = float(np.diff(levels).min())
-    flat = sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0))
-    return flat / samples.size
+    return sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0)) / samples.size
 
 
 def _flat_samples(samples: Floats, resolution: float) -> int:

@@ -110,8 +110,7 @@ def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
     """Logarithms of dissipative force and peak velocity of tests, shape (n_tests,)."""
     force, velocity = np.empty(len(tests)), np.empty(len(tests))
     for row, test in enumerate(tests):
-        motion = smooth_motion(test.displacement, test.dt)
-        travelling = motion.velocity
+        travelling = smooth_motion(test.displacement, test.dt).velocity
         power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
         force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
         velocity[row] = np.percentile(np.abs(travelling), 99.0)

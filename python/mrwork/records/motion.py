@@ -219,8 +219,7 @@ def cycle_lengths(displacement: Floats) -> Floats:
 
 def whole_cycles(displacement: Floats) -> tuple[slice, ...]:
     """Samples of each complete cycle, from one upward crossing to the next."""
-    crossings = upward_crossings(displacement)
-    return tuple(slice(int(first), int(last)) for first, last in pairwise(crossings))
+    return tuple(slice(int(first), int(last)) for first, last in pairwise(upward_crossings(displacement)))
 
 
 def regular_cycles(displacement: Floats) -> tuple[slice, ...]:

@@ -383,8 +383,7 @@ def read_damper_test(
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
-    unused = unused_finding(table, used)
-    return replace(test, findings=(*test.findings, *unused))
+    return replace(test, findings=(*test.findings, *unused_finding(table, used)))
 
 
 def _assign_columns(

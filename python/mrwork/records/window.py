@@ -92,8 +92,7 @@ def complete_rows(
     if last - first == complete.size:
         return signals, first, ()
     message = f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end"
-    dropped = Finding.note("nan_rows_dropped", message)
-    return signals.rows(slice(first, last)), first, (dropped,)
+    return signals.rows(slice(first, last)), first, (Finding.note("nan_rows_dropped", message),)
 
 
 def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:

@@ -144,8 +144,7 @@ def exported(
         )
     if to == "csv":
         table = opened.to_pandas()
-        units = table.attrs["units"]
-        named = {name: f"{name} [{unit}]" for name, unit in units.items()}
+        named = {name: f"{name} [{unit}]" for name, unit in table.attrs["units"].items()}
         text: str = table.rename(columns=named).reset_index().to_csv(index=False, lineterminator="\n")
         return text.encode()
     if isinstance(opened, TuningResults):

@@ -98,8 +98,7 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
     ):
         system = shaken_system(problem, spectrum)
         X = LyapunovEquations(system.A).covariance(system.ground)
-        n = problem.plant.n_coordinates
-        elongations = problem.plant.attachment @ system.state[:n]
+        elongations = problem.plant.attachment @ system.state[: problem.plant.n_coordinates]
         rms = [np.sqrt(np.einsum("ij,jk,ik->i", rows, X, rows)) for rows in (elongations, system.rates)]
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]

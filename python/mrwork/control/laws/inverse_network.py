@@ -193,8 +193,7 @@ class InverseNetwork(Summarised):
             raise SettingError(
                 f"`inputs` has shape {given.shape}; give (..., {len(self.names)}), {', '.join(self.names)}"
             )
-        scaled = _scale_inputs(given, self.input_scale)
-        hidden = np.tanh(scaled @ self.W1.T + self.b1)
+        hidden = np.tanh(_scale_inputs(given, self.input_scale) @ self.W1.T + self.b1)
         return self.output_scale * np.clip(hidden @ self.w2 + self.b2, 0.0, 1.0)
 
 
@@ -334,8 +333,7 @@ def _train(
     features = _scale_inputs(inputs, scale)
     to_features = np.eye(len(scale))
     if len(scale) > 3:
-        change = features[:, :3] - features[:, 3:]
-        size = 3.0 * change.std(axis=0)
+        size = 3.0 * (features[:, :3] - features[:, 3:]).std(axis=0)
         to_features[3:, :3], to_features[3:, 3:] = np.diag(1.0 / size), -np.diag(1.0 / size)
         features = features @ to_features.T
     n_inputs = features.shape[1]

@@ -235,8 +235,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
 
 def _newtons(forces: Floats) -> str:
     """Forces with their unit, one where all are equal."""
-    shown = dict.fromkeys(of_unit(float(each), "N") for each in forces)
-    return ", ".join(shown)
+    return ", ".join(dict.fromkeys(of_unit(float(each), "N") for each in forces))
 
 
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:

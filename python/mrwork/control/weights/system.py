@@ -26,9 +26,8 @@ class LyapunovEquations:
     """
 
     def __init__(self, A: Floats, step: float = 0.0) -> None:
-        size = len(A)
         # (2 + step A)^-1, by which a sampled equation becomes that of A (1 + step A / 2)^-1.
-        self._half = np.linalg.inv(np.eye(size) + 0.5 * step * A)
+        self._half = np.linalg.inv(np.eye(len(A)) + 0.5 * step * A)
         self._schur, self._basis = scipy.linalg.schur(A @ self._half)
         self.slowest = float(np.linalg.eigvals(self._schur).real.max())
         if not self.slowest < 0.0:
@@ -290,5 +289,4 @@ def _hold_input(A: Floats, B: Floats, noise: Floats, step: float) -> tuple[Float
     n = len(A)
     pair = scipy.linalg.expm(step * np.block([[-A, noise], [np.zeros((n, n)), A.T]]))
     transition = pair[n:, n:].T
-    added = transition @ pair[:n, n:]
-    return transition, hold_input(A, B, step)[1], symmetric(added)
+    return transition, hold_input(A, B, step)[1], symmetric(transition @ pair[:n, n:])

@@ -20,14 +20,7 @@ from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.findings import gathered_findings
 from mrwork.report import figures
-from mrwork.report.figures import (
-    Comparison,
-    Motion,
-    common_force_unit,
-    data_label,
-    small_velocity_loops,
-    zoom_window,
-)
+from mrwork.report.figures import Comparison, Motion, data_label, zoom_window
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 
@@ -279,9 +272,8 @@ def overview(comparisons: Sequence[Comparison], *, before: Callable[[str], None]
 
 
 def _small_panels(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> tuple[Panel, ...]:
-    unit = common_force_unit(comparisons)
     panels = []
-    loops = small_velocity_loops(comparisons, unit)
+    loops = figures.small_velocity_loops(comparisons, figures.common_force_unit(comparisons))
     for number, (comparison, figure) in enumerate(zip(comparisons, loops, strict=True), start=1):
         name, percent = comparison.test.name, numbers.format_fixed(comparison.quality.fit_percent, 1)
         before(f"test {name}")

@@ -15,8 +15,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from mrwork.base import numbers
-from mrwork.base.numbers import percent
+from mrwork.base.numbers import percent, significant
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.fit import Fit
@@ -189,8 +188,7 @@ def _choose_predictions(bands: StoredBands) -> list[Prediction]:
     ordered = sorted(bands.predictions, key=find_coverage)
     if len(ordered) <= _LEFT_OUT:
         return list(bands.predictions)
-    chosen = np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)
-    return [ordered[index] for index in chosen]
+    return [ordered[index] for index in np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)]
 
 
 def _cycle_panels(
@@ -224,7 +222,7 @@ def _cycle_panels(
                 "",
                 figure,
                 f"{title} of each cycle of test {test.name} with {kinds} band, mean "
-                f"{numbers.significant(float(values.mean()) * factor, 3)}",
+                f"{significant(float(values.mean()) * factor, 3)}",
             )
         )
     return tuple(panels)

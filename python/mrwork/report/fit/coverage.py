@@ -8,8 +8,7 @@ from operator import itemgetter
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrwork.base import numbers
-from mrwork.base.numbers import percent
+from mrwork.base.numbers import format_fixed, percent, shortest
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.errors import escape_text
 from mrwork.records import DamperTest
@@ -60,8 +59,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 @style.drawn_in_style()
 def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Figure:
     """One line per test, a mark per level."""
-    height = 0.34 + 0.5 + _ROW * len(rows) + 0.2
-    figure, axes = column_axes(left=room_for(names), height=height)
+    figure, axes = column_axes(left=room_for(names), height=0.34 + 0.5 + _ROW * len(rows) + 0.2)
     for level in LEVELS:
         axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=style.DOTTED)
         covered = [100 * row[level].samples.coverage for row in rows]
@@ -92,9 +90,7 @@ def _names(bands: StoredBands, rows: list[dict[float, LeftOutCoverage]]) -> list
 def conditions_in_words(test: DamperTest) -> str:
     """Name of a test with its command, amplitude and frequency, as far as these are known."""
     parts = [(test.amplitude, "mm", 1e3), (test.frequency, "Hz", 1.0)]
-    known = [
-        f"{numbers.shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None
-    ]
+    known = [f"{shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None]
     if test.commands:
         known.insert(0, test.command_in_words)
     return f"{test.name} ({', '.join(known)})" if known else test.name
@@ -172,7 +168,7 @@ def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
 
 def _texts(values: Sequence[float]) -> list[str]:
     *shares, width, score = values
-    return [*map(percent, shares), numbers.format_fixed(width, 3), numbers.format_fixed(score, 3)]
+    return [*map(percent, shares), format_fixed(width, 3), format_fixed(score, 3)]
 
 
 COVERAGE = SectionKind(

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from mrwork.base import numbers
-from mrwork.base.numbers import shortest
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.identification.fit import Direction, Estimate, Fit, Intervals, VerdictName
@@ -342,7 +341,7 @@ def _tick(value: float) -> str:
     """A number as a tick label."""
     text = f"{value:.4g}"
     if "e" not in text:
-        return shortest(value)
+        return numbers.shortest(value)
     mantissa, _, power = text.partition("e")
     return mantissa + numbers.power_of_ten(int(power))
 

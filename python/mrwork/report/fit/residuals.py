@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from mrwork.base import numbers
-from mrwork.base.numbers import most_of, percent, probability, shortest, tests_of
+from mrwork.base.numbers import format_fixed, most_of, percent, probability, shortest, tests_of
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats
 from mrwork.report import style
@@ -194,20 +193,18 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
                 heading="test",
                 cell=lambda row: f"{row[0].test.name}{' (synthetic)' if row[0].test.synthetic else ''}",
             ),
-            column("lag-1 autocorr.", lambda each: numbers.format_fixed(each.lag_one, 3)),
+            column("lag-1 autocorr.", lambda each: format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(
                 "effective samples",
-                lambda each: (
-                    f"{numbers.format_fixed(each.n_effective, 0)} of {numbers.format_fixed(each.n_time, 0)}"
-                ),
+                lambda each: f"{format_fixed(each.n_effective, 0)} of {format_fixed(each.n_time, 0)}",
             ),
             column("repeats each cycle", lambda each: percent(each.repeating), unit="%"),
             column("RMS after steps / elsewhere", lambda each: _ratio(each.after_steps)),
             column("RMS at reversals / elsewhere", lambda each: _ratio(each.at_reversals)),
             column("Breusch-Pagan p", lambda each: probability(each.breusch_pagan_p)),
-            column("RMS fast / slow", lambda each: numbers.format_fixed(each.fast_to_slow, 2)),
-            column("excess kurtosis", lambda each: numbers.format_fixed(each.excess, 1)),
+            column("RMS fast / slow", lambda each: format_fixed(each.fast_to_slow, 2)),
+            column("excess kurtosis", lambda each: format_fixed(each.excess, 1)),
         ),
         zip(comparisons, tests, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
@@ -223,9 +220,9 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
 
 def _ratio(excess: Excess) -> str:
     if np.isnan(excess.p):
-        return numbers.format_fixed(None, 2)
+        return format_fixed(None, 2)
     p = probability(excess.p)
-    return f"{numbers.format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
+    return f"{format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
 def _panels(

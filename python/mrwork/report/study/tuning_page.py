@@ -41,8 +41,7 @@ _LONGEST = 30
 def score_figure(laws: Sequence[LawResult]) -> Figure:
     """Scores on training and test motions, the best above, with range and quartiles over the test motions."""
     names = [short(each.label, _LONGEST) for each in laws]
-    height = _BELOW + _ABOVE + _LINE * len(laws)
-    figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=height)
+    figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=_BELOW + _ABOVE + _LINE * len(laws))
     for place, each in enumerate(reversed(laws)):
         spread = each.judged.spread.get("score")
         if spread is not None:
