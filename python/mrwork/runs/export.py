@@ -34,7 +34,6 @@ _OPTIONS: dict[Target, tuple[str, ...]] = {
     "opensees": ("command", "error", "time_step"),
     "csv": ("command",),
 }
-_PYTHON = ".py"
 
 
 @checked
@@ -101,7 +100,7 @@ def export(
         command=command,
         error=error,
         time_step=time_step,
-        language="python" if place.suffix == _PYTHON else "tcl",
+        language="python" if place.suffix == ".py" else "tcl",
     )
     with replacing(place) as stream:
         stream.write(content)

@@ -51,7 +51,6 @@ from mrwork.motions.spectral_density import (
     with_intensity,
 )
 
-_FIRM = KanaiTajimi()
 # Shares of the budget of the dampers that are tried until a design has a solution.
 _SHARES = (1.0, 0.5, 0.25, 0.125)
 
@@ -206,10 +205,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             motion = read_motion(self.record)
             return fitted_spectrum(motion, self.spectrum), f"fitted to the record {motion.name}, as asked"
         if len(numbers) == 3 or not problem.motions:
-            soil = replace(
-                _FIRM,
-                **{name.removeprefix("ground_"): value for name, value in numbers.items()},
-            )
+            soil = KanaiTajimi(**{name.removeprefix("ground_"): value for name, value in numbers.items()})
             firm = "firm soil of about 0.3 g, since no motion of a study is known"
             given = f"with {', '.join(numbers)} as given" if numbers else ""
             source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))

@@ -106,8 +106,7 @@ class LimitedOutputs:
     @classmethod
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
         """The outputs of a plant that have a limit."""
-        limited: list[tuple[str, str, str]] = []
-        numbers: list[float] = []
+        limited: list[tuple[str, str, str, float]] = []
         for setting, (unit, each, outputs_of) in _QUANTITIES.items():
             given = getattr(limits, setting)
             if given is None:
@@ -120,17 +119,16 @@ class LimitedOutputs:
                     f"{setting} has {values.size} limits, and there are {len(outputs.names)} {each}; give one for "
                     "each, or one for all",
                 )
-            for name, value in zip(outputs.names, np.broadcast_to(values, len(outputs.names)), strict=True):
-                if math.isfinite(value):
-                    limited.append((name, unit, setting))
-                    numbers.append(float(value))
-        if all(setting == "rms_force" for _, _, setting in limited):
+            each_limit = np.broadcast_to(values, len(outputs.names)).tolist()
+            pairs = zip(outputs.names, each_limit, strict=True)
+            limited += [(name, unit, setting, limit) for name, limit in pairs if math.isfinite(limit)]
+        if all(setting == "rms_force" for _, _, setting, _ in limited):
             raise InvalidSettingError(
                 "rms_drift",
                 "no response is limited, so that no force would be the best; give rms_drift, rms_acceleration or "
                 "rms_displacement",
             )
-        names, units, settings = zip(*limited, strict=True)
+        names, units, settings, numbers = zip(*limited, strict=True)
         return cls(names=names, units=units, settings=settings, limits=np.array(numbers))
 
     def of_plant(self, plant: Plant) -> Outputs:

@@ -87,10 +87,11 @@ def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Sect
     if not results.finished_rows(motion):
         return None
     name = results.motions[motion].name
+    worst = max(run.energy_error for run in results.runs.values() if run.finished)
     return Section(
         anchor="energy",
         title="Energy",
-        summary=_balance_in_words(results),
+        summary=f"the largest error of the energy balance is {significant(worst, 2)} of the largest energy.",
         groups=(
             Group(
                 title=name,
@@ -180,13 +181,6 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
         note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
         "The error is the imbalance over the largest energy, the largest of all motions.",
     )
-
-
-def _balance_in_words(results: StudyResults) -> str:
-    errors = [run.energy_error for run in results.runs.values() if run.finished]
-    if not errors:
-        return "no run finished."
-    return f"the largest error of the energy balance is {significant(max(errors), 2)} of the largest energy."
 
 
 def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
