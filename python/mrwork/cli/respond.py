@@ -115,10 +115,14 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     lines: list[str] = []
 
     def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
+        from mrwork.closed_loop.user_law import UserLaw
         from mrwork.study.run import run_study
 
-        if (options.workers or options.cluster) and len(study.histories) == len(study.motions):
-            note("every history is stored, for which this process simulates the runs of workers again")
+        if options.workers or options.cluster:
+            if len(study.histories) == len(study.motions):
+                note("every history is stored, for which this process simulates the runs of workers again")
+            if own := [each.row.label for each in study.arrangements if isinstance(each.law, UserLaw)]:
+                note(f"laws in Python run in this process: {', '.join(own)}")
         results = run_study(
             study,
             journal=journal,
