@@ -260,8 +260,6 @@ def predict_left_out(
     tests: Sequence[DamperTest],
     fold: Fold,
     identify_rest: IdentifyRest,
-    *,
-    on_fold: Callable[[int, int], None] | None = None,
 ) -> LeftOut:
     """Leave out the tests of each fold in turn, identify from the others, and predict those left out.
 
@@ -269,8 +267,6 @@ def predict_left_out(
     ----------
     identify_rest
         Identifies from tests. It must not use the ones left out, nor start from a fit to them.
-    on_fold
-        Called with the number of folds done and their count.
 
     Raises
     ------
@@ -280,9 +276,7 @@ def predict_left_out(
     folds = folds_of(tests, fold)
     predictions: dict[int, Prediction] = {}
     fits, failures = [], []
-    for done, (members, rest) in enumerate(zip(folds, rests_of(tests, folds), strict=True)):
-        if on_fold is not None:
-            on_fold(done, len(folds))
+    for members, rest in zip(folds, rests_of(tests, folds), strict=True):
         fit = identify_rest(rest)
         fits.append(fit)
         for index in members:
