@@ -305,7 +305,9 @@ def _respond_elsewhere(
     """Runs of a loop by workers, in chunks that depend on their samples alone."""
     samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
     costs = samples[runs.runs[:, 1]] * loop.hardware.steps * loop.step_factor
-    chunks = cut_into_chunks(costs.tolist(), _CHUNK_STEPS / loop.building.n_coordinates)
+    # A call of few runs is cut finer, so that more than one worker has a part.
+    fine = max(costs.sum() * loop.building.n_coordinates / _CHUNKS, _CHUNK_STEPS / _FINEST)
+    chunks = cut_into_chunks(costs.tolist(), min(_CHUNK_STEPS, fine) / loop.building.n_coordinates)
     kept = None
     if workers.journal is not None:
         arrays = runs.runs, runs.streams, runs.gains, runs.shaping, runs.theta
@@ -442,8 +444,10 @@ class LoopVariation(Summarised):
 _RUNS_AT_A_TIME = 4096
 _FEWEST_RUNS = 64
 _BLOCK_SECONDS = 1.0
-# Integration steps times coordinates of a chunk that another process works on: about a second on one thread.
+# Integration steps times coordinates of a chunk that another process works on: the better part of a second on one
+# thread; down to this part of it where a call would have fewer chunks.
 _CHUNK_STEPS = 3e7
+_CHUNKS, _FINEST = 16, 8.0
 _MOST_SAMPLES = 100_000_000
 # Quantities in proportion to the command.
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
