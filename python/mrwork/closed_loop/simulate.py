@@ -305,9 +305,13 @@ def _respond_elsewhere(
     """Runs of a loop by workers, in chunks that depend on their samples alone."""
     samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
     costs = samples[runs.runs[:, 1]] * loop.hardware.steps * loop.step_factor
-    # A call of few runs is cut finer, so that more than one worker has a part.
+    # A call of few runs is cut finer, so that more than one worker has a part; full lanes are the fastest.
     fine = max(costs.sum() * loop.building.n_coordinates / _CHUNKS, _CHUNK_STEPS / _FINEST)
-    chunks = cut_into_chunks(costs.tolist(), min(_CHUNK_STEPS, fine) / loop.building.n_coordinates)
+    least, block = min(_CHUNK_STEPS, fine) / loop.building.n_coordinates, _FEWEST_RUNS
+    while block > 1 and block * costs.mean() > least:
+        block //= 2
+    blocks = cut_into_chunks(np.add.reduceat(costs, np.arange(0, len(costs), block)).tolist(), least)
+    chunks = [slice(each.start * block, min(each.stop * block, len(costs))) for each in blocks]
     kept = None
     if workers.journal is not None:
         arrays = runs.runs, runs.streams, runs.gains, runs.shaping, runs.theta
