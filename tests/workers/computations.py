@@ -18,7 +18,7 @@ def digests(executor: Executor | None) -> list[str]:
     choice = mr.choose_model(mr.synthetic_test("spencer1997"), ["dahl", "bingham"], executor=executor)
     study = mr.read_study(STUDY)
     tuned = mr.tune(study, laws=["clipped_optimal"], rng=1, budget=24, executor=executor)
-    criteria = mr.run_study(study, executor=executor).labelled.numbers
+    criteria = mr.run_study(study, executor=executor and mr.Workers(executor, 3)).labelled.numbers
     return [
         digest_of(*((fit.theta, fit.nrmse, fit.warnings) for fit in choice.fits), choice.ranking.sentence),
         digest_of(*((law.settings, law.judged) for law in tuned.laws)),

@@ -53,7 +53,7 @@ from mrwork.study.study import (
     digest_of_run,
     fingerprint_of,
 )
-from mrwork.workers.engine import on_executor, present_workers
+from mrwork.workers.engine import Workers, on_executor, present_workers
 
 # Realisations of a trial: they fill the lanes of some threads.
 _TRIED_REALISATIONS = 64
@@ -101,7 +101,7 @@ def run_study(
     on_progress: Callable[[StudyProgress], None] | None = None,
     check_step: bool = False,
     threads: Threads = 0,
-    executor: Executor | None = None,  # noqa: ARG001, of the decorator
+    executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> StudyResults:
     """Run a study; runs in the journal are not repeated.
 
@@ -118,8 +118,8 @@ def run_study(
     check_step
         Repeat every run with half the step at the end.
     executor
-        Does the runs in chunks, as an executor of `concurrent.futures`, Dask, mpi4py or loky; the results have the same
-        bits. By default this process does them. Runs with histories and laws in Python stay in this process.
+        Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
+        have the same bits. By default this process does them, as always those of laws in Python.
 
     Raises
     ------

@@ -37,7 +37,7 @@ from mrwork.tuning.space import (
     objective_of,
     space_of,
 )
-from mrwork.workers.engine import by_whom, on_executor
+from mrwork.workers.engine import Workers, by_whom, on_executor
 
 OnTuning = Callable[[TuningProgress], None]
 
@@ -55,7 +55,7 @@ def tune(
     journal: Journal | None = None,
     threads: Threads = 0,
     on_progress: OnTuning = lambda progress: None,
-    executor: Executor | None = None,  # noqa: ARG001, of the decorator
+    executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study and judge them on its test motions.
 
@@ -76,8 +76,8 @@ def tune(
     threads
         Threads to use, 0 for all; they change no bit of the result.
     executor
-        Does the runs in chunks, as an executor of `concurrent.futures`, Dask, mpi4py or loky; the results have the same
-        bits. By default this process does them. Runs with histories and laws in Python stay in this process.
+        Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
+        have the same bits. By default this process does them, as always those of laws in Python.
 
     Raises
     ------

@@ -127,6 +127,7 @@ def own_kind() -> str:
     table = Path("/proc/cpuinfo")
     lines = table.read_text().splitlines() if table.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    # NumPy shows them in `np.show_runtime` alone.
     features: dict[str, bool] = np._core._multiarray_umath.__cpu_features__  # type: ignore[attr-defined]
     digest = hashlib.sha256(repr(sorted(features.items())).encode()).hexdigest()[:4]
     processor = names[0] if names else platform.processor() or platform.machine()

@@ -515,7 +515,7 @@ def choose_model(
     journal_of
         Opens the journal of each step of the comparison, by name; see `Journal`.
     executor
-        Makes the fits, each on one thread: an executor of `concurrent.futures`, Dask, mpi4py or loky, or an `Workers`.
+        Makes the fits, each on one thread: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`.
         The choice is the same. By default this process makes them.
 
     Raises
