@@ -59,6 +59,7 @@ from .study.run import run_study as run_study
 from .study.study import Study as Study
 from .tuning.results import TuningResults as TuningResults
 from .tuning.run import tune as tune
+from .twins.own_damper import own_damper as own_damper
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction

@@ -17,7 +17,6 @@ from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.options import read_tests
 from mrwork.cli.output import as_plain, drawing, print_json, result_lines, task_line
 from mrwork.cli.terminal import note, show
-from mrwork.dampers.spec import damper
 from mrwork.errors import escape_text
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import manifest_of, write_run
@@ -222,7 +221,7 @@ def _parameter(fit: Fit, estimate: Estimate) -> dict[str, Any]:
 def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     """Summary of a fit, as text."""
     lines = [
-        f"{damper(fit.model).title}, {fit.status_in_words} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
+        f"{fit.spec.title}, {fit.status_in_words} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",
         *(f"  warning: {each}" for each in fit.warnings),
         *([""] if fit.warnings else []),

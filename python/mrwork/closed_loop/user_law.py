@@ -7,15 +7,10 @@ share the waiting. What a function changes in the process is undone, and what it
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import inspect
 import math
-import os
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import CodeType, TracebackType
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -28,61 +23,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
-
-
-class Undone:
-    """Restores working directory, stdout and stderr of now after each block in which Python of a user runs."""
-
-    __slots__ = ("_folder", "_streams")
-
-    def __init__(self) -> None:
-        self._streams = sys.stdout, sys.stderr
-        self._folder = _working_directory()
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        sys.stdout, sys.stderr = self._streams
-        if self._folder and _working_directory() != self._folder:
-            # Where the folder has been removed, what is read or written there next says so.
-            with contextlib.suppress(OSError):
-                os.chdir(self._folder)
-
-
-def place_of(function: Callable[..., object]) -> str:
-    """File and line in which a function begins, as "my_law.py, line 3"; empty if it is not written in Python."""
-    code = _code_of(function)
-    return "" if code is None else f"{code.co_filename}, line {code.co_firstlineno}"
-
-
-def place_raised(error: BaseException, file: str) -> str:
-    """File and line that raised an error: the last ones in `file`; without any, those that were called first.
-
-    Call it in the function that caught the error. Empty if the error comes from no Python.
-    """
-    if isinstance(error, SyntaxError) and error.filename == file and error.lineno:
-        return f"{file}, line {error.lineno}"
-    # The first entry is that of the function that caught the error.
-    trace = error.__traceback__.tb_next if error.__traceback__ is not None else None
-    place = ""
-    while trace is not None:
-        name = trace.tb_frame.f_code.co_filename
-        if name == file or not place:
-            place = f"{name}, line {trace.tb_lineno}"
-        trace = trace.tb_next
-    return place
-
-
-def in_words(error: BaseException) -> str:
-    """Type and text of an error in one line."""
-    try:
-        text = " ".join(str(error).split())
-    except Exception:
-        text = ""
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+from mrwork.store.user_python import Undone, code_of, in_words, place_of, place_raised
 
 
 def _never_a_value(function: Callable[..., object]) -> str:
@@ -92,23 +33,6 @@ def _never_a_value(function: Callable[..., object]) -> str:
     if inspect.isgeneratorfunction(function):
         return "has a yield, so it returns a generator and no value; return the value instead"
     return ""
-
-
-def _code_of(function: Callable[..., object]) -> CodeType | None:
-    while isinstance(function, functools.partial):
-        function = function.func
-    unwrapped = inspect.unwrap(function)
-    # An object that is called has its code in its class.
-    code = getattr(unwrapped, "__code__", None) or getattr(type(unwrapped).__call__, "__code__", None)
-    return code if isinstance(code, CodeType) else None
-
-
-def _working_directory() -> str:
-    """The working directory; empty where it has been removed."""
-    try:
-        return os.getcwd()  # noqa: PTH109 # at every control sample, and `Path` takes longer
-    except OSError:
-        return ""
 
 
 MOST_MEMORY = 1_000_000
@@ -363,7 +287,7 @@ class UserLaw(Summarised):
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                code = _code_of(self.command)
+                code = code_of(self.command)
                 place = place_raised(error, "" if code is None else code.co_filename)
                 where = f" in {place}" if place else ""
                 raise SettingError(

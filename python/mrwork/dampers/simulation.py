@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from types import ModuleType
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -130,8 +131,12 @@ def stiffness_shares(spec: DamperSpec, theta: AnyArrayLike, history: _rust.Loadi
     A candidate above 1 ends as unresolved; so does one whose stiffness is not a number. Parameters as in
     `simulate_misfits`.
     """
+    rows = _rows(spec, theta)
+    if spec.own is not None:
+        shares: Floats = _own_batches().stiffness(spec, rows, history, most=MOST_SUBSTEPS) / MOST_SUBSTEPS
+        return shares
     with core_refusals():
-        return _rust.stiffness_shares(spec.name, _rows(spec, theta), history, *_laws(spec))
+        return _rust.stiffness_shares(spec.name, rows, history, *_laws(spec))
 
 
 @checked
@@ -152,6 +157,13 @@ def simulate_misfits(
     [N^2] at which a candidate is abandoned; since the sum only increases, the others have the same bits as without
     limits. `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
     """
+    if spec.own is not None:
+        run = simulate_forces(spec, theta, history, substep_factor=substep_factor, threads=threads)
+        with np.errstate(invalid="ignore"):
+            squared_error = np.sum((run.force - force)[:, first:] ** 2, axis=1)
+        squared_error[run.outcome != Outcome.FINISHED] = np.inf
+        steps = run.substeps.astype(np.uint64) * (history.n_time - 1)
+        return Misfits(squared_error=squared_error, outcome=run.outcome, substeps=run.substeps, steps=steps)
     with core_refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
             spec.name,
@@ -177,9 +189,13 @@ def simulate_forces(
     threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
+    rows = _rows(spec, theta)
+    if spec.own is not None:
+        force, substeps = _own_batches().forces(spec, rows, history, substep_factor, most=MOST_SUBSTEPS)
+        return ForceHistories(force=force, outcome=_outcome_of(force, substeps), substeps=substeps)
     with core_refusals():
         force, outcome, substeps = _rust.force_histories(
-            spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
+            spec.name, rows, history, *_laws(spec), substep_factor, threads
         )
     return ForceHistories(force=force, outcome=outcome, substeps=substeps)
 
@@ -209,12 +225,20 @@ def simulate_sensitivities(
     >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
     (1, 2, 6000)
     """
+    rows = _rows(spec, theta)
+    wanted = None if columns is None else [int(column) for column in columns]
+    if spec.own is not None:
+        force, jacobian, substeps = _own_batches().sensitivities(
+            spec, rows, history, wanted, substep_factor, most=MOST_SUBSTEPS
+        )
+        outcome = _outcome_of(force, substeps)
+        return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
     with core_refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
             spec.name,
-            _rows(spec, theta),
+            rows,
             history,
-            None if columns is None else [int(column) for column in columns],
+            wanted,
             *_laws(spec),
             substep_factor,
             threads,
@@ -277,6 +301,19 @@ def core_refusals() -> Iterator[None]:
         raise
     except (ValueError, OverflowError) as error:
         raise SettingError(str(error)) from error
+
+
+def _own_batches() -> ModuleType:
+    """What simulates a damper of the user, by JAX, which nothing else here needs."""
+    from mrwork.twins import own_batches
+
+    return own_batches
+
+
+def _outcome_of(force: Floats, substeps: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """Outcome of the rows of a damper of the user, of which those without sub-steps are unresolved."""
+    diverged = np.where(np.isfinite(force).all(axis=1), Outcome.FINISHED, Outcome.DIVERGED)
+    return np.where(substeps == 0, Outcome.UNRESOLVED, diverged).astype(np.uint8)
 
 
 def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from math import isfinite
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -17,6 +19,7 @@ from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
+from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import (
     CurrentLaws,
     LawName,
@@ -28,6 +31,7 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.store.codec import Related
 
 # In place of the name of one model: every model.
 ALL = "all"
@@ -156,12 +160,13 @@ PUBLISHED_SETS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class DamperSpec(Summarised):
+class DamperSpec(Summarised, Related):
     """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
     The parameters of a model with current laws are their coefficients, named `k_w.0`, `k_w.1`; `plain` has the
     parameters of the model itself. `spring` names the stiffness k and the free length x0 of the accumulator; its
-    force k (x - x0) depends on x0 through the product k x0 alone.
+    force k (x - x0) depends on x0 through the product k x0 alone. `own` are the equations of a damper of the user, see
+    `mrwork.own_damper`.
     """
 
     _made_by: ClassVar[str] = "mr.damper(name)"
@@ -179,6 +184,43 @@ class DamperSpec(Summarised):
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
     current: CurrentLaws | None = None
+    own: OwnEquations | None = None
+
+    def disagreement(self) -> str:
+        """What is wrong with a damper of the user; empty if nothing is."""
+        if not self.name.isidentifier() or keyword.iskeyword(self.name):
+            return "is no name of a damper; give letters, digits and underscores, and begin with a letter"
+        if any(each.name == self.name for each in damper_models()):
+            return "is the name of a model of the package; give another one"
+        if not self.parameters:
+            return "has no parameters; give those that are to be identified"
+        for each in self.parameters:
+            if not each.name.isidentifier() or keyword.iskeyword(each.name) or each.name == "eta":
+                return f"has a parameter {each.name!r}; give letters, digits and underscores, but not eta"
+            if not (
+                isfinite(each.lower) and isfinite(each.upper) and each.lower <= each.nominal <= each.upper
+            ):
+                return (
+                    f"has {each.name} from {each.lower:g} to {each.upper:g}, nominally {each.nominal:g}; give finite "
+                    "numbers: a lower bound, a nominal value and an upper bound, in this order"
+                )
+            if each.lower == each.upper:
+                return f"has {each.name} with equal bounds; give a range, and hold it in a fit by `bounds`"
+            if each.scale == "log" and each.lower <= 0.0:
+                return (
+                    f"has {each.name} on a logarithmic scale from {each.lower:g}; give a positive lower bound"
+                )
+        unknown = [name for name in self.spring or () if name not in self.names]
+        return f"has no parameter {unknown[0]!r} of its spring" if unknown else ""
+
+    @property
+    def without_laws(self) -> DamperSpec:
+        """The plain model, whose parameters are constant."""
+        if self.current is None:
+            return self
+        n_lines = len(law_equations(self.plain, self.current))
+        equation = "\n".join(self.equation.split("\n")[:-n_lines])
+        return replace(self, equation=equation, parameters=self.plain, current=None)
 
     @property
     def names(self) -> tuple[str, ...]:

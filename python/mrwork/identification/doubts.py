@@ -19,7 +19,6 @@ import numpy as np
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
-from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -143,7 +142,7 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     }
     if not through:
         return ()
-    plain = damper(spec.name)
+    plain = spec.without_laws
     laws = dict(zip(plain.names, spec.current.laws, strict=True)) | through
     by_values = plain.with_current_laws(laws, unit=spec.current.unit, lagged=spec.current.lagged)
     # Their coefficients have the same names and ranges, because they are the values at the same commands.

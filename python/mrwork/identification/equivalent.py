@@ -288,7 +288,7 @@ def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
 
 def plain_of(form: Form) -> tuple[DamperSpec, Box]:
     """The plain model of a form with current laws, with the bounds of the parameters that are constant."""
-    plain = damper(form.spec.name)
+    plain = form.spec.without_laws
     return plain, Box.of(plain).with_bounds(bounds_of(form.box, plain.names))
 
 
@@ -303,7 +303,7 @@ def change_laws(
 ) -> DamperSpec:
     """A model with current laws, each of them changed, and with the driver's lag or without where that is given."""
     assert spec.current is not None
-    plain, lag = damper(spec.name), spec.current.lagged if lagged is None else lagged
+    plain, lag = spec.without_laws, spec.current.lagged if lagged is None else lagged
     laws = {name: change(law) for name, law in zip(plain.names, spec.current.laws, strict=True)}
     return plain.with_current_laws(laws, unit=spec.current.unit, lagged=lag)
 

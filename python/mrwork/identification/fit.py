@@ -379,6 +379,7 @@ class Fit(WithAxes, Summarised, Related):
     n_time: Count
     provenance: Provenance
     current: CurrentLaws | None = None
+    own: DamperSpec | None = None
     nuisances: tuple[NuisanceName, ...] = ()
     n_effective: Positive | None = None
     identifiability: Identifiability | None = None
@@ -394,7 +395,7 @@ class Fit(WithAxes, Summarised, Related):
     @property
     def spec(self) -> DamperSpec:
         """The model, with the current laws that were identified."""
-        plain = damper(self.model)
+        plain = damper(self.model) if self.own is None else self.own
         if self.current is None:
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
@@ -411,10 +412,13 @@ class Fit(WithAxes, Summarised, Related):
         """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
         values = [(one.name, float(one.value), float(one.lower), float(one.upper)) for one in self.estimates]
         inputs = sorted(self.provenance.inputs.items())
-        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs)
+        own = () if self.own is None or self.own.own is None else (self.own.own.digest,)
+        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *own)
 
     def disagreement(self) -> str:
         """First contradiction: estimates of another model, an estimate out of its bounds, or an unknown parameter."""
+        if self.own is not None and (self.own.own is None or self.own.name != self.model or self.own.current):
+            return f"its damper {self.own.name} is not the {self.model} of its user"
         spec = self.spec
         names = tuple(estimate.name for estimate in self.estimates)
         if names != spec.names:

@@ -19,7 +19,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.command import CommandValues, command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
@@ -205,6 +205,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
     settings = problem.settings.as_record()
     return {
         "model": problem.spec.name,
+        **({} if problem.spec.own is None else {"equations": problem.spec.own.digest}),
         "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
         "seed": settings.pop("rng"),
         # The order of the bounds has no effect on the result.
@@ -288,7 +289,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
         Where no parameter is shared, a law cannot be transferred, or the laws depend on another kind of command.
     """
     earlier = fit.spec
-    plain, earlier_plain = damper(model.name), damper(earlier.name)
+    plain, earlier_plain = model.without_laws, earlier.without_laws
     units = {parameter.name: parameter.unit for parameter in earlier_plain.parameters}
     if model.current and earlier.current and model.current.unit != earlier.current.unit:
         raise SettingError(
@@ -333,7 +334,7 @@ def _transfer_law(
 def _law_of(spec: DamperSpec, name: str) -> LawName:
     if spec.current is None:
         return "constant"
-    return spec.current.laws[damper(spec.name).names.index(name)]
+    return spec.current.laws[spec.without_laws.names.index(name)]
 
 
 def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:

@@ -211,6 +211,7 @@ def fit_at(
     nrmse = rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
+        own=None if spec.own is None else spec.without_laws,
         estimates=_estimates_of(spec, problem.form, theta, errors, problem.settings.bounds),
         status=status,
         stop_reason=trace.stop_reason,

@@ -24,7 +24,7 @@ from mrwork.dampers.conversions import (
 )
 from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
-from mrwork.dampers.spec import damper, law_limits, plain_parameters
+from mrwork.dampers.spec import law_limits, plain_parameters
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
@@ -84,7 +84,7 @@ def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
         displacement=amplitude * np.sin(phase),
         velocity=speed * np.cos(phase),
     )
-    run = simulate_forces(damper(fit.model), theta, loading.history())
+    run = simulate_forces(fit.spec.without_laws, theta, loading.history())
     if run.outcome.any():
         outcome = Outcome(int(run.outcome.max()))
         raise SimulationError(
@@ -238,7 +238,7 @@ def opensees_damper(
         else f" at {of_unit(command, fit.spec.current.unit)}"
     )
     facts = [
-        f"{damper(fit.model).title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
+        f"{fit.spec.title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
         f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",
         f"let the strain change by at most {step:.3g} m in a step: the error of OpenSees is proportional to it",
     ]

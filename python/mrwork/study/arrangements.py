@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import inspect
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NoReturn
 
 from mrwork.base.keys import (
@@ -34,7 +32,7 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import samples_of
-from mrwork.closed_loop.user_law import Undone, UserLaw, in_words, place_of, place_raised
+from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_law
@@ -42,9 +40,9 @@ from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
-from mrwork.store.input_file import FileKind, text_of
+from mrwork.store.function_text import text_to_compare
+from mrwork.store.user_python import place_of, run_file
 from mrwork.study.course import StudyProgress
-from mrwork.study.law_text import text_to_compare
 from mrwork.study.named_laws import Trials, course_of_trials, missing_settings
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
@@ -72,7 +70,6 @@ from mrwork.study.study import (
 
 # Numbers of a matrix among the settings: those of a weight of a building with 1000 coordinates.
 _MOST_NUMBERS = 4_000_000
-_PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
 
 
 def running_in_words(table: LawFileTable, folder: Path) -> str:
@@ -84,7 +81,8 @@ def running_in_words(table: LawFileTable, folder: Path) -> str:
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     name = table.function
     if isinstance(table.file, str):
-        module, text = _run_module(table, folder / table.file)
+        with table.place.within("file").prefix_errors(SettingError):
+            module, text = run_file(folder / table.file, what="a law")
         functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
         function = getattr(module, name, None)
         if not callable(function):
@@ -110,25 +108,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             rms_time=table.rms_time,
             source=digest_of(text),
         )
-
-
-def _run_module(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
-    where = table.place.within("file")
-    with where.prefix_errors(SettingError):
-        text = text_of(path, _PYTHON)
-    module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
-    module.__file__ = str(path)
-    # Dataclasses look for the module of their class.
-    sys.modules[module.__name__] = module
-    try:
-        with Undone():
-            exec(compile(text, str(path), "exec"), vars(module))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raised = place_raised(error, str(path)) or str(path)
-        where.refuse(f"{raised} failed when the file was run: {in_words(error)}; correct it")
-    return module, text
 
 
 def clairvoyant_row(

@@ -191,7 +191,7 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
     current = spec.current
-    plain = damper(spec.name)
+    plain = spec.without_laws
     laws = (polynomial_laws()[0],) * len(plain.names) if current is None else current.laws
     # Coefficients in the order of the parameters, then the rate of the lag.
     numbers = iter(theta)

@@ -14,7 +14,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SimulationError
 from mrwork.store.codec import OrNan, Related
 from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
@@ -90,7 +90,7 @@ def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
 
 def _damper_in_words(spec: DamperSpec) -> str:
     """The model and the laws of the parameters that follow the command."""
-    laws = () if spec.current is None else zip(damper(spec.name).names, spec.current.laws, strict=True)
+    laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
     following = {name: law for name, law in laws if law != polynomial_laws()[0]}
     return f"{spec.name}, {', '.join(f'{name} {law}' for name, law in following.items()) or 'all constant'}"
 

@@ -20,13 +20,16 @@ from mrwork.buildings.from_file import ElementTable
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import OutputError
 from mrwork.motions import GroundMotion
+from mrwork.store.function_text import function_text
 from mrwork.store.input_file import exists
 from mrwork.store.output_file import write_files
 from mrwork.store.output_folder import check_output
-from mrwork.study.law_text import law_text
 from mrwork.study.schema import StudyTable
 
 _OTHERWISE = "replace it by `replace=True`"
+_IN_A_FILE = (
+    "write it into a Python file, and give that file, as user={'file': 'my_law.py', 'function': 'my_law'}"
+)
 
 _Put = Callable[[str, bytes], str]
 """Takes the name of a file, or of a file in a folder, and its content; returns how the study file names it."""
@@ -83,7 +86,8 @@ def _put_values(document: dict[str, Any], put: _Put) -> None:
     for number, controller in enumerate(document.get("controller", ()), start=1):
         user = controller.get("user", {})
         if callable(user.get("file")):
-            user["file"] = put(f"law_{number}.py", law_text(user["file"]).encode())
+            text = function_text(user["file"], what="the law", remedy=_IN_A_FILE)
+            user["file"] = put(f"law_{number}.py", text.encode())
     for number, motion in enumerate(document["motion"], start=1):
         _put_motion(motion, f"motion_{number}.txt", put)
 

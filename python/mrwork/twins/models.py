@@ -23,7 +23,7 @@ from jax import Array
 
 from mrwork.base.progress import COMPILE_TIME
 from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 
 jax.monitoring.register_event_duration_secs_listener(COMPILE_TIME.count)
@@ -273,22 +273,42 @@ for _model, _damping in (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N]."""
+    """Equations of a damper model, of `Theta` in spec order: `rate` of the states, (n_states,), and `force` [N].
+
+    `relaxation` bounds the fastest relaxation of the states [1/s] at a displacement and velocity, where the user of
+    a damper of their own gives it.
+    """
 
     Theta: Any
     rate: Equation
     force: Equation
+    relaxation: Callable[[Parameters, Array, Array], Array] | None = None
 
 
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
     """Return the twin of a model: its equations, with the parameters of the spec."""
     if spec.current is not None:
-        return twin_of(damper(spec.name))
+        return twin_of(spec.without_laws)
+    if spec.own is not None:
+        return twin_with(spec, *spec.own.functions())
     if spec.name not in EQUATIONS:
         raise UnknownNameError(f"{spec.name} has no JAX twin; write its equations in mrwork/twins/models.py")
     rate, force = EQUATIONS[spec.name]
-    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=force)
+    return twin_with(spec, force, rate)
+
+
+def twin_with(
+    spec: DamperSpec,
+    force: Callable[..., Any],
+    rate: Callable[..., Any] | None,
+    relaxation: Callable[..., Any] | None = None,
+) -> Twin:
+    """Return the twin of a plain model with these equations."""
+    names: Any = spec.names
+    return Twin(
+        Theta=namedtuple("Theta", names), rate=rate or _without_states, force=force, relaxation=relaxation
+    )
 
 
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:

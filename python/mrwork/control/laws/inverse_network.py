@@ -18,7 +18,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 N_SAMPLES = 2000
@@ -315,7 +315,7 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
     if current is None or not current.lagged:
         return spec, values
     laws = dict(zip((parameter.name for parameter in spec.plain), current.laws, strict=True))
-    return damper(spec.name).with_current_laws(laws, unit=current.unit), values[:-1]
+    return spec.without_laws.with_current_laws(laws, unit=current.unit), values[:-1]
 
 
 def _train(

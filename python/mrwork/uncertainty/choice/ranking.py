@@ -18,7 +18,6 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, page_table, text_table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
@@ -78,7 +77,7 @@ def find_collapses(
                 ]
                 collapses[model] = Collapse(
                     model=other,
-                    reason=f"its force is that of {damper(other).title} to {100.0 * np.sqrt(difference):.2g} % of "
+                    reason=f"its force is that of {fits[other].spec.title} to {100.0 * np.sqrt(difference):.2g} % of "
                     f"the force's deviation, and {' and '.join(states)}",
                 )
                 break

@@ -1,0 +1,87 @@
+"""Equations of a damper of the user: Python text that stands for them wherever they go, and the gate before it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from mrwork.errors import SettingError
+from mrwork.store.codec import digest_of
+from mrwork.store.user_python import run_text
+
+# Digests of equations that may run in this process.
+_TRUSTED: set[str] = set()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnEquations:
+    """A text in Python that is complete in itself, and the names of the functions in it, see `mrwork.own_damper`.
+
+    It runs only where it is trusted: because it was written in this process, or came from one that trusts it by an
+    executor, or because the user says so.
+    """
+
+    source: str
+    force: str
+    rate: str | None = None
+    relaxation: str | None = None
+
+    @property
+    def digest(self) -> str:
+        """Tells these equations from others."""
+        return digest_of(self.source, self.force, self.rate, self.relaxation)
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the text may run in this process."""
+        return self.digest in _TRUSTED
+
+    def trust(self) -> None:
+        """Let the text run in this process."""
+        _TRUSTED.add(self.digest)
+
+    def functions(self) -> tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None]:
+        """Force, rate and relaxation; the text runs once in a process.
+
+        Raises
+        ------
+        SettingError
+            If it is not trusted.
+        """
+        if not self.is_trusted:
+            raise SettingError(
+                f"the equations of this damper are Python of its user ({self.force}, {self.digest[:8]}), which "
+                "runs with your rights; read them, and let them run by --trust, by --model FILE.py:NAME of the same "
+                "file, or in Python by mr.load(run, trust=True)"
+            )
+        return _run(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What a process that is trusted sends to another is trusted there: a pickle runs code as it is."""
+        return _received, (self.source, self.force, self.rate, self.relaxation, self.is_trusted)
+
+
+def _received(
+    source: str, force: str, rate: str | None, relaxation: str | None, trusted: bool
+) -> OwnEquations:
+    equations = OwnEquations(source=source, force=force, rate=rate, relaxation=relaxation)
+    if trusted:
+        equations.trust()
+    return equations
+
+
+@cache
+def _run(
+    equations: OwnEquations,
+) -> tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None]:
+    names = vars(run_text(equations.source, f"<equations of {equations.force}>"))
+    named = (
+        None if name is None else names.get(name)
+        for name in (equations.force, equations.rate, equations.relaxation)
+    )
+    force, rate, relaxation = named
+    if force is None:
+        raise SettingError(f"the equations of this damper have no function {equations.force!r}")
+    return force, rate, relaxation

@@ -1,0 +1,286 @@
+"""A damper of the user: its equations as functions of `jax.numpy`, checked when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from mrwork.base.arguments import Whole, checked
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.own_equations import OwnEquations
+from mrwork.dampers.parameters import ParamSpec
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
+from mrwork.store.function_text import function_text
+from mrwork.store.user_python import code_of, in_words, place_of, place_raised
+from mrwork.twins.models import Twin, begin, twin_of, twin_with
+
+_Given = ParamSpec | tuple[str, float, float, float]
+_SHORT_FLOATS = ("float16", "bfloat16", "float32")
+# Random points at which a parameter must matter somewhere, and their displacement [m], velocity [m/s] and states.
+_POINTS = 16
+_SPANS = 0.01, 0.1, 0.5
+# Errors of JAX about values that Python asks for while they are traced.
+_TRACED = (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError)
+
+
+@checked
+def own_damper(
+    name: str,
+    *,
+    parameters: Mapping[str, _Given],
+    force: Callable[..., Any],
+    rate: Callable[..., Any] | None = None,
+    states: Whole = 0,
+    relaxation: Callable[..., Any] | None = None,
+    title: str = "",
+    equation: str = "",
+    source: str = "",
+    spring: tuple[str, str] | None = None,
+) -> DamperSpec:
+    """Return a damper model of your own, which everything takes that takes a model of the package.
+
+    It carries the text of its functions, with the helpers and constants that they use, not the functions: it is
+    hashed, compared and sent to other processes by it, and a function that is changed makes another damper.
+
+    Parameters
+    ----------
+    name
+        Name of the model, none of `damper_models`.
+    parameters
+        Unit, lower bound, nominal value and upper bound of each parameter, as ``{"c": ("N s/m", 10, 500, 1e5)}``, or a
+        `ParamSpec`. Searches take a logarithmic scale where the lower bound is positive.
+    force
+        ``force(p, state, displacement, velocity)``, the force [N] from the parameters, as `p.c`, the states, shape
+        (states,), displacement [m] and velocity [m/s], in `jax.numpy`. It is positive against the velocity, so that
+        force times velocity dissipates.
+    rate
+        ``rate(p, state, displacement, velocity)``, the time derivatives of the states, shape (states,), which begin at
+        zero; needed where there are states.
+    states
+        Number of states.
+    relaxation
+        ``relaxation(p, displacement, velocity)``, an upper bound of how fast the states relax [1/s], from which the
+        sub-steps follow; without it they follow from the derivatives of `rate` along each motion, in two or more runs.
+    title, equation, source
+        Name in prose, equations and reference, for tables and pages; the equation is by default the first line of the
+        docstring of `force`.
+    spring
+        Names of a stiffness k and a free length x0 whose force k (x - x0) depends on x0 through k x0 alone.
+
+    Raises
+    ------
+    SettingError
+        Where an equation cannot be traced, has another shape, is not a number at rest, or leaves a parameter out; with
+        its line.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> import mrwork as mr
+    >>> def force(p, state, displacement, velocity):
+    ...     return p.f_y * jnp.tanh(velocity / p.v_s) + p.c * velocity  # doctest: +SKIP
+    >>> spec = mr.own_damper(  # doctest: +SKIP
+    ...     "yielding",
+    ...     parameters={"f_y": ("N", 1, 100, 1e4), "v_s": ("m/s", 1e-4, 0.01, 1), "c": ("N s/m", 1, 500, 1e5)},
+    ...     force=force,
+    ... )
+    """
+    begin()
+    given = tuple(_parameter(key, value) for key, value in parameters.items())
+    if (rate is None) != (states == 0):
+        raise SettingError(
+            f"{name} has {states} states and {'no' if rate is None else 'a'} rate; give both, or neither"
+        )
+    if relaxation is not None and rate is None:
+        raise SettingError(f"{name} has no states, and a relaxation; leave it out")
+    functions = {"force": force, "rate": rate, "relaxation": relaxation}
+    stated = {role: each for role, each in functions.items() if each is not None}
+    names = [getattr(each, "__name__", "") for each in stated.values()]
+    if len(set(names)) < len(names):
+        raise SettingError(
+            f"the functions of {name} are called {list_names(names)}; give each a name of its own"
+        )
+    first_line = (force.__doc__ or "").strip().partition("\n")[0]
+    spec = DamperSpec(
+        name=name,
+        title=title or name.replace("_", " "),
+        equation=equation or first_line or "f = force(p, state, x, v), see its source",
+        description="A damper of the user, in Python.",
+        source=source or "the user's own",
+        nominal_source="the user's own",
+        n_states=states,
+        odd=False,
+        relaxes=False,
+        spring=spring,
+        parameters=given,
+        plain=given,
+    )
+    if fault := spec.disagreement():
+        raise SettingError(f"{name} {fault}")
+    # First as they are, so that what goes wrong has its line, then from their text alone.
+    _Check(spec, twin_with(spec, force, rate, relaxation)).run(stated)
+    text = function_text(
+        *stated.values(),
+        what=f"the equations of {name} cannot be carried along:",
+        remedy="write functions by def into a file or a cell of a notebook, and let them use numbers, arrays, "
+        "installed packages and each other alone",
+    )
+    equations = OwnEquations(source=text, **{role: each.__name__ for role, each in stated.items()})
+    equations.trust()
+    spec = replace(spec, own=equations)
+    checked_again = _Check(spec, twin_of(spec))
+    checked_again.run(stated)
+    return replace(spec, odd=checked_again.is_odd(), relaxes=checked_again.relaxes())
+
+
+def _parameter(name: str, given: _Given) -> ParamSpec:
+    if isinstance(given, ParamSpec):
+        return given if given.name == name else replace(given, name=name)
+    unit, lower, nominal, upper = given
+    return ParamSpec(
+        name=name,
+        unit=unit or "1",
+        scale="log" if lower > 0.0 else "linear",
+        lower=lower,
+        upper=upper,
+        nominal=nominal,
+        description=name,
+    )
+
+
+class _Check:
+    """Checks of the equations of a damper, at rest and at random points."""
+
+    def __init__(self, spec: DamperSpec, twin: Twin) -> None:
+        self._spec = spec
+        self._twin = twin
+        self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
+
+    def run(self, functions: Mapping[str, Callable[..., Any]]) -> None:
+        """Refuse equations that cannot be simulated, in a sentence with the place of the function."""
+        for role, function in functions.items():
+            place = place_of(function)
+            where = f"{role} of {self._spec.name}" + (f" ({place})" if place else "")
+            self._trace(where, role, function)
+            self._look_at_rest(where, role)
+        self._find_unused()
+
+    def _of(self, role: str) -> Callable[..., Any]:
+        """An equation of theta, state, displacement and velocity."""
+        equation = getattr(self._twin, role)
+        if role == "relaxation":
+            return lambda theta, state, x, v: equation(self._twin.Theta(*theta), x, v)
+        return lambda theta, state, x, v: equation(self._twin.Theta(*theta), state, x, v)
+
+    def _trace(self, where: str, role: str, function: Callable[..., Any]) -> None:
+        shape = (self._spec.n_states,) if role == "rate" else ()
+        try:
+            traced, result = jax.make_jaxpr(self._of(role), return_shape=True)(*self._rest)
+        except Exception as error:
+            code = code_of(function)
+            raised = place_raised(error, "" if code is None else code.co_filename)
+            hint = in_words(error).partition(" See https")[0][:200]
+            if isinstance(error, _TRACED):
+                hint = (
+                    "Python's if, and, or, float() and functions of math and numpy ask for a value that JAX does not "
+                    "have while it traces; write jnp.where(condition, a, b) and functions of jax.numpy"
+                )
+            raise SettingError(
+                f"{where} cannot be traced{f' at {raised}' if raised else ''}: {hint}"
+            ) from None
+        if not hasattr(result, "shape") or result.shape != shape:
+            came = f"shape {result.shape}" if hasattr(result, "shape") else f"a {type(result).__name__}"
+            wanted = "a single number, shape ()"
+            if shape:
+                wanted = f"shape {shape}, as by jnp.stack([...]) of {shape[0]} rates"
+            raise SettingError(f"{where} returns {came}; return {wanted}")
+        short = {str(dtype) for dtype in _dtypes(traced.jaxpr)} & {*_SHORT_FLOATS}
+        if short:
+            raise SettingError(
+                f"{where} computes in {', '.join(sorted(short))}, and fits need float64; leave out the dtype, and "
+                "convert constants to float64"
+            )
+
+    def _look_at_rest(self, where: str, role: str) -> None:
+        equation = self._of(role)
+        slopes = jax.jacfwd(equation, argnums=(0, 1))(*self._rest)
+        if not bool(jnp.all(jnp.isfinite(equation(*self._rest)))):
+            raise SettingError(
+                f"{where} is not a finite number at rest, with nominal parameters and all states, displacement and "
+                "velocity zero; every simulation begins there"
+            )
+        by_parameter = np.asarray(slopes[0]).reshape(-1, len(self._spec.names))
+        bad = [
+            n for n, ok in zip(self._spec.names, np.isfinite(by_parameter).all(axis=0), strict=True) if not ok
+        ]
+        bad += [] if np.isfinite(np.asarray(slopes[1])).all() else ["the states"]
+        if bad:
+            raise SettingError(
+                f"{where} is a number at rest, and its derivative by {list_names(bad)} is none, which fits need; a "
+                "power of a signal that may be zero is mrwork.twins.power(jnp.abs(z), n), and a root wants a small "
+                "number beside what is below it"
+            )
+
+    def _points(self) -> Iterator[tuple[Floats, Floats, float, float]]:
+        """Random points: parameters between their bounds, states, displacement and velocity."""
+        rng, spec = np.random.default_rng(0), self._spec
+        for _ in range(_POINTS):
+            unit = rng.uniform(0.3, 0.7, len(spec.names))
+            theta = np.asarray(Box.of(spec).theta_from_unit(unit)) if len(spec.names) else np.empty(0)
+            x, v, state = (
+                each * rng.uniform(-1.0, 1.0, n)
+                for each, n in zip(_SPANS, (1, 1, spec.n_states), strict=True)
+            )
+            for near in (theta, spec.nominal):
+                yield near, state, float(x[0]), float(v[0])
+
+    def _find_unused(self) -> None:
+        spec = self._spec
+        roles = ["force", *(["rate"] if spec.n_states else [])]
+        slopes = jax.jit(lambda *point: [jax.jacfwd(self._of(role))(*point) for role in roles])
+        used = np.zeros(len(spec.names), dtype=np.bool_)
+        for point in self._points():
+            for slope in slopes(*point):
+                used |= (np.asarray(slope).reshape(-1, len(used)) != 0.0).any(axis=0)
+        if not used.all():
+            unused = [name for name, one in zip(spec.names, used, strict=True) if not one]
+            raise SettingError(
+                f"nothing in {spec.name} uses {list_names(unused)}; leave it out, or correct the equations"
+            )
+
+    def is_odd(self) -> bool:
+        """Whether a motion the other way gives the opposite force."""
+        roles = [self._of(role) for role in ("force", "rate")]
+        there_and_back = jax.jit(
+            lambda theta, state, x, v: [
+                (each(theta, state, x, v), each(theta, -state, -x, -v)) for each in roles
+            ]
+        )
+        return all(
+            np.allclose(here, -np.asarray(there), rtol=1e-9, atol=0.0)
+            for point in self._points()
+            for here, there in there_and_back(*point)
+        )
+
+    def relaxes(self) -> bool:
+        """Whether states move while the damper is held still."""
+        rate = jax.jit(self._of("rate"))
+        return any(bool(np.any(rate(theta, state, x, 0.0))) for theta, state, x, _ in self._points())
+
+
+def _dtypes(jaxpr: Any) -> Iterator[Any]:
+    """Types of all values of a traced function, with those of functions in it."""
+    for equation in jaxpr.eqns:
+        yield from (
+            each.aval.dtype for each in (*equation.invars, *equation.outvars) if hasattr(each.aval, "dtype")
+        )
+        for inner in jax.core.jaxprs_in_params(equation.params):
+            yield from _dtypes(inner)
