@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TextIO
 
 from mrwork.cli.command_parser import CommandParser, VerbHelp
+from mrwork.cli.own_models import admit_equations
 from mrwork.cli.signals import StopSignals
 from mrwork.cli.terminal import note, show, show_all
 from mrwork.errors import MistakesError, MrworkError, MrworkWarning, reason_of
@@ -129,6 +130,7 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
     try:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()
+        admit_equations(options)
         return int(options.run(options))
     except SystemExit as end:
         # The parser has printed its help, or what is wrong.

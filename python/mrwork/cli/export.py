@@ -8,6 +8,7 @@ from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import TIME_STEP, add_number, add_opensees_error, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
+from mrwork.cli.own_models import add_trust
 from mrwork.errors import SettingError
 
 _TARGETS = ("mat", "opensees", "csv")
@@ -50,6 +51,7 @@ def add_options(parser: CommandParser) -> None:
         help="file to write; without it opensees and csv are printed",
     )
     output.add_argument("--replace", action="store_true", help="replace a file that is there")
+    add_trust(parser)
     end_parser(parser, run, quiet="")
 
 

@@ -72,7 +72,8 @@ def add_options(parser: CommandParser) -> None:
         default="normalised_bouc_wen",
         metavar="NAME",
         help="damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models "
-        "and ranks them, or chooses among their laws with --law auto",
+        "and ranks them, or chooses among their laws with --law auto; FILE.py:NAME, a damper of your own that "
+        "mrwork.own_damper has made, runs this file as Python",
     )
     add_repeated(model, "--bound", "NAME=LOWER:UPPER", "range of a parameter; repeat for more")
     add_repeated(model, "--fix", "NAME=VALUE", "hold a parameter fixed; repeat for more")
@@ -191,14 +192,17 @@ def run(options: argparse.Namespace) -> int:
         needless = "one model is fitted, on the threads of this process"
     with on_workers(options, needless=needless):
         if law_is_auto:
-            return _choose_laws(options, settings, ending="models" if several else options.model)
+            return _choose_laws(
+                options, settings, ending="models" if several else options.model.rpartition(":")[2]
+            )
         if several:
             return _choose_model(options, settings)
         return _identify_model(options, settings)
 
 
 def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
-    plain = damper(options.model)
+    (model,) = models_of(options)
+    plain = damper(model) if isinstance(model, str) else model
     verb = Identification.of(options, settings, plain.name, kept="the best fit")
     spec = _with_laws(plain, verb.tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
@@ -257,7 +261,7 @@ def _search(options: argparse.Namespace) -> Search | None:
 def is_choice(options: argparse.Namespace) -> bool:
     """Whether the command line is for a comparison of models."""
     models = models_of(options)
-    several = models == ALL or not isinstance(models, str)
+    several = models == [ALL] or len(models) > 1
     if not several and (options.posterior or (options.leave_out and not laws_are_chosen(options))):
         raise SettingError("--leave-out and --posterior belong to a comparison; give --model all, or A,B,C")
     if several and laws_are_chosen(options) and options.posterior:

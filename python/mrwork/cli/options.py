@@ -13,8 +13,10 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.output import is_quiet, reading_line
+from mrwork.cli.own_models import add_trust, is_own, own_model
 from mrwork.cli.terminal import note
 from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, reopen
@@ -118,6 +120,7 @@ def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: 
 def add_run(parser: CommandParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
+    add_trust(parser)
 
 
 def add_threads(parser: CommandParser) -> None:
@@ -235,10 +238,9 @@ def parse_ties(texts: Sequence[str]) -> dict[str, str]:
     return ties
 
 
-def models_of(options: argparse.Namespace) -> str | list[str]:
-    """The model, "all", or the names of several models."""
-    model: str = options.model
-    return model.split(",") if "," in model else model
+def models_of(options: argparse.Namespace) -> list[str | DamperSpec]:
+    """The models, or "all"; a damper of the user as its spec."""
+    return [own_model(each) if is_own(each) else each for each in options.model.split(",")]
 
 
 def laws_are_chosen(options: argparse.Namespace) -> bool:

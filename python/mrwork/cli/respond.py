@@ -12,6 +12,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet
+from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
@@ -63,6 +64,7 @@ def add_options(parser: CommandParser) -> None:
     )
     add_threads(parser)
     add_workers(parser, "the runs without histories")
+    add_trust(parser)
     add_out(parser, "folder of the results, default out/STUDY")
     end_parser(
         parser,

@@ -14,6 +14,7 @@ from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
 from mrwork.cli.output import table_lines
+from mrwork.cli.own_models import add_trust
 from mrwork.cli.workers import add_workers
 from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 
@@ -57,6 +58,7 @@ def add_options(parser: CommandParser) -> None:
     add_seed(parser, "the searches, of noise and synthetic motions")
     add_threads(parser)
     add_workers(parser, "the runs without histories")
+    add_trust(parser)
     add_out(parser, "folder of the results, default out/STUDY-tuned")
     end_parser(
         parser,

@@ -11,8 +11,18 @@ from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.user_python import run_text
 
-# Digests of equations that may run in this process.
-_TRUSTED: set[str] = set()
+OwnFunctions = tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None]
+"""Force, rate and relaxation."""
+
+# Equations that may run in this process, by their digest, and what is called before others run, if they may.
+_TRUSTED: dict[str, OwnEquations] = {}
+_announce: Callable[[str], None] | None = None
+
+
+def trust_others(announce: Callable[[str], None]) -> None:
+    """Let all equations run in this process from now on; each is announced in a sentence before it does."""
+    global _announce  # one answer for a process
+    _announce = announce
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,16 +43,21 @@ class OwnEquations:
         """Tells these equations from others."""
         return digest_of(self.source, self.force, self.rate, self.relaxation)
 
+    def trust(self) -> None:
+        """Let the text run in this process."""
+        _TRUSTED[self.digest] = self
+
     @property
     def is_trusted(self) -> bool:
         """Whether the text may run in this process."""
+        if self.digest not in _TRUSTED and _announce is not None:
+            _announce(
+                f"running the equations of a damper of its user as Python: {self.force}, {self.digest[:8]}"
+            )
+            self.trust()
         return self.digest in _TRUSTED
 
-    def trust(self) -> None:
-        """Let the text run in this process."""
-        _TRUSTED.add(self.digest)
-
-    def functions(self) -> tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None]:
+    def functions(self) -> OwnFunctions:
         """Force, rate and relaxation; the text runs once in a process.
 
         Raises
@@ -51,10 +66,14 @@ class OwnEquations:
             If it is not trusted.
         """
         if not self.is_trusted:
+            namesake = [each for each in _TRUSTED.values() if each.force == self.force]
+            changed = (
+                "; those of that name that run here are others: they were changed since" if namesake else ""
+            )
             raise SettingError(
-                f"the equations of this damper are Python of its user ({self.force}, {self.digest[:8]}), which "
-                "runs with your rights; read them, and let them run by --trust, by --model FILE.py:NAME of the same "
-                "file, or in Python by mr.load(run, trust=True)"
+                f"the equations of this damper are Python of its user ({self.force}, {self.digest[:8]}), which runs "
+                f"with your rights{changed}; read them, and let them run by --trust, by --model FILE.py:NAME of the "
+                "same file, or in Python by mr.load(run, trust=True)"
             )
         return _run(self)
 
@@ -73,9 +92,7 @@ def _received(
 
 
 @cache
-def _run(
-    equations: OwnEquations,
-) -> tuple[Callable[..., Any], Callable[..., Any] | None, Callable[..., Any] | None]:
+def _run(equations: OwnEquations) -> OwnFunctions:
     names = vars(run_text(equations.source, f"<equations of {equations.force}>"))
     named = (
         None if name is None else names.get(name)

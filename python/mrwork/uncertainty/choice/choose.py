@@ -104,7 +104,7 @@ def compared_models(
     models: DamperSpec | str | Sequence[DamperSpec | str],
 ) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
     """The named models and remarks; "all" leaves out those that are identified in the parameters of another one."""
-    if isinstance(models, str) and models == ALL:
+    if models in (ALL, [ALL]):
         others = {spec.name: identifiable_form(spec, {}).spec.name for spec in damper_models()}
         return (
             tuple(spec for spec in damper_models() if others[spec.name] == spec.name),

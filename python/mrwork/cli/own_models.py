@@ -1,0 +1,77 @@
+"""Dampers of users on the command line: the file that has one, and whether equations of a run folder may run."""
+
+from __future__ import annotations
+
+import argparse
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrwork.base.keys import suggestion
+from mrwork.cli.command_parser import CommandParser
+from mrwork.cli.terminal import note
+from mrwork.errors import SettingError
+
+if TYPE_CHECKING:
+    from mrwork.dampers.spec import DamperSpec
+
+_SUFFIX = ".py"
+
+
+def add_trust(parser: CommandParser) -> None:
+    """--trust, and --model of a verb that takes what another has identified."""
+    group = parser.group("damper of the user")
+    group.add_argument(
+        "--trust",
+        action="store_true",
+        help="let the Python equations run that a run folder has of a damper of its user; read them first",
+    )
+    group.add_argument(
+        "--model",
+        dest="own_model",
+        metavar="FILE.py:NAME",
+        help="let them run if they are those of this file, which runs as Python",
+    )
+
+
+def admit_equations(options: argparse.Namespace) -> None:
+    """Let equations run as the options of `add_trust` say."""
+    if getattr(options, "trust", False):
+        from mrwork.dampers.own_equations import trust_others
+
+        trust_others(note)
+    given = getattr(options, "own_model", None)
+    if given is not None:
+        if not is_own(given):
+            raise SettingError(
+                f"--model is {given!r}; give FILE.py:NAME, the file and the name of a damper in it"
+            )
+        own_model(given)
+
+
+def is_own(model: str) -> bool:
+    """Whether the name of a model is FILE.py:NAME."""
+    return model.rpartition(":")[0].endswith(_SUFFIX)
+
+
+@cache
+def own_model(model: str) -> DamperSpec:
+    """The damper NAME of FILE.py:NAME, which runs as Python, once."""
+    from mrwork.dampers.spec import DamperSpec
+    from mrwork.store.user_python import run_file
+
+    file, _, name = model.rpartition(":")
+    note(f"running {file} as Python, for its damper {name}")
+    module, _ = run_file(Path(file), what="a damper")
+    dampers = {
+        each: value
+        for each, value in vars(module).items()
+        if isinstance(value, DamperSpec) and value.own is not None
+    }
+    if name not in dampers:
+        near = suggestion(name, [*dampers], otherwise="it has") if dampers else ""
+        raise SettingError(
+            f"{file} has no damper {name!r} that mrwork.own_damper has made{near}; write {name or 'NAME'} = "
+            "mrwork.own_damper(...) in it"
+        )
+    return dampers[name]
