@@ -18,7 +18,7 @@ from mrwork.cli.options import read_tests
 from mrwork.cli.output import as_plain, drawing, print_json, result_lines, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.errors import escape_text
-from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.fit import Estimate, Fit, step_in_words
 from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import FitSettings
@@ -228,6 +228,7 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         *result_lines(fit),
         "",
         f"  tested: {fit.tested.in_words}",
+        *([] if fit.half_step_percent is None else [f"  {step_in_words(fit.half_step_percent)}"]),
         "",
     ]
     if fit.identifiability is not None and fit.identifiability.informative:

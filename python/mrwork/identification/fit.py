@@ -344,6 +344,11 @@ class Provenance:
     created: str
 
 
+def step_in_words(percent: float) -> str:
+    """What half the integration step changes, as a clause."""
+    return f"half the integration step changes the force by {percent:.2g} % of its deviation"
+
+
 @array_dataclass(repr=False)
 class Fit(WithAxes, Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
@@ -358,7 +363,8 @@ class Fit(WithAxes, Summarised, Related):
     the result, and `status_reason` says why it has not converged, or what a converged fit costs in a building;
     `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
     motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit that was
-    read from its file has neither tests nor forces nor live settings.
+    read from its file has neither tests nor forces nor live settings. `half_step_percent` is the change of the force by
+    half the integration step, of a damper of the user.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
@@ -388,6 +394,7 @@ class Fit(WithAxes, Summarised, Related):
     status_reason: str = ""
     motions: tuple[RecordedMotion, ...]
     tested: OperatingRange
+    half_step_percent: NotNegative | None = None
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
@@ -687,6 +694,7 @@ class Fit(WithAxes, Summarised, Related):
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
                 ("ended", self.trace.ended),
+                ("step", "" if self.half_step_percent is None else step_in_words(self.half_step_percent)),
             ),
             columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
             rows=[

@@ -10,7 +10,7 @@ such sums in full, and estimated a third too few samples for nearly white residu
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from math import isfinite
 
@@ -34,6 +34,7 @@ from mrwork.identification.fit import (
     FitStatus,
     Remark,
     SearchTrace,
+    step_in_words,
 )
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.problem import Problem, provenance_of
@@ -208,6 +209,8 @@ def fit_at(
     tested = range_of_tests(objective.tests, None if spec.current is None else spec.current.unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
+    change = _half_step_change(spec, values, objective, [force for force, _ in runs])
+    coarse = () if change is None or change <= _MOST_CHANGE else (step_in_words(change),)
     nrmse = rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
@@ -237,9 +240,35 @@ def fit_at(
         tests=objective.tests,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
-        warnings=(*problem.warnings, *_law_warnings(spec, values, tested)),
+        half_step_percent=change,
+        warnings=(*problem.warnings, *coarse, *_law_warnings(spec, values, tested)),
         tested=tested,
     )
+
+
+# Largest change of the force by half the step, in per cent of its deviation, that is not worth a warning.
+_MOST_CHANGE = 0.1
+
+
+def _half_step_change(
+    spec: DamperSpec, theta: Floats, objective: Objective, forces: Sequence[Floats]
+) -> float | None:
+    """Change of the force by half the step, in per cent of its deviation; `None` where the step is the core's rule.
+
+    The sub-steps of a damper of the user follow from its own derivatives, or from a bound that it states.
+    """
+    if spec.own is None or not spec.n_states:
+        return None
+    with suppress(SimulationError):
+        finer = [
+            free_run(spec, theta, each, nuisances=objective.settings.nuisances, substep_factor=2)[0]
+            for each in objective.tests
+        ]
+        return max(
+            100.0 * float(np.sqrt(np.mean((half - force) ** 2)) / np.std(test.force))
+            for half, force, test in zip(finer, forces, objective.tests, strict=True)
+        )
+    return None
 
 
 # Commands up to this factor above the tested ones are near them; and so is zero, at which every driver starts.

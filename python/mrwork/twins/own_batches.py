@@ -34,6 +34,8 @@ _SQUARINGS = 3
 _FINER = 4
 # Fewest rows of a batch, and samples of a record, that are compiled apart.
 _FEWEST_ROWS, _FEWEST_SAMPLES = 8, 1024
+# Candidates whose sub-steps are remembered.
+_MOST_COUNTS = 2000
 # Most numbers of the states, forces and derivatives of a call.
 _MOST_NUMBERS = 3e7
 
@@ -71,7 +73,9 @@ def sensitivities(
     """Forces and sub-steps as `forces`, and derivatives in columns of `theta`, (n_batch, n_columns, n_time)."""
     chosen = list(range(theta.shape[1])) if columns is None else list(columns)
     directions = np.eye(theta.shape[1])[chosen]
-    _, _, substeps = _resolved(spec, theta, history, most)
+    # A candidate is mostly simulated alone before its derivatives are wanted.
+    known = [_last_counts(spec, history).get(row.tobytes()) for row in theta]
+    substeps = _resolved(spec, theta, history, most)[2] if None in known else np.array(known, dtype=np.uint32)
     substeps = substeps * np.uint32(factor)
     force = np.full((len(theta), history.n_time), np.inf)
     slopes = np.full((len(theta), len(chosen), history.n_time), np.inf)
@@ -111,7 +115,17 @@ def _resolved(
         open_rows = np.concatenate([np.empty(0, dtype=np.intp), *again])
     wanted[substeps == 0] = np.inf
     force[substeps == 0] = np.inf
+    counts = _last_counts(spec, history)
+    if len(counts) > _MOST_COUNTS:
+        counts.clear()
+    counts.update((row.tobytes(), int(count)) for row, count in zip(theta, substeps, strict=True))
     return force, wanted, substeps
+
+
+@lru_cache(maxsize=64)
+def _last_counts(spec: DamperSpec, history: _rust.LoadingHistory) -> dict[bytes, int]:
+    """Sub-steps of candidates that were simulated lately, by their bytes."""
+    return {}
 
 
 def _counts(wanted: Floats, most: int) -> Counts:
@@ -178,7 +192,7 @@ def _padded(count: int, least: int) -> int:
     return 1 << (max(count, least) - 1).bit_length()
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=128)
 def _motions(history: _rust.LoadingHistory, substeps: int) -> tuple[Floats, Floats]:
     """Displacement and velocity every half step, (n_half, 2), and the command at samples, both padded; NaN if none."""
     stages = history.stages(substeps)
