@@ -101,10 +101,12 @@ def offset_warning(
     if not shifted:
         return ()
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
+    lacks, cure = (fixed, f"leave {list_names(shifts)} free")
+    if not shifts:
+        lacks, cure = f"no parameter of {spec.name} adds a constant force", "add one to its equations"
     return (
-        f"the force has a static offset in {list_names(shifted)}, and {fixed}, so the model cannot describe it; leave "
-        f"{list_names(shifts)} free, subtract the offset by --repair offset, or estimate it for each test by "
-        "--nuisance offset",
+        f"the force has a static offset in {list_names(shifted)}, and {lacks}, so the model cannot describe it; "
+        f"{cure}, subtract the offset by --repair offset, or estimate it for each test by --nuisance offset",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -9,8 +10,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import jaxprs_in_params
 
 from mrwork.base.arguments import Whole, checked
+from mrwork.base.keys import suggestion
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
@@ -24,6 +27,7 @@ from mrwork.twins.models import Twin, begin, twin_of, twin_with
 
 _Given = ParamSpec | tuple[str, float, float, float]
 _SHORT_FLOATS = ("float16", "bfloat16", "float32")
+_SHORT_ARRAY = re.compile(r"dtype='<f[24]'")
 # Random points at which a parameter must matter somewhere, and their displacement [m], velocity [m/s] and states.
 _POINTS = 16
 _SPANS = 0.01, 0.1, 0.5
@@ -56,7 +60,8 @@ def own_damper(
         Name of the model, none of `damper_models`.
     parameters
         Unit, lower bound, nominal value and upper bound of each parameter, as ``{"c": ("N s/m", 10, 500, 1e5)}``, or a
-        `ParamSpec`. Searches take a logarithmic scale where the lower bound is positive.
+        `ParamSpec`. Searches take a logarithmic scale where the lower bound is positive; one that only adds a constant
+        force is an offset, as f0 of other models.
     force
         ``force(p, state, displacement, velocity)``, the force [N] from the parameters, as `p.c`, the states, shape
         (states,), displacement [m] and velocity [m/s], in `jax.numpy`. It is positive against the velocity, so that
@@ -97,7 +102,7 @@ def own_damper(
     given = tuple(_parameter(key, value) for key, value in parameters.items())
     if (rate is None) != (states == 0):
         raise SettingError(
-            f"{name} has {states} states and {'no' if rate is None else 'a'} rate; give both, or neither"
+            f"`states` of {name} is {states}, and `rate` is {'missing' if rate is None else 'given'}; give both, or neither"
         )
     if relaxation is not None and rate is None:
         raise SettingError(f"{name} has no states, and a relaxation; leave it out")
@@ -124,7 +129,7 @@ def own_damper(
         plain=given,
     )
     if fault := spec.disagreement():
-        raise SettingError(f"{name} {fault}")
+        raise SettingError(f"{name or 'an empty text'} {fault}")
     # First as they are, so that what goes wrong has its line, then from their text alone.
     _Check(spec, twin_with(spec, force, rate, relaxation)).run(stated)
     text = function_text(
@@ -133,12 +138,20 @@ def own_damper(
         remedy="write functions by def into a file or a cell of a notebook, and let them use numbers, arrays, "
         "installed packages and each other alone",
     )
+    if _SHORT_ARRAY.search(text):
+        raise SettingError(f"{name} uses constants of less precision than float64; convert them")
     equations = OwnEquations(source=text, **{role: each.__name__ for role, each in stated.items()})
     equations.trust()
     spec = replace(spec, own=equations)
     checked_again = _Check(spec, twin_of(spec))
     checked_again.run(stated)
-    return replace(spec, odd=checked_again.is_odd(), relaxes=checked_again.relaxes())
+    final = tuple(
+        replace(each, scale="offset") if shifts and each.scale == "linear" else each
+        for each, shifts in zip(given, checked_again.shifts, strict=True)
+    )
+    return replace(
+        spec, parameters=final, plain=final, odd=checked_again.is_odd(), relaxes=checked_again.relaxes()
+    )
 
 
 def _parameter(name: str, given: _Given) -> ParamSpec:
@@ -162,6 +175,8 @@ class _Check:
     def __init__(self, spec: DamperSpec, twin: Twin) -> None:
         self._spec = spec
         self._twin = twin
+        self.shifts = np.ones(len(spec.names), dtype=np.bool_)
+        """Whether each parameter adds a constant force and does nothing else."""
         self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
 
     def run(self, functions: Mapping[str, Callable[..., Any]]) -> None:
@@ -193,6 +208,8 @@ class _Check:
                     "Python's if, and, or, float() and functions of math and numpy ask for a value that JAX does not "
                     "have while it traces; write jnp.where(condition, a, b) and functions of jax.numpy"
                 )
+            elif isinstance(error, AttributeError) and isinstance(error.obj, self._twin.Theta):
+                hint = f"p has no {error.name}{suggestion(str(error.name), self._spec.names, otherwise='it has')}"
             raise SettingError(
                 f"{where} cannot be traced{f' at {raised}' if raised else ''}: {hint}"
             ) from None
@@ -200,7 +217,7 @@ class _Check:
             came = f"shape {result.shape}" if hasattr(result, "shape") else f"a {type(result).__name__}"
             wanted = "a single number, shape ()"
             if shape:
-                wanted = f"shape {shape}, as by jnp.stack([...]) of {shape[0]} rates"
+                wanted = f"shape {shape}, as by jnp.stack([...]), a rate for each state"
             raise SettingError(f"{where} returns {came}; return {wanted}")
         short = {str(dtype) for dtype in _dtypes(traced.jaxpr)} & {*_SHORT_FLOATS}
         if short:
@@ -248,8 +265,9 @@ class _Check:
         slopes = jax.jit(lambda *point: [jax.jacfwd(self._of(role))(*point) for role in roles])
         used = np.zeros(len(spec.names), dtype=np.bool_)
         for point in self._points():
-            for slope in slopes(*point):
-                used |= (np.asarray(slope).reshape(-1, len(used)) != 0.0).any(axis=0)
+            force, *rates = (np.asarray(slope).reshape(-1, len(used)) for slope in slopes(*point))
+            used |= (np.concatenate([force, *rates]) != 0.0).any(axis=0)
+            self.shifts &= (force[0] == 1.0) & ~np.concatenate([0.0 * force, *rates]).any(axis=0)
         if not used.all():
             unused = [name for name, one in zip(spec.names, used, strict=True) if not one]
             raise SettingError(
@@ -282,5 +300,5 @@ def _dtypes(jaxpr: Any) -> Iterator[Any]:
         yield from (
             each.aval.dtype for each in (*equation.invars, *equation.outvars) if hasattr(each.aval, "dtype")
         )
-        for inner in jax.core.jaxprs_in_params(equation.params):
+        for inner in jaxprs_in_params(equation.params):
             yield from _dtypes(inner)
