@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.base.keys import suggestion
 from mrwork.cli.command_parser import CommandParser
-from mrwork.cli.terminal import note
+from mrwork.cli.terminal import keep_stdout, note
 from mrwork.errors import SettingError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def admit_equations(options: argparse.Namespace) -> None:
 
 def is_own(model: str) -> bool:
     """Whether the name of a model is FILE.py:NAME."""
-    return model.rpartition(":")[0].endswith(_SUFFIX)
+    return model.endswith(_SUFFIX) or model.rpartition(":")[0].endswith(_SUFFIX)
 
 
 @cache
@@ -60,14 +60,17 @@ def own_model(model: str) -> DamperSpec:
     from mrwork.dampers.spec import DamperSpec
     from mrwork.store.user_python import run_file
 
-    file, _, name = model.rpartition(":")
-    note(f"running {file} as Python, for its damper {name}")
-    module, _ = run_file(Path(file), what="a damper")
+    file, _, name = (model, "", "") if model.endswith(_SUFFIX) else model.rpartition(":")
+    note(f"running {file} as Python, for its damper {name or 'NAME'}")
+    with keep_stdout():
+        module, _ = run_file(Path(file), what="a damper")
     dampers = {
         each: value
         for each, value in vars(module).items()
         if isinstance(value, DamperSpec) and value.own is not None
     }
+    if not name and dampers:
+        raise SettingError(f"name one of its dampers, as in {file}:NAME; it has {', '.join(dampers)}")
     if name not in dampers:
         near = suggestion(name, [*dampers], otherwise="it has") if dampers else ""
         raise SettingError(

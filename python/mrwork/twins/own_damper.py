@@ -102,7 +102,8 @@ def own_damper(
     given = tuple(_parameter(key, value) for key, value in parameters.items())
     if (rate is None) != (states == 0):
         raise SettingError(
-            f"`states` of {name} is {states}, and `rate` is {'missing' if rate is None else 'given'}; give both, or neither"
+            f"`states` of {name} is {states}, and `rate` is {'missing' if rate is None else 'given'}; give both or "
+            "neither"
         )
     if relaxation is not None and rate is None:
         raise SettingError(f"{name} has no states, and a relaxation; leave it out")
