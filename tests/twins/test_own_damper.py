@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import own_dampers
@@ -19,7 +20,7 @@ from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from test_imports import in_fresh_process
 
-C = {"c": ("N s/m", 1.0, 100.0, 1000.0)}
+C = {"c": ("N s/m", 1, 100.0, 1000)}
 GAIN = 2.0
 SHORT = np.float32(0.1)
 TABLE = np.array([1.0, 2.0])
@@ -179,3 +180,21 @@ def test_numbers_of_less_precision_are_refused_where_they_enter(refused: Refused
         return p.c * velocity * SHORT
 
     refused(mr.own_damper, "mine", parameters=C, force=scaled)
+
+
+CALLS = [0.0]
+
+
+def counts(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    CALLS[0] += 1.0
+    return p.c * velocity * CALLS[0]
+
+
+def tells(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    jax.debug.print("{}", velocity)
+    return p.c * velocity
+
+
+def test_equations_change_and_print_nothing(refused: Refused) -> None:
+    for wrong in (counts, tells):
+        refused(mr.own_damper, "mine", parameters=C, force=wrong)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from mrwork.errors import SettingError
@@ -94,6 +95,8 @@ def _received(
 @cache
 def _run(equations: OwnEquations) -> OwnFunctions:
     names = vars(run_text(equations.source, f"<equations of {equations.force}>"))
+    # What is printed while they are traced does not belong to the output of a command.
+    names["print"] = partial(print, file=sys.stderr)
     named = (
         None if name is None else names.get(name)
         for name in (equations.force, equations.rate, equations.relaxation)

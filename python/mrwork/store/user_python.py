@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import CodeType, ModuleType, TracebackType
 
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkError, SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 
@@ -116,6 +116,8 @@ def run_text(text: str, name: str) -> ModuleType:
             exec(compile(text, name, "exec"), vars(module))
     except KeyboardInterrupt:
         raise
+    except MrworkError as error:
+        raise SettingError(f"{place_raised(error, name) or name}: {error}") from None
     except BaseException as error:
         raised = place_raised(error, name) or name
         raise SettingError(f"{raised} failed when the file was run: {in_words(error)}; correct it") from None

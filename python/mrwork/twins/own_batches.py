@@ -167,7 +167,7 @@ def _run(
             if directions is None
             else partial(_slopes, directions=directions)
         )
-        result = _interruptible(partial(call, *arguments, spec=spec, n_kept=n_kept))
+        result = interruptible(partial(call, *arguments, spec=spec, n_kept=n_kept))
         parts.append([np.asarray(each)[: len(rows)] for each in result])
     force, second = (np.concatenate(each) for each in zip(*parts, strict=True))
     return force[:, : history.n_time], second if directions is None else second[..., : history.n_time]
@@ -183,7 +183,7 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
     padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
     levels = np.unique(command) if history.command is not None else command[:1]
     calls = (partial(_fastest, padded, motions, level, spec=spec) for level in levels)
-    bound = np.max([np.asarray(_interruptible(call)) for call in calls], axis=0)
+    bound = np.max([np.asarray(interruptible(call)) for call in calls], axis=0)
     return np.asarray(bound[: len(theta)] * history.dt / _RESOLUTION)
 
 
@@ -364,7 +364,7 @@ def _slopes(
     return jax.vmap(along, out_axes=(None, 1))(directions)
 
 
-def _interruptible(call: Callable[[], T]) -> T:
+def interruptible(call: Callable[[], T]) -> T:
     """Do what cannot be interrupted on another thread, so that the main one answers Ctrl-C at once."""
     if threading.current_thread() is not threading.main_thread():
         return call()
@@ -372,7 +372,9 @@ def _interruptible(call: Callable[[], T]) -> T:
 
     def end() -> None:
         try:
-            ended.append((call(), None))
+            # What is still computed by XLA would be waited for elsewhere.
+            done: T = jax.block_until_ready(call())  # type: ignore[no-untyped-call] # jax leaves it unannotated
+            ended.append((done, None))
         except BaseException as error:
             ended.append((None, error))
 

@@ -24,9 +24,11 @@ from mrwork.errors import SettingError
 from mrwork.store.function_text import function_text
 from mrwork.store.user_python import code_of, in_words, place_of, place_raised
 from mrwork.twins.models import Twin, begin, twin_of, twin_with
+from mrwork.twins.own_batches import interruptible
 
 _Given = ParamSpec | tuple[str, float, float, float]
 _SHORT_FLOATS = ("float16", "bfloat16", "float32")
+_ADDRESS = re.compile(r"0x[0-9a-f]+")
 _SHORT_ARRAY = re.compile(r"dtype='<f[24]'")
 # Random points at which a parameter must matter somewhere, and their displacement [m], velocity [m/s] and states.
 _POINTS = 16
@@ -132,7 +134,7 @@ def own_damper(
     if fault := spec.disagreement():
         raise SettingError(f"{name or 'an empty text'} {fault}")
     # First as they are, so that what goes wrong has its line, then from their text alone.
-    _Check(spec, twin_with(spec, force, rate, relaxation)).run(stated)
+    interruptible(lambda: _Check(spec, twin_with(spec, force, rate, relaxation)).run(stated))
     text = function_text(
         *stated.values(),
         what=f"the equations of {name} cannot be carried along:",
@@ -144,21 +146,21 @@ def own_damper(
     equations = OwnEquations(source=text, **{role: each.__name__ for role, each in stated.items()})
     equations.trust()
     spec = replace(spec, own=equations)
-    checked_again = _Check(spec, twin_of(spec))
-    checked_again.run(stated)
+    check = _Check(spec, twin_of(spec))
+    odd, relaxes = interruptible(lambda: check.run(stated))
     final = tuple(
         replace(each, scale="offset") if shifts and each.scale == "linear" else each
-        for each, shifts in zip(given, checked_again.shifts, strict=True)
+        for each, shifts in zip(given, check.shifts, strict=True)
     )
-    return replace(
-        spec, parameters=final, plain=final, odd=checked_again.is_odd(), relaxes=checked_again.relaxes()
-    )
+    return replace(spec, parameters=final, plain=final, odd=odd, relaxes=relaxes)
 
 
 def _parameter(name: str, given: _Given) -> ParamSpec:
     if isinstance(given, ParamSpec):
-        return given if given.name == name else replace(given, name=name)
-    unit, lower, nominal, upper = given
+        lower, nominal, upper = float(given.lower), float(given.nominal), float(given.upper)
+        return replace(given, name=name, lower=lower, nominal=nominal, upper=upper)
+    unit, *ends = given
+    lower, nominal, upper = map(float, ends)
     return ParamSpec(
         name=name,
         unit=unit or "1",
@@ -180,14 +182,18 @@ class _Check:
         """Whether each parameter adds a constant force and does nothing else."""
         self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
 
-    def run(self, functions: Mapping[str, Callable[..., Any]]) -> None:
-        """Refuse equations that cannot be simulated, in a sentence with the place of the function."""
+    def run(self, functions: Mapping[str, Callable[..., Any]]) -> tuple[bool, bool]:
+        """Refuse equations that cannot be simulated, in a sentence with the place of the function; what follows.
+
+        That is whether a motion the other way gives the opposite force, and whether states move at rest.
+        """
         for role, function in functions.items():
             place = place_of(function)
             where = f"{role} of {self._spec.name}" + (f" ({place})" if place else "")
             self._trace(where, role, function)
             self._look_at_rest(where, role)
         self._find_unused()
+        return self._is_odd(), self._relaxes()
 
     def _of(self, role: str) -> Callable[..., Any]:
         """An equation of theta, state, displacement and velocity."""
@@ -200,6 +206,7 @@ class _Check:
         shape = (self._spec.n_states,) if role == "rate" else ()
         try:
             traced, result = jax.make_jaxpr(self._of(role), return_shape=True)(*self._rest)
+            again = jax.make_jaxpr(self._of(role))(*self._rest)
         except Exception as error:
             code = code_of(function)
             raised = place_raised(error, "" if code is None else code.co_filename)
@@ -220,6 +227,14 @@ class _Check:
             if shape:
                 wanted = f"shape {shape}, as by jnp.stack([...]), a rate for each state"
             raise SettingError(f"{where} returns {came}; return {wanted}")
+        if _ADDRESS.sub("", str(traced)) != _ADDRESS.sub("", str(again)):
+            raise SettingError(
+                f"{where} is another one each time that it is traced; let it change nothing outside"
+            )
+        if traced.effects:
+            raise SettingError(
+                f"{where} prints or calls Python while it runs; leave out jax.debug and callbacks"
+            )
         short = {str(dtype) for dtype in _dtypes(traced.jaxpr)} & {*_SHORT_FLOATS}
         if short:
             raise SettingError(
@@ -275,8 +290,7 @@ class _Check:
                 f"nothing in {spec.name} uses {list_names(unused)}; leave it out, or correct the equations"
             )
 
-    def is_odd(self) -> bool:
-        """Whether a motion the other way gives the opposite force."""
+    def _is_odd(self) -> bool:
         roles = [self._of(role) for role in ("force", "rate")]
         there_and_back = jax.jit(
             lambda theta, state, x, v: [
@@ -289,8 +303,7 @@ class _Check:
             for here, there in there_and_back(*point)
         )
 
-    def relaxes(self) -> bool:
-        """Whether states move while the damper is held still."""
+    def _relaxes(self) -> bool:
         rate = jax.jit(self._of("rate"))
         return any(bool(np.any(rate(theta, state, x, 0.0))) for theta, state, x, _ in self._points())
 
