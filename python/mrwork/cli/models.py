@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
         show("\n".join(align_rows(listed)))
         return 0
-    spec = damper(options.name)
+    spec = own_model(options.name) if is_own(options.name) else damper(options.name)
     if options.figure is not None:
         _write_figure(spec, options)
     if options.json:
