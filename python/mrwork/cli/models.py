@@ -12,6 +12,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_json
+from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
@@ -69,7 +70,9 @@ def run(options: argparse.Namespace) -> int:
         drawn = {} if options.figure is None else {"figure": str(options.figure)}
         print_json(_as_dict(spec) | drawn)
     else:
-        show(_in_full(spec) + ("" if options.figure is None else f"\n\nFigure: {options.figure}"))
+        show(
+            _in_full(options.name, spec) + ("" if options.figure is None else f"\n\nFigure: {options.figure}")
+        )
     return 0
 
 
@@ -93,17 +96,17 @@ def _as_dict(spec: DamperSpec) -> dict[str, Any]:
     return entry | {"presets": [asdict(spec.preset(name)) for name in spec.presets]}
 
 
-def _in_full(spec: DamperSpec) -> str:
+def _in_full(name: str, spec: DamperSpec) -> str:
     lines = [spec.title, "=" * len(spec.title), ""]
     lines += [f"  {line}" for line in spec.equation.splitlines()]
     lines += ["", spec.description, "", f"Source:  {spec.source}", f"Nominal: {spec.nominal_source}", ""]
     lines += text_table(_PARAMETER_COLUMNS, spec.parameters).lines()
-    for name in spec.presets:
-        lines += ["", *_preset_lines(spec.preset(name))]
+    for each in spec.presets:
+        lines += ["", *_preset_lines(spec.preset(each))]
     lines += [
         "",
         "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
-        f"mrwork identify FILE... --model {spec.name} --law {spec.names[0]}=linear",
+        f"mrwork identify FILE... --model {name} --law {spec.names[0]}=linear",
     ]
     return "\n".join(lines)
 
