@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrwork.base.keys import suggestion
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.errors import SettingError
@@ -57,6 +56,8 @@ def is_own(model: str) -> bool:
 @cache
 def own_model(model: str) -> DamperSpec:
     """The damper NAME of FILE.py:NAME, which runs as Python, once."""
+    # NumPy is loaded by these, and not needed for a help.
+    from mrwork.base.keys import suggestion
     from mrwork.dampers.spec import DamperSpec
     from mrwork.store.user_python import run_file
 

@@ -28,6 +28,8 @@ Counts = NDArray[np.uint32]
 
 # Largest product of a step and the fastest relaxation, as RESOLUTION of `integrate.rs`.
 _RESOLUTION = 1.4
+# Commands at which a relaxation is asked for, as COMMAND_LEVELS of `loading.rs`.
+_LEVELS = 9
 # The spectral radius is at most ||J^8||^(1/8), which units of the states hardly change.
 _SQUARINGS = 3
 # A run that is not finite is tried again with so many times the sub-steps.
@@ -181,9 +183,8 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
     motions, command = _motions(history, 1)
     padding = _padded(len(theta), _FEWEST_ROWS) - len(theta)
     padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
-    levels = np.unique(command) if history.command is not None else command[:1]
-    calls = (partial(_fastest, padded, motions, level, spec=spec) for level in levels)
-    bound = np.max([np.asarray(interruptible(call)) for call in calls], axis=0)
+    levels = np.linspace(command.min(), command.max(), _LEVELS if len(command) > 1 else 1)
+    bound = np.asarray(interruptible(partial(_fastest, padded, motions, levels, spec=spec)))
     return np.asarray(bound[: len(theta)] * history.dt / _RESOLUTION)
 
 
@@ -207,15 +208,15 @@ def _motions(history: _rust.LoadingHistory, substeps: int) -> tuple[Floats, Floa
 
 
 @partial(jax.jit, static_argnames="spec")
-def _fastest(theta: Array, motions: Array, command: Array, *, spec: DamperSpec) -> Array:
+def _fastest(theta: Array, motions: Array, levels: Array, *, spec: DamperSpec) -> Array:
     relaxation = twin_of(spec).relaxation
     assert relaxation is not None
 
-    def of_row(row: Array) -> Array:
-        p = parameters_at(spec, row, command)
+    def at_level(row: Array, level: Array) -> Array:
+        p = parameters_at(spec, row, level)
         return jnp.max(jax.vmap(lambda motion: relaxation(p, motion[0], motion[1]))(motions))
 
-    return jax.vmap(of_row)(theta)
+    return jnp.max(jax.vmap(jax.vmap(at_level, in_axes=(None, 0)), in_axes=(0, None))(theta, levels), axis=1)
 
 
 def _kept(
