@@ -209,7 +209,12 @@ def fit_at(
     tested = range_of_tests(objective.tests, None if spec.current is None else spec.current.unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
-    change = _half_step_change(spec, values, objective, [force for force, _ in runs])
+    # After Ctrl-C nothing is compiled.
+    change = (
+        None
+        if status == "interrupted"
+        else _half_step_change(spec, values, objective, [force for force, _ in runs])
+    )
     coarse = () if change is None or change <= _MOST_CHANGE else (step_in_words(change),)
     nrmse = rms([each.nrmse for each in quality])
     return Fit(

@@ -7,6 +7,7 @@ batches and records are padded to powers of two, and sub-steps are counted at ru
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
@@ -194,17 +195,20 @@ def _padded(count: int, least: int) -> int:
 
 
 @lru_cache(maxsize=128)
-def _motions(history: _rust.LoadingHistory, substeps: int) -> tuple[Floats, Floats]:
-    """Displacement and velocity every half step, (n_half, 2), and the command at samples, both padded; NaN if none."""
+def _motions(history: _rust.LoadingHistory, substeps: int) -> tuple[Array, Floats]:
+    """Displacement and velocity every half step, (n_half, 2), and the command at samples, both padded; NaN if none.
+
+    Motions are padded to powers of four, as fine ones cost nothing but their place.
+    """
     stages = history.stages(substeps)
     motions = np.concatenate([stages[:, :-1].reshape(-1, 2), stages[-1:, -1]])
-    missing = _padded(len(motions), 2 * _FEWEST_SAMPLES) - len(motions)
+    missing = 4 ** math.ceil(math.log(max(len(motions), 4 * _FEWEST_SAMPLES), 4)) - len(motions)
     motions = np.concatenate([motions, np.repeat(motions[-1:], missing, axis=0)])
     command = history.command
     if command is None or np.ptp(command) == 0.0:
-        return motions, np.full(1, np.nan if command is None else command[0])
+        return jnp.asarray(motions), np.full(1, np.nan if command is None else command[0])
     missing = _padded(len(command), _FEWEST_SAMPLES) - len(command)
-    return motions, np.concatenate([command, np.repeat(command[-1:], missing)])
+    return jnp.asarray(motions), np.concatenate([command, np.repeat(command[-1:], missing)])
 
 
 @partial(jax.jit, static_argnames="spec")
