@@ -93,12 +93,14 @@ def own_damper(
     >>> import jax.numpy as jnp
     >>> import mrwork as mr
     >>> def force(p, state, displacement, velocity):
-    ...     return p.f_y * jnp.tanh(velocity / p.v_s) + p.c * velocity  # doctest: +SKIP
-    >>> spec = mr.own_damper(  # doctest: +SKIP
-    ...     "yielding",
+    ...     return p.f_y * jnp.tanh(velocity / p.v_s) + p.c * velocity
+    >>> spec = mr.own_damper(
+    ...     "sliding",
     ...     parameters={"f_y": ("N", 1, 100, 1e4), "v_s": ("m/s", 1e-4, 0.01, 1), "c": ("N s/m", 1, 500, 1e5)},
     ...     force=force,
     ... )
+    >>> mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.1, displacement=[0.0, 0.01, 0.0, -0.01, 0.0])).shape
+    (5,)
     """
     begin()
     given = tuple(_parameter(key, value) for key, value in parameters.items())
