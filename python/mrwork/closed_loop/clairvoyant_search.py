@@ -201,7 +201,7 @@ class ClairvoyantProblem:
 
     def _twin_of(self, step: float) -> PrescribedLoop:
         # JAX takes a second to load, and no verb needs it unless a clairvoyant is asked for.
-        from mrwork.twins.loop_derivatives import CriteriaAtRest, TwinDamper, prescribed_loop
+        from mrwork.twins.loop_derivatives import CriteriaAtRest, prescribed_loop
 
         return prescribed_loop(
             matrices={
@@ -212,16 +212,7 @@ class ClairvoyantProblem:
                 "floors": _rows(self.building.floors, self.floors),
                 "storeys": _rows(self.building.storeys, self.storeys),
             },
-            dampers=[
-                TwinDamper(
-                    spec=device.spec,
-                    theta=device.draws[0],
-                    row=np.asarray(device.row),
-                    count=device.count,
-                    differential=device.differential,
-                )
-                for device in self.devices
-            ],
+            dampers=self.devices,
             acceleration=self.motion.acceleration,
             dt=self.motion.dt,
             duration=self.motion.duration,

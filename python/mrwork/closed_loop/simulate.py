@@ -21,6 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
+from mrwork.closed_loop.own_runs import refuse_beyond_twin, respond_own
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -211,9 +212,11 @@ class _Core:
     # Pairs of a time step and an acceleration.
     waves: list[Any]
 
-    def driven(self, runs: RunsOfLoop) -> tuple[_rust.Dampers, _rust.Controller]:
-        """Dampers and controller of the runs' draws and candidates."""
+    def driven(self, runs: RunsOfLoop) -> RunsOfLoop | tuple[_rust.Dampers, _rust.Controller]:
+        """Dampers and controller of the runs' draws and candidates; with dampers of the user the runs themselves."""
         law, devices = self.loop.law, self.loop.devices
+        if self.loop.is_own:
+            return runs
         with core_refusals():
             return (
                 _ideal_actuators(len(devices))
@@ -249,6 +252,11 @@ class LoopOfRuns:
     motions: tuple[GroundMotion, ...]
     step_factor: int
 
+    @property
+    def is_own(self) -> bool:
+        """Whether its dampers are those of the user, which the core does not have."""
+        return self.devices[0].spec.own is not None and not self.law.spec.commands_force
+
     def core(self) -> _Core:
         """The same for the core, which is made anew in each process."""
         building = _core_building(self.building, self.devices, self.varied)
@@ -265,7 +273,7 @@ class LoopOfRuns:
 
 def _respond(
     core: _Core,
-    driven: tuple[_rust.Dampers, _rust.Controller],
+    driven: RunsOfLoop | tuple[_rust.Dampers, _rust.Controller],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     *,
@@ -273,6 +281,23 @@ def _respond(
     threads: int = 0,
     outside: Any = None,
 ) -> Any:
+    if isinstance(driven, RunsOfLoop):
+        loop = core.loop
+        return respond_own(
+            building=loop.building,
+            varied=loop.varied,
+            devices=loop.devices,
+            law=loop.law,
+            hardware=loop.hardware,
+            motions=loop.motions,
+            step_factor=loop.step_factor,
+            runs=runs,
+            gains=driven.gains,
+            shaping=driven.shaping,
+            theta=driven.theta,
+            histories=histories,
+            widths=(_width(core.building.summary_layout), _width(core.building.history_layout)),
+        )
     dampers, controller = driven
     with core_refusals():
         return _rust.respond(
@@ -289,6 +314,10 @@ def _respond(
             threads=threads,
             outside=outside,
         )
+
+
+def _width(layout: Sequence[tuple[str, int]]) -> int:
+    return sum(count for _, count in layout)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
@@ -562,6 +591,9 @@ def simulate_loop(
         )
     _check_commands(law, devices)
     refuse_unmeasured(hardware, law.signals)
+    if not actuators:
+        name = law.name if user is None else f"{user.name} in Python"
+        refuse_beyond_twin(building, devices, hardware, name, signals=bool(law.signals))
     theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:

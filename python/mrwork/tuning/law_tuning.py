@@ -193,7 +193,7 @@ def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) ->
 
 
 def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
-    from mrwork.twins.loop_derivatives import TunedLoop, TwinDamper
+    from mrwork.twins.loop_derivatives import TunedLoop
 
     arrangement, hardware = bench.study.at_zero, bench.study.hardware
     building = arrangement.building
@@ -203,19 +203,9 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
         )
     curve, theta = bench.problem.limited_to(largest).curve
     devices = bench.problem.devices
-    dampers = [
-        TwinDamper(
-            spec=each.spec,
-            theta=each.draws[0],
-            row=np.asarray(each.row, dtype=np.float64),
-            count=float(each.count),
-            differential=each.differential,
-        )
-        for each in devices
-    ]
-    own = None
+    believed = None
     if curve != devices[0].spec:
-        own = [replace(each, spec=curve, theta=np.asarray(theta)) for each in dampers]
+        believed = [replace(each, spec=curve, theta=theta) for each in devices]
     steps = max(
         1, math.ceil(hardware.sample_time / min(_LONGEST_STEP, hardware.sample_time / hardware.steps))
     )
@@ -230,8 +220,8 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
             "floors": building.floors[floors],
             "storeys": building.storeys[storeys],
         },
-        dampers=dampers,
-        believed=own,
+        dampers=devices,
+        believed=believed,
         motions=[(motion.dt, np.asarray(motion.acceleration)) for motion in bench.motions],
         step=hardware.sample_time / steps,
         steps_per_sample=steps,

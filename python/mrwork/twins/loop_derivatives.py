@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec
@@ -86,15 +86,28 @@ SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
 
-@array_dataclass()
-class TwinDamper:
-    """A damper across a storey, as `mrwork.buildings.matrices.Device`, and its parameters, shape (n_params,)."""
+class PlacedDamper(Protocol):
+    """A damper across a storey: `mrwork.buildings.matrices.Device`, of whose draws the first counts."""
 
-    spec: DamperSpec
-    theta: Floats
-    row: Floats
-    count: float
-    differential: bool
+    @property
+    def spec(self) -> DamperSpec:
+        """Model."""
+
+    @property
+    def draws(self) -> Floats:
+        """Parameters, shape (n_draws, n_params)."""
+
+    @property
+    def row(self) -> ArrayLike:
+        """Row of the elongation, shape (n,)."""
+
+    @property
+    def count(self) -> float:
+        """Number in parallel."""
+
+    @property
+    def differential(self) -> bool:
+        """Whether as many act in the opposite direction."""
 
 
 class TunedLoop:
@@ -110,8 +123,8 @@ class TunedLoop:
         law: str,
         *,
         matrices: Mapping[str, Floats],
-        dampers: Sequence[TwinDamper],
-        believed: Sequence[TwinDamper] | None,
+        dampers: Sequence[PlacedDamper],
+        believed: Sequence[PlacedDamper] | None,
         motions: Sequence[tuple[float, Floats]],
         step: float,
         steps_per_sample: int,
@@ -121,7 +134,7 @@ class TunedLoop:
     ) -> None:
         begin()
         plant = LoopPlant.of(**matrices)
-        devices, own = _devices(dampers), None if believed is None else _devices(believed)
+        devices, own = devices_of(dampers), None if believed is None else devices_of(believed)
         total = sum(weights.values())
 
         def score(gains: Gains, largest: Array, ground: Array, counted: Array, below: Array) -> Array:
@@ -171,12 +184,13 @@ class TunedLoop:
         return scores, rates
 
 
-def _devices(dampers: Sequence[TwinDamper]) -> Devices:
+def devices_of(dampers: Sequence[PlacedDamper]) -> Devices:
+    """The devices of a run, from those of NumPy arrays."""
     return tuple(
         LoopDevice(
             spec=each.spec,
-            theta=jnp.asarray(each.theta),
-            row=jnp.asarray(each.row),
+            theta=jnp.asarray(each.draws[0]),
+            row=jnp.asarray(each.row, dtype=jnp.float64),
             count=each.count,
             differential=each.differential,
         )
@@ -299,7 +313,7 @@ class PrescribedLoop:
 def prescribed_loop(
     *,
     matrices: Mapping[str, Floats],
-    dampers: Sequence[TwinDamper],
+    dampers: Sequence[PlacedDamper],
     acceleration: Floats,
     dt: float,
     duration: float,
@@ -323,7 +337,7 @@ def prescribed_loop(
         stretches.append((StepGround(*map(jnp.asarray, here)), weight))
     return PrescribedLoop(
         plant=LoopPlant.of(**matrices),
-        devices=_devices(dampers),
+        devices=devices_of(dampers),
         step_time=step_time,
         places=np.floor(times / interval + 1e-9).astype(np.intp),
         scales=scales,

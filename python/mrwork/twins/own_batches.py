@@ -28,13 +28,13 @@ T = TypeVar("T")
 Counts = NDArray[np.uint32]
 
 # Largest product of a step and the fastest relaxation, as RESOLUTION of `integrate.rs`.
-_RESOLUTION = 1.4
+RESOLUTION = 1.4
 # Commands at which a relaxation is asked for, as COMMAND_LEVELS of `loading.rs`.
 _LEVELS = 9
 # The spectral radius is at most ||J^8||^(1/8), which units of the states hardly change.
 _SQUARINGS = 3
 # A run that is not finite is tried again with so many times the sub-steps.
-_FINER = 4
+FINER = 4
 # Fewest rows of a batch, and samples of a record, that are compiled apart.
 _FEWEST_ROWS, _FEWEST_SAMPLES = 8, 1024
 # Candidates whose sub-steps are remembered.
@@ -106,7 +106,7 @@ def _resolved(
             if given:
                 continue
             finite = np.isfinite(force[rows]).all(axis=1)
-            wants = np.where(finite, bound * history.dt / _RESOLUTION, float(_FINER * count))
+            wants = np.where(finite, bound * history.dt / RESOLUTION, float(FINER * count))
             # What is not a number at rest is none with any step.
             wants[~np.isfinite(force[rows, 0])] = count
             wants[~finite & (count >= most)] = count
@@ -156,13 +156,13 @@ def _run(
     """Forces of rows, and their derivatives in these directions, or the bound of each row [1/s], zero if not wanted."""
     begin()
     motions, command = _motions(history, substeps)
-    n_kept = _padded(history.n_time, _FEWEST_SAMPLES)
+    n_kept = power_of_two(history.n_time, _FEWEST_SAMPLES)
     each = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
     at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(_MOST_NUMBERS / each, 1.0))))
     parts = []
     for start in range(0, len(theta), at_once):
         rows = theta[start : start + at_once]
-        padding = _padded(len(rows), _FEWEST_ROWS) - len(rows)
+        padding = power_of_two(len(rows), _FEWEST_ROWS) - len(rows)
         padded = np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)])
         arguments = padded, motions, command, history.dt, history.n_time, substeps
         call: Callable[..., tuple[Array, Array]] = (
@@ -182,14 +182,14 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
         return np.zeros(len(theta))
     begin()
     motions, command = _motions(history, 1)
-    padding = _padded(len(theta), _FEWEST_ROWS) - len(theta)
+    padding = power_of_two(len(theta), _FEWEST_ROWS) - len(theta)
     padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
     levels = np.linspace(command.min(), command.max(), _LEVELS if len(command) > 1 else 1)
     bound = np.asarray(interruptible(partial(_fastest, padded, motions, levels, spec=spec)))
-    return np.asarray(bound[: len(theta)] * history.dt / _RESOLUTION)
+    return np.asarray(bound[: len(theta)] * history.dt / RESOLUTION)
 
 
-def _padded(count: int, least: int) -> int:
+def power_of_two(count: int, least: int) -> int:
     """The power of two that is at least a count and at least the `least`."""
     return 1 << (max(count, least) - 1).bit_length()
 
@@ -207,7 +207,7 @@ def _motions(history: _rust.LoadingHistory, substeps: int) -> tuple[Array, Float
     command = history.command
     if command is None or np.ptp(command) == 0.0:
         return jnp.asarray(motions), np.full(1, np.nan if command is None else command[0])
-    missing = _padded(len(command), _FEWEST_SAMPLES) - len(command)
+    missing = power_of_two(len(command), _FEWEST_SAMPLES) - len(command)
     return jnp.asarray(motions), np.concatenate([command, np.repeat(command[-1:], missing)])
 
 
@@ -292,6 +292,20 @@ def _parameters(spec: DamperSpec, theta: Array, received: Array) -> Any:
     return jax.vmap(partial(parameters_at, spec))(theta, received)
 
 
+def radius_of(rate: Callable[..., Array], p: Any, state: Array, x: Array, v: Array) -> Array:
+    """Bound of the spectral radius of the rate in the states [1/s]."""
+    slope = jax.jacfwd(lambda state: rate(p, state, x, v))(state)
+    if len(state) == 1:
+        return jnp.abs(slope[0, 0])
+    # So that powers do not overflow.
+    size = jnp.max(jnp.abs(slope)) + 1e-300
+    power = slope / size
+    for _ in range(_SQUARINGS):
+        power = power @ power
+    largest: Array = size * jnp.linalg.norm(power) ** (0.5**_SQUARINGS)
+    return largest
+
+
 def _force_and_bound(
     theta: Array,
     motions: Array,
@@ -326,20 +340,8 @@ def _force_and_bound(
     if not bounded:
         return force, jnp.zeros(len(theta))
 
-    def radius(p: Any, state: Array, x: Array, v: Array) -> Array:
-        slope = jax.jacfwd(lambda state: twin.rate(p, state, x, v))(state)
-        if spec.n_states == 1:
-            return jnp.abs(slope[0, 0])
-        # So that powers do not overflow.
-        size = jnp.max(jnp.abs(slope)) + 1e-300
-        power = slope / size
-        for _ in range(_SQUARINGS):
-            power = power @ power
-        largest: Array = size * jnp.linalg.norm(power) ** (0.5**_SQUARINGS)
-        return largest
-
     counted = jnp.arange(n_kept)[:, None] < n_time
-    return force, jnp.max(jnp.where(counted, everywhere(radius), 0.0), axis=0)
+    return force, jnp.max(jnp.where(counted, everywhere(partial(radius_of, twin.rate)), 0.0), axis=0)
 
 
 _forces = partial(jax.jit, static_argnames=("spec", "n_kept", "bounded"))(_force_and_bound)
