@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import own_dampers
 import pytest
-from own_damper_samples import own_loop, own_static
 from sentences import Refused
 
 import mrwork as mr
@@ -68,7 +68,7 @@ def test_constant_commands_behind_lag_and_delay_with_histories() -> None:
             LATE,
             histories=True,
         )
-        for plain in (own_loop(), mr.damper("normalised_bouc_wen"))
+        for plain in (own_dampers.loop, mr.damper("normalised_bouc_wen"))
     ]
     agree(*runs)
 
@@ -79,7 +79,7 @@ def test_steps_are_added_until_the_states_are_resolved() -> None:
         simulate_loop(
             FRAME, [device(plain.with_current_laws(LOOP_LAWS, lagged=True), theta)], LEVELS, MOTIONS, LATE
         )
-        for plain in (own_loop(), mr.damper("normalised_bouc_wen"))
+        for plain in (own_dampers.loop, mr.damper("normalised_bouc_wen"))
     ]
     # The bound of the core holds for any motion of that peak, the radius along the run for this one.
     assert (runs[0].steps > LATE.steps).any()
@@ -101,7 +101,7 @@ def test_realisations_and_a_shaped_law() -> None:
             MOTIONS[:1],
             variation=variation,
         )
-        for plain in (own_loop(), mr.damper("normalised_bouc_wen"))
+        for plain in (own_dampers.loop, mr.damper("normalised_bouc_wen"))
     ]
     agree(*runs)
     assert np.ptp(runs[0].peak_drift[:, 0]) > 0.0
@@ -115,13 +115,13 @@ def test_a_differential_pair_under_a_law_that_believes_in_its_curve() -> None:
             DIRECT,
             MOTIONS[:1],
         )
-        for plain in (own_static(), mr.damper("static_hysteretic"))
+        for plain in (own_dampers.static, mr.damper("static_hysteretic"))
     ]
     agree(*runs)
 
 
 def test_a_damper_that_is_too_stiff_is_unresolved() -> None:
-    stiff = device(own_static().with_current_laws(STATIC_LAWS), [1e9, *STATIC_THETA[1:]])
+    stiff = device(own_dampers.static.with_current_laws(STATIC_LAWS), [1e9, *STATIC_THETA[1:]])
     run = simulate_loop(FRAME, [stiff], DIRECT, MOTIONS[:1])
     assert run.outcome.tolist() == [mr.dampers.Outcome.UNRESOLVED]
     assert run.steps.tolist() == [0]
@@ -129,7 +129,7 @@ def test_a_damper_that_is_too_stiff_is_unresolved() -> None:
 
 
 def test_what_the_twin_lacks_is_refused(refused: Refused) -> None:
-    own = [device(own_static().with_current_laws(STATIC_LAWS), STATIC_THETA)]
+    own = [device(own_dampers.static.with_current_laws(STATIC_LAWS), STATIC_THETA)]
     clipped = ControlLaw(name="clipped_optimal", gains={"gain": [[1.0, 0.0, 0.0, 0.0]]})
     refused(simulate_loop, FRAME, own, clipped, MOTIONS, Hardware(force_noise=1.0))
     refused(simulate_loop, FRAME, own, UserLaw(name="mine", command=lambda sample, memory: 0.0), MOTIONS)
@@ -137,7 +137,7 @@ def test_what_the_twin_lacks_is_refused(refused: Refused) -> None:
 
 @pytest.mark.parametrize("plain", ["own", "registered"])
 def test_ideal_actuators_replace_any_damper(plain: str) -> None:
-    spec = own_static() if plain == "own" else mr.damper("static_hysteretic")
+    spec = own_dampers.static if plain == "own" else mr.damper("static_hysteretic")
     active = ControlLaw(name="active", gains={"gain": [[1e3, 0.0, 10.0, 0.0]]})
     run = simulate_loop(
         FRAME, [device(spec.with_current_laws(STATIC_LAWS), STATIC_THETA)], active, MOTIONS[:1]

@@ -1,4 +1,4 @@
-"""Dampers of a user: two models of the package written again, also as a file for the command line."""
+"""Dampers of a user: models of the package written again, also as a file for the command line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ import mrwork as mr
 
 GUO = mr.damper("hyperbolic_tangent_guo")
 LOOP = mr.damper("normalised_bouc_wen")
+STATIC = mr.damper("static_hysteretic")
+
+
+def static_force(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    """f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0."""
+    side = jnp.tanh(displacement / p.x_s)
+    return p.c * velocity + p.k * displacement + p.alpha * jnp.tanh(p.beta * velocity + p.delta * side) + p.f0
 
 
 def slide(p: Any, velocity: Any, displacement: Any) -> Any:
@@ -39,6 +46,9 @@ def loop_relaxation(p: Any, displacement: Any, velocity: Any) -> Any:
 
 
 guo = mr.own_damper("my_guo", parameters={each.name: each for each in GUO.parameters}, force=guo_force)
+static = mr.own_damper(
+    "my_static", parameters={each.name: each for each in STATIC.parameters}, force=static_force
+)
 loop = mr.own_damper(
     "my_loop",
     parameters={each.name: each for each in LOOP.parameters},

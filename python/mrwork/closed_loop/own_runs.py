@@ -14,19 +14,26 @@ from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.control_law import ControlLaw
-from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
 OWN_LAWS = ("passive", "proportional_direct", "signal_network")
 """Laws of the registry that the twin of the loop has."""
 
 
-def refuse_beyond_twin(
-    building: Building, devices: Sequence[Device], hardware: Hardware, law: str, *, signals: bool = False
-) -> None:
-    """Refuse what a loop with dampers of the user does not have; `law` is the name of a law, of the registry or not."""
+def beyond_twin(
+    building: Building,
+    devices: Sequence[Device],
+    hardware: Hardware,
+    law: str = "passive",
+    *,
+    signals: bool = False,
+) -> str:
+    """A sentence on what a loop with dampers of the user does not have; empty where nothing is in the way.
+
+    `law` is the name of a law of the registry that commands the dampers, or what another one is called.
+    """
     if not devices or devices[0].spec.own is None:
-        return
+        return ""
     noisy = any(noise or resolution for noise, resolution in hardware.sensors)
     lacking = [
         name
@@ -40,11 +47,12 @@ def refuse_beyond_twin(
         )
         if wanted
     ]
-    if lacking:
-        raise SettingError(
-            f"{devices[0].spec.name} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; fit "
-            'a model of the package to it by mr.fit_like(fit, "normalised_bouc_wen"), with which everything runs'
-        )
+    if not lacking:
+        return ""
+    return (
+        f"{devices[0].spec.name} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; fit a "
+        'model of the package to it by mr.fit_like(fit, "normalised_bouc_wen"), with which everything runs'
+    )
 
 
 def respond_own(

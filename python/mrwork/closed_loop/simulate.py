@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
-from mrwork.closed_loop.own_runs import refuse_beyond_twin, respond_own
+from mrwork.closed_loop.own_runs import beyond_twin, respond_own
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -593,7 +593,8 @@ def simulate_loop(
     refuse_unmeasured(hardware, law.signals)
     if not actuators:
         name = law.name if user is None else f"{user.name} in Python"
-        refuse_beyond_twin(building, devices, hardware, name, signals=bool(law.signals))
+        if lacking := beyond_twin(building, devices, hardware, name, signals=bool(law.signals)):
+            raise SettingError(lacking)
     theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:

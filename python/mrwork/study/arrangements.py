@@ -31,6 +31,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.prescribed import samples_of
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
@@ -114,6 +115,11 @@ def clairvoyant_row(
     table: ClairvoyantTable, devices: Sequence[Device], hardware: Hardware, seed: int
 ) -> ClairvoyantRow:
     """The row of a table; `seed` is that of the random starts."""
+    if any(device.spec.own is not None for device in devices):
+        table.place.refuse(
+            "dampers of your own are simulated without prescribed commands; leave this table out, or fit a model of "
+            'the package to them by mr.fit_like(fit, "normalised_bouc_wen"), with which everything runs'
+        )
     if not any(device.spec.follows_command for device in devices):
         table.place.refuse(
             "there is no command to be chosen: the study has no damper that follows one; leave this table out, or give "
@@ -266,7 +272,9 @@ def _arrange_controller(
     if not any(device.spec.follows_command for device in devices):
         _refuse_command(controller)
     limited = _limit_command(controller, problem)
-    title, law, taken = _choose_law(controller, limited, folder, settings(), trials)
+    given = settings()
+    _refuse_beyond_twin(controller, problem, trials.hardware, None if given is None else given.values)
+    title, law, taken = _choose_law(controller, limited, folder, given, trials)
     law = _shape_command(controller, law)
     constant = CONSTANT_LAWS.get(controller.law)
     if constant is not None and constant.share == 0.0:
@@ -317,6 +325,19 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
         )
     return problem.limited_to(largest)
+
+
+def _refuse_beyond_twin(
+    controller: ControllerTable, problem: DesignProblem, hardware: Hardware, given: Mapping[str, Any] | None
+) -> None:
+    """Refuse a law that dampers of the user cannot have, before anything is simulated for it."""
+    if controller.user is None and (given is None or control_law(controller.law).commands_force):
+        return
+    law = controller.law if controller.user is None else f"{controller.user.function} in Python"
+    if lacking := beyond_twin(
+        problem.building, problem.devices, hardware, law, signals=takes_signals(given or {})
+    ):
+        controller.place.within("law" if controller.user is None else "user").refuse(lacking)
 
 
 def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLaw | None:
@@ -466,6 +487,11 @@ def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
         )
     if "gain" in (table.settings or {}):
         where.refuse("the gain stands here and among the settings; keep one")
+
+
+def takes_signals(settings: Mapping[str, Any]) -> bool:
+    """Whether settings of a law name further signals."""
+    return any(settings.get(name) for name in ("signals", "floors", "rms_floors"))
 
 
 def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:

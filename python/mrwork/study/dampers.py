@@ -141,9 +141,11 @@ def _refuse_ambiguous(table: DamperTable) -> None:
         table.place.within("model").refuse("the model is that of the run; leave model out")
 
 
-def _model(place: Place, name: str | None) -> DamperSpec:
+def _model(place: Place, name: str | DamperSpec | None) -> DamperSpec:
     if name is None:
         place.refuse(f"{place.table} has no model")
+    if isinstance(name, DamperSpec):
+        return name.without_laws
     known = [spec.name for spec in damper_models()]
     if name not in known:
         near = suggestion(name, known)

@@ -22,6 +22,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
+from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import ControlLaw, control_laws
 from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.dampers.tested_range import FittedDamper
@@ -394,6 +395,8 @@ def _study_of(
     detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
+    if lacking := beyond_twin(building, devices, hardware):
+        table.damper[0].place.refuse(lacking)
     training = tuple(motion.ground for motion in motions if motion.use == "training")
     chosen_on = training or tuple(motion.ground for motion in motions)
 

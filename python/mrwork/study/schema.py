@@ -19,6 +19,7 @@ from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
@@ -169,7 +170,7 @@ class DamperTable:
     run: str | FittedDamper | None = key(
         "folder of an identified run, relative to the study file", default=None, file=True
     )
-    model: str | None = key(
+    model: str | DamperSpec | None = key(
         "model of the parameters, or of the preset if two models have one of that name", default=None
     )
     parameters: Mapping[str, float | tuple[float, ...]] | None = key(

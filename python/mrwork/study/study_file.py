@@ -17,8 +17,9 @@ import numpy as np
 from mrwork.base.keys import given_in, keys_of, toml_text
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import ElementTable
+from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import OutputError
+from mrwork.errors import OutputError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.function_text import function_text
 from mrwork.store.input_file import exists
@@ -79,6 +80,11 @@ def _put_values(document: dict[str, Any], put: _Put) -> None:
     for number, baseline in enumerate(document.get("baseline", ()), start=1):
         _put_building(baseline["building"], f"building_{number}", put)
     for number, damper in enumerate(document.get("damper", ()), start=1):
+        if isinstance(model := damper.get("model"), DamperSpec):
+            raise SettingError(
+                f"damper {number} is the model {model.name} of its user with parameters, which no file holds; give a "
+                "fit of it, or its run folder"
+            )
         fit = damper.get("run")
         if isinstance(fit, FittedDamper):
             names = [put(f"damper_{number}/{name}", content) for name, content in fit.files().items()]

@@ -25,7 +25,7 @@ from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_sea
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
-from mrwork.study.arrangements import refuse_within
+from mrwork.study.arrangements import refuse_within, takes_signals
 from mrwork.study.run_result import LabelledRuns, recall_or_compute
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
@@ -77,7 +77,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
             f"{', '.join(SMOOTH)}, leave it out",
         ),
         (
-            any(settings.get(name) for name in ("signals", "floors", "rms_floors")),
+            takes_signals(settings),
             "gradients are those of laws without further signals; leave gradient_steps out, or these",
         ),
         (

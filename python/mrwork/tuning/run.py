@@ -10,12 +10,13 @@ from typing import Literal
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import suggestion
+from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.errors import Interrupted, SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
-from mrwork.study.arrangements import check_law, refuse_within
+from mrwork.study.arrangements import check_law, refuse_within, takes_signals
 from mrwork.study.comparison import BOTH
 from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
@@ -243,6 +244,11 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
             table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"
         )
     _check_objectives(table)
+    base = study.at_zero
+    for law in table.laws:
+        signals = takes_signals(table.settings or {})
+        if lacking := beyond_twin(base.building, base.devices, study.hardware, law, signals=signals):
+            refuse_within(table, lacking, "laws")
     check_finish(table, study)
     return objective_of(table, study.command_unit)
 
