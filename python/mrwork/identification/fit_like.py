@@ -1,0 +1,159 @@
+"""A model of the package fitted to the force of another damper over its tested range: what runs in lanes everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.values import Floats
+from mrwork.dampers.parameters import law_named, polynomial_laws
+from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.tested_range import OperatingRange
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.identification.minimise.level_search import spec_by_values, tested_commands
+from mrwork.records import DamperTest, build_damper_test
+
+# Shares of the tested stroke and velocity of the sinusoids that are fitted, and of a sum of two that is not.
+_SINES = ((1.0, 1.0), (0.5, 1.0), (1.0, 0.3), (0.25, 0.3))
+_UNSEEN = ((0.5, 0.5), (0.3, 0.4))
+_CYCLES, _PER_CYCLE = 3, 200
+_LEVELS = 4
+
+
+@checked
+def fit_like(
+    fit: Fit,
+    model: str | DamperSpec = "normalised_bouc_wen",
+    loadings: Sequence[Loading] | None = None,
+    *,
+    rng: Seed = 0,
+    threads: Threads = 0,
+) -> Fit:
+    """Fit a model to the force that an identified damper has, as a damper of your own where a study wants lanes.
+
+    Parameters
+    ----------
+    fit
+        The damper whose force is fitted.
+    model
+        Name of a model, or a model with current laws. Without laws, its positive parameters that scale with the force
+        follow the command, by polynomials of the largest degree that laws of `fit` have.
+    loadings
+        Motions with commands; by default four sinusoids that reach the tested stroke and velocity of `fit`, at four
+        commands over the tested ones where it follows one.
+    rng, threads
+        As of `identify`.
+
+    Returns
+    -------
+    Fit
+        With the tested ranges of `fit`. The first warning says how close the forces are, in per cent of the root mean
+        square of the force: over the loadings and, by default, under a motion between them that was not fitted.
+
+    Raises
+    ------
+    SettingError
+        If the loadings are fewer than one, or have no command where the damper follows one.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> fit = mr.identify("hyperbolic_tangent_guo", mr.synthetic_test("spencer1997"))
+    >>> near = mr.fit_like(fit, "bingham")
+    >>> near.model, near.tested == fit.tested
+    ('bingham', True)
+    """
+    spec, tested = fit.spec, fit.tested
+    plain = damper(model) if isinstance(model, str) else model
+    if loadings is not None and not loadings:
+        raise SettingError("`loadings` has none; give one or more, or leave it out")
+    given = (
+        [*loadings]
+        if loadings is not None
+        else [_loading(tested, [share], command) for share in _SINES for command in _commands(spec, tested)]
+    )
+    tests = tuple(_test(fit, each, number) for number, each in enumerate(given, start=1))
+    like = _with_laws(plain, spec, tests)
+    # Constant commands do not show the lag of the driver.
+    held = {"eta": (fit.parameters["eta"].value,) * 2} if "eta" in spec.names and "eta" in like.names else {}
+    near = identify(like, tests, rng=rng, threads=threads, bounds=held)
+    theta = np.array(near.theta)
+    apart = [_percent(near.spec, theta, each, test.force) for each, test in zip(given, tests, strict=True)]
+    worst = tests[int(np.argmax(apart))].name
+    sentence = (
+        f"it is fitted to the force of {fit.model}, not to tests, and differs from it by {np.mean(apart):.2g} % of the "
+        f"force over its tested range, at most {max(apart):.2g} % ({worst})"
+    )
+    if loadings is None:
+        between = _loading(tested, _UNSEEN, _commands(spec, tested)[len(_commands(spec, tested)) // 2])
+        force = _test(fit, between, 0).force
+        sentence += (
+            f", and by {_percent(near.spec, theta, between, force):.2g} % under a motion that was not fitted"
+        )
+    return replace(near, tested=tested, warnings=(sentence, *near.warnings))
+
+
+def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
+    if spec.current is None or not spec.follows_command:
+        return [None]
+    if tested.command is None:
+        raise SettingError(f"the commands of {spec.name} are not known; give `loadings` with commands")
+    return [float(each) for each in np.linspace(*tested.command, _LEVELS)]
+
+
+def _loading(tested: OperatingRange, shares: Sequence[tuple[float, float]], command: float | None) -> Loading:
+    """A sum of sinusoids, each of these shares of the tested stroke and velocity."""
+    sines = [
+        (stroke * tested.stroke, speed * tested.velocity / (stroke * tested.stroke))
+        for stroke, speed in shares
+    ]
+    fastest, slowest = max(omega for _, omega in sines), min(omega for _, omega in sines)
+    dt = 2.0 * np.pi / (_PER_CYCLE * fastest)
+    time = dt * np.arange(round(_CYCLES * 2.0 * np.pi / slowest / dt) + 1)
+    return Loading(
+        dt=dt,
+        displacement=sum(stroke * np.sin(omega * time) for stroke, omega in sines),
+        velocity=sum(stroke * omega * np.cos(omega * time) for stroke, omega in sines),
+        command=command,
+        command_unit=None if command is None else tested.command_unit,
+    )
+
+
+def _test(fit: Fit, loading: Loading, number: int) -> DamperTest:
+    """The force of the fitted damper under a loading, as a test."""
+    stroke = 500.0 * float(np.ptp(loading.displacement))
+    at = f", {loading.command:g} {loading.command_unit}" if isinstance(loading.command, float) else ""
+    return build_damper_test(
+        name=f"motion {number}, {stroke:.3g} mm{at}",
+        time=loading.dt * np.arange(len(loading.displacement)),
+        displacement=loading.displacement,
+        velocity=loading.velocity,
+        force=simulate_force(fit.spec, fit.theta, loading),
+        command=loading.command,
+        command_unit=loading.command_unit,
+        synthetic=True,
+        keep_velocity=True,
+    )
+
+
+def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...]) -> DamperSpec:
+    if like.current is None or not like.follows_command or model.current is not None:
+        return model
+    laws = [law_named(law) for law in like.current.laws]
+    degree = max(1 if law.degree is None else law.degree for law in laws)
+    degree = max([degree, *(len(law.nodes) - 1 for law in laws), *(2 for law in laws if law.is_exponential)])
+    law = polynomial_laws()[min(degree, len(polynomial_laws()) - 1)]
+    following = {each.name: law for each in model.plain if each.scales_with_force and each.lower > 0.0}
+    spec = model.with_current_laws(following, unit=like.current.unit, lagged=like.current.lagged)
+    return spec_by_values(spec, tested_commands(spec, tests))
+
+
+def _percent(spec: DamperSpec, theta: Floats, loading: Loading, force: Floats) -> float:
+    difference = simulate_force(spec, theta, loading) - force
+    return 100.0 * float(np.linalg.norm(difference) / np.linalg.norm(force))
