@@ -50,8 +50,8 @@ def beyond_twin(
     if not lacking:
         return ""
     return (
-        f"{devices[0].spec.name} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; fit a "
-        'model of the package to it by mr.fit_like(fit, "normalised_bouc_wen"), with which everything runs'
+        f"{devices[0].spec.name} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; let a "
+        'model of the package take its place by like = "normalised_bouc_wen" beside its run, or mr.fit_like(fit)'
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.values import Floats
-from mrwork.dampers.parameters import law_named, polynomial_laws
+from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
@@ -43,7 +43,7 @@ def fit_like(
         The damper whose force is fitted.
     model
         Name of a model, or a model with current laws. Without laws, its positive parameters that scale with the force
-        follow the command, by polynomials of the largest degree that laws of `fit` have.
+        follow the command, by values at up to four of its levels.
     loadings
         Motions with commands; by default four sinusoids that reach the tested stroke and velocity of `fit`, at four
         commands over the tested ones where it follows one.
@@ -53,7 +53,7 @@ def fit_like(
     Returns
     -------
     Fit
-        With the tested ranges of `fit`. The first warning says how close the forces are, in per cent of the root mean
+        With the tested ranges of `fit`. Its one warning says how close the forces are, in per cent of the root mean
         square of the force: over the loadings and, by default, under a motion between them that was not fitted.
 
     Raises
@@ -96,7 +96,8 @@ def fit_like(
         sentence += (
             f", and by {_percent(near.spec, theta, between, force):.2g} % under a motion that was not fitted"
         )
-    return replace(near, tested=tested, warnings=(sentence, *near.warnings))
+    # Doubts about measurements are none here.
+    return replace(near, tested=tested, warnings=(sentence,))
 
 
 def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
@@ -145,13 +146,12 @@ def _test(fit: Fit, loading: Loading, number: int) -> DamperTest:
 def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...]) -> DamperSpec:
     if like.current is None or not like.follows_command or model.current is not None:
         return model
-    laws = [law_named(law) for law in like.current.laws]
-    degree = max(1 if law.degree is None else law.degree for law in laws)
-    degree = max([degree, *(len(law.nodes) - 1 for law in laws), *(2 for law in laws if law.is_exponential)])
-    law = polynomial_laws()[min(degree, len(polynomial_laws()) - 1)]
+    # As many values as there are commands, since the force to be fitted has no noise.
+    commands = tested_commands(like, tests)
+    law = polynomial_laws()[min(len(commands), len(polynomial_laws())) - 1]
     following = {each.name: law for each in model.plain if each.scales_with_force and each.lower > 0.0}
     spec = model.with_current_laws(following, unit=like.current.unit, lagged=like.current.lagged)
-    return spec_by_values(spec, tested_commands(spec, tests))
+    return spec_by_values(spec, commands)
 
 
 def _percent(spec: DamperSpec, theta: Floats, loading: Loading, force: Floats) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from mrwork.buildings import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import Command, UserLaw
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import FIT, FIT_RUN, MANIFEST
@@ -45,13 +46,27 @@ def fitted_damper(run: Path) -> FittedDamper:
         stored_draws = read_draws(run, fit)
         return None if stored_draws is None else stored_draws.theta
 
-    chosen = FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws)
+    chosen = FittedDamper(
+        spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws, like=cache(partial(_like, fit))
+    )
     # Draws of the chosen set only are known.
     others = tuple(
         replace(chosen, spec=each.spec, theta=each.theta, draws=partial(np.atleast_2d, np.array(each.theta)))
         for each in read_others(run, fit) or ()
     )
     return replace(chosen, others=others)
+
+
+def _like(fit: Fit, model: str) -> FittedDamper:
+    from mrwork.identification.fit_like import fit_like
+
+    near = fit_like(fit, model)
+    warn(
+        f"{model} takes the place of {fit.model} in the study: {near.warnings[0]}",
+        MrworkWarning,
+        stacklevel=2,
+    )
+    return FittedDamper(spec=near.spec, theta=near.theta, tested=near.tested, remark=near.warnings[0])
 
 
 @checked
@@ -250,4 +265,6 @@ def _damper_of(fit: Fit) -> FittedDamper:
         manifest = json_document({"kind": FIT_RUN.kind, "verb": FIT_RUN.verb, **manifest_of(fit, fit.status)})
         return {FIT: fit_content(fit), MANIFEST: manifest.encode()}
 
-    return FittedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files)
+    return FittedDamper(
+        spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files, like=cache(partial(_like, fit))
+    )

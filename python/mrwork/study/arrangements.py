@@ -117,8 +117,8 @@ def clairvoyant_row(
     """The row of a table; `seed` is that of the random starts."""
     if any(device.spec.own is not None for device in devices):
         table.place.refuse(
-            "dampers of your own are simulated without prescribed commands; leave this table out, or fit a model of "
-            'the package to them by mr.fit_like(fit, "normalised_bouc_wen"), with which everything runs'
+            "dampers of your own are simulated without prescribed commands; leave this table out, or let a model of "
+            'the package take their place by like = "normalised_bouc_wen" beside their run'
         )
     if not any(device.spec.follows_command for device in devices):
         table.place.refuse(

@@ -53,11 +53,12 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     if table.preset is not None:
         draft, largest, source = _draft_of_preset(table, table.preset)
     elif table.run is not None:
-        draft, tested = _draft_of_run(table, folder, identified)
+        draft, tested, remark = _draft_of_run(table, folder, identified)
         largest = (
             None if tested is None or tested.command is None else command_level(tested.command[1], draft.unit)
         )
         source = f"run {table.run}" if isinstance(table.run, str) else "a fit"
+        source = f"{source}, taken as {table.like}: {remark}" if table.like is not None else source
     else:
         unit = table.unit or "A"
         draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=unit, lag=None)
@@ -137,11 +138,13 @@ def _refuse_ambiguous(table: DamperTable) -> None:
         table.place.refuse(
             f"{table.place.table} names no damper; give a preset, a run, or a model with parameters"
         )
+    if table.run is None and table.like is not None:
+        table.place.within("like").refuse("like is fitted to the force of a run; leave it out, or give a run")
     if table.run is not None and table.model is not None:
         table.place.within("model").refuse("the model is that of the run; leave model out")
 
 
-def _model(place: Place, name: str | DamperSpec | None) -> DamperSpec:
+def _model(place: Place, name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
     if name is None:
         place.refuse(f"{place.table} has no model")
     if isinstance(name, DamperSpec):
@@ -149,7 +152,7 @@ def _model(place: Place, name: str | DamperSpec | None) -> DamperSpec:
     known = [spec.name for spec in damper_models()]
     if name not in known:
         near = suggestion(name, known)
-        place.within("model").refuse(f"no damper model is called {name!r}{near}")
+        place.within(key).refuse(f"no damper model is called {name!r}{near}")
     return damper(name)
 
 
@@ -171,7 +174,7 @@ def _draft_of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | Non
 
 def _draft_of_run(
     table: DamperTable, folder: Path, identified: Identified
-) -> tuple[_Draft, OperatingRange | None]:
+) -> tuple[_Draft, OperatingRange | None, str]:
     try:
         fitted = fitted_of(table, folder, identified)
     except RecordError as error:
@@ -182,13 +185,16 @@ def _draft_of_run(
             f"the damper of this run follows a command in {current.unit}, and a controller sends a current or a "
             "voltage; identify it from tests with their current or voltage"
         )
-    return _draft(fitted.spec, fitted.theta), fitted.tested
+    return _draft(fitted.spec, fitted.theta), fitted.tested, fitted.remark
 
 
 def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> FittedDamper:
-    """The fit of a table, or that of the run folder that it names, relative to `folder`."""
+    """The fit of a table or of its run folder, relative to `folder`, or the model that takes its place."""
     assert table.run is not None
-    return identified(folder / table.run) if isinstance(table.run, str) else table.run
+    fitted = identified(folder / table.run) if isinstance(table.run, str) else table.run
+    if table.like is None or fitted.like is None:
+        return fitted
+    return fitted.like(_model(table.place, table.like, "like").name)
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
@@ -261,7 +267,8 @@ class OtherSet:
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
-    runs = {folder / each.run: identified(folder / each.run) for each in tables if isinstance(each.run, str)}
+    own = (each.run for each in tables if isinstance(each.run, str) and each.like is None)
+    runs = {folder / run: identified(folder / run) for run in own}
     sets = []
     for wanted in next((run.others for run in runs.values() if run.others), ()):
         fitted = {

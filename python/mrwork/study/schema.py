@@ -170,6 +170,11 @@ class DamperTable:
     run: str | FittedDamper | None = key(
         "folder of an identified run, relative to the study file", default=None, file=True
     )
+    like: str | None = key(
+        "model of the package that is fitted to the force of the run, and takes its place: a damper of the user, which "
+        "runs by JAX with few laws, then runs with all",
+        default=None,
+    )
     model: str | DamperSpec | None = key(
         "model of the parameters, or of the preset if two models have one of that name", default=None
     )
