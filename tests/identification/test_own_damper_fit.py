@@ -103,7 +103,7 @@ def test_a_run_folder_carries_it_and_runs_it_where_it_is_trusted(tmp_path: Path,
     told = printed(*predict, "--model", f"{changed}:guo", status=2)
     assert "those of that name that run here are others: they were changed since" in told
     for unknown, sentence in {
-        f"{changed}:none": "has no damper 'none' that mrwork.own_damper has made; it has guo, loop, bounded_loop",
+        f"{changed}:none": "has no damper 'none' that mrwork.own_damper has made; it has guo, static, loop",
         f"{changed}": f"name one of its dampers, as in {changed}:NAME; it has guo",
         "bouc_wen": "give FILE.py:NAME",
         f"{tmp_path}/missing.py:guo": "there is no such file",

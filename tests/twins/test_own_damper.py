@@ -18,6 +18,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
+from mrwork.store.user_python import run_text
 from test_imports import in_fresh_process
 
 C = {"c": ("N s/m", 1, 100.0, 1000)}
@@ -198,3 +199,53 @@ def tells(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
 def test_equations_change_and_print_nothing(refused: Refused) -> None:
     for wrong in (counts, tells):
         refused(mr.own_damper, "mine", parameters=C, force=wrong)
+
+
+def second(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    return p.c * velocity + state[1]
+
+
+def exchanged(p: Any, state: Any, velocity: Any, displacement: Any) -> Any:
+    return p.c * velocity
+
+
+def short_of_arguments(p: Any, velocity: Any) -> Any:
+    return p.c * velocity
+
+
+def pushes(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    return -p.c * velocity
+
+
+def judges(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    return p.c * velocity > 0.0
+
+
+def keyed(p: Any, state: Any, displacement: Any, velocity: Any) -> Any:
+    return p["c"] * velocity
+
+
+def sinks(p: Any, displacement: Any, velocity: Any) -> Any:
+    return p.c - 1e9 * velocity
+
+
+def test_what_would_be_silently_wrong_is_refused(refused: Refused) -> None:
+    loop: dict[str, Any] = {"rate": fades, "states": 1}
+    refused(mr.own_damper, "mine", parameters=C, force=second, **loop)
+    refused(mr.own_damper, "mine", parameters=C, force=force, **loop, relaxation=sinks)
+    for wrong in (exchanged, short_of_arguments, pushes, judges, keyed):
+        refused(mr.own_damper, "mine", parameters=C, force=wrong)
+    for unit in ("kN s/m", "mm", "Ns/m"):
+        refused(mr.own_damper, "mine", parameters={"c": (unit, 1, 100, 1000)}, force=force)
+    refused(mr.own_damper, "mine", parameters={"_c": C["c"]}, force=force)
+    for unit in ("N s2/m2", "N (s/m)^0.3", "m^-n", "1/s", ""):
+        assert mr.own_damper("mine", parameters={"c": (unit, 1, 100, 1000)}, force=force).parameters[0].unit
+
+
+def test_a_file_that_was_changed_after_it_was_run_is_refused(tmp_path: Path, refused: Refused) -> None:
+    place = tmp_path / "mine.py"
+    text = "def force(p, state, displacement, velocity):\n    return p.c * velocity\n"
+    place.write_text(text)
+    module = run_text(text, str(place))
+    place.write_text(text.replace("p.c", "7.0 * p.c"))
+    refused(mr.own_damper, "mine", parameters=C, force=module.force)

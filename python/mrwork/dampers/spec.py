@@ -195,8 +195,13 @@ class DamperSpec(Summarised, Related):
         if not self.parameters:
             return "has no parameters; give those that are to be identified"
         for each in self.parameters:
-            if not each.name.isidentifier() or keyword.iskeyword(each.name) or each.name == "eta":
-                return f"has a parameter {each.name!r}; give letters, digits and underscores, but not eta"
+            if (
+                not each.name.isidentifier()
+                or keyword.iskeyword(each.name)
+                or each.name.startswith("_")
+                or each.name == "eta"
+            ):
+                return f"has a parameter {each.name!r}; give letters, digits and underscores, and not eta"
             if not (
                 isfinite(each.lower) and isfinite(each.upper) and each.lower <= each.nominal <= each.upper
             ):

@@ -15,6 +15,7 @@ import sysconfig
 import textwrap
 import uuid
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
@@ -64,7 +65,9 @@ def _add_function(function: Any, known: dict[str, tuple[Any, str]]) -> None:
     except (OSError, TypeError, ValueError):
         text = ""
     if not text.startswith("def "):
-        raise _NoTextError(f"{name} has no text of its own that begins with def")
+        raise _NoTextError(
+            f"{name} has no text of its own that begins with def (a lambda, under a decorator, or typed at a prompt)"
+        )
     outside = {**vars(builtins), **function.__globals__, **closed}
     # Kept before what it uses, so that functions which call each other end.
     known[name] = function, ""
@@ -132,8 +135,10 @@ def _is_installed(module: ModuleType) -> bool:
     file, package = getattr(module, "__file__", None), module.__name__.partition(".")[0]
     if package == "__main__" or file is None or package == "mrwork":
         return package != "__main__"
-    homes = tuple(sysconfig.get_path(each) for each in ("stdlib", "purelib", "platlib"))
-    return str(file).startswith(homes)
+    # Packages may be those of the system or of the user, beside those of an environment.
+    return bool({"site-packages", "dist-packages"} & {*Path(file).parts}) or str(file).startswith(
+        sysconfig.get_path("stdlib")
+    )
 
 
 def _is_plain(value: object) -> bool:

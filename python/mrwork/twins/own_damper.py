@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -136,7 +137,11 @@ def own_damper(
     if fault := spec.disagreement():
         raise SettingError(f"{name or 'an empty text'} {fault}")
     # First as they are, so that what goes wrong has its line, then from their text alone.
-    interruptible(lambda: _Check(spec, twin_with(spec, force, rate, relaxation)).run(stated))
+    _refuse_units(spec)
+    for role, each in stated.items():
+        _refuse_arguments(role, each, name)
+    given_check = _Check(spec, twin_with(spec, force, rate, relaxation))
+    interruptible(lambda: given_check.run(stated))
     text = function_text(
         *stated.values(),
         what=f"the equations of {name} cannot be carried along:",
@@ -150,6 +155,8 @@ def own_damper(
     spec = replace(spec, own=equations)
     check = _Check(spec, twin_of(spec))
     odd, relaxes = interruptible(lambda: check.run(stated))
+    if check.traces != given_check.traces:
+        raise SettingError(f"the file of {name} was changed after it was run; run it again")
     final = tuple(
         replace(each, scale="offset") if shifts and each.scale == "linear" else each
         for each, shifts in zip(given, check.shifts, strict=True)
@@ -174,12 +181,47 @@ def _parameter(name: str, given: _Given) -> ParamSpec:
     )
 
 
+_SI = frozenset(("", "1", "N", "m", "s", "kg", "rad", "Pa", "J", "W", "A", "V", "T", "K", "Hz"))
+_EXPONENT = re.compile(r"\^\(?-?[\w.]+\)?|(?<=[A-Za-z])-?[\d.]+")
+
+
+def _refuse_units(spec: DamperSpec) -> None:
+    for each in spec.parameters:
+        strange = sorted({*re.split(r"[ /()]+", _EXPONENT.sub("", each.unit))} - _SI)
+        if strange:
+            raise SettingError(
+                f"{each.name} of {spec.name} is in {each.unit!r}, and numbers are in SI, not {list_names(strange)}; "
+                "give a unit as N s/m, N/m^2 or 1"
+            )
+
+
+_ARGUMENTS = {"relaxation": "(p, displacement, velocity)"}
+
+
+def _refuse_arguments(role: str, function: Callable[..., Any], name: str) -> None:
+    wanted = _ARGUMENTS.get(role, "(p, state, displacement, velocity)")
+    place = f" ({place_of(function)})" if place_of(function) else ""
+    try:
+        taken = [*inspect.signature(function).parameters]
+        inspect.signature(function).bind(*wanted.split(","))
+    except TypeError:
+        raise SettingError(
+            f"{role} of {name}{place} does not take {wanted}; write it with these arguments"
+        ) from None
+    if taken[-2:] in (["velocity", "displacement"], ["v", "x"]):
+        raise SettingError(
+            f"{role} of {name}{place} takes {', '.join(taken[-2:])}, and is given {wanted}; exchange them"
+        )
+
+
 class _Check:
     """Checks of the equations of a damper, at rest and at random points."""
 
     def __init__(self, spec: DamperSpec, twin: Twin) -> None:
         self._spec = spec
         self._twin = twin
+        self.traces: dict[str, str] = {}
+        """Each equation as JAX has traced it."""
         self.shifts = np.ones(len(spec.names), dtype=np.bool_)
         """Whether each parameter adds a constant force and does nothing else."""
         self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
@@ -195,6 +237,7 @@ class _Check:
             self._trace(where, role, function)
             self._look_at_rest(where, role)
         self._find_unused()
+        self._look_at_sign()
         return self._is_odd(), self._relaxes()
 
     def _of(self, role: str) -> Callable[..., Any]:
@@ -218,6 +261,8 @@ class _Check:
                     "Python's if, and, or, float() and functions of math and numpy ask for a value that JAX does not "
                     "have while it traces; write jnp.where(condition, a, b) and functions of jax.numpy"
                 )
+            elif "tuple indices" in hint:
+                hint = "the parameters are p.NAME, not p['NAME']"
             elif isinstance(error, AttributeError) and isinstance(error.obj, self._twin.Theta):
                 hint = f"p has no {error.name}{suggestion(str(error.name), self._spec.names, otherwise='it has')}"
             raise SettingError(
@@ -229,7 +274,11 @@ class _Check:
             if shape:
                 wanted = f"shape {shape}, as by jnp.stack([...]), a rate for each state"
             raise SettingError(f"{where} returns {came}; return {wanted}")
-        if _ADDRESS.sub("", str(traced)) != _ADDRESS.sub("", str(again)):
+        if not jnp.issubdtype(result.dtype, jnp.floating):
+            raise SettingError(f"{where} returns {result.dtype}; return a number of type float64")
+        self._index(where, role)
+        self.traces[role] = _ADDRESS.sub("", str(traced))
+        if self.traces[role] != _ADDRESS.sub("", str(again)):
             raise SettingError(
                 f"{where} is another one each time that it is traced; let it change nothing outside"
             )
@@ -244,9 +293,23 @@ class _Check:
                 "convert constants to float64"
             )
 
+    def _index(self, where: str, role: str) -> None:
+        """Refuse a state that does not exist, in whose place JAX takes the last one."""
+        theta, state, x, v = (np.asarray(each) for each in self._rest)
+        try:
+            self._of(role)(theta, state, x, v)
+        except IndexError as error:
+            raise SettingError(f"{where}: {error}; states are counted from 0") from None
+        except Exception:  # an equation need not be computable without JAX
+            return
+
     def _look_at_rest(self, where: str, role: str) -> None:
         equation = self._of(role)
         slopes = jax.jacfwd(equation, argnums=(0, 1))(*self._rest)
+        if role == "relaxation":
+            found = [float(equation(theta, state, x, v)) for theta, state, x, v in self._points()]
+            if not all(0.0 <= each < np.inf for each in found):
+                raise SettingError(f"{where} is negative or no number at some motion; give a bound in 1/s")
         if not bool(jnp.all(jnp.isfinite(equation(*self._rest)))):
             raise SettingError(
                 f"{where} is not a finite number at rest, with nominal parameters and all states, displacement and "
@@ -285,11 +348,21 @@ class _Check:
         for point in self._points():
             force, *rates = (np.asarray(slope).reshape(-1, len(used)) for slope in slopes(*point))
             used |= (np.concatenate([force, *rates]) != 0.0).any(axis=0)
-            self.shifts &= (force[0] == 1.0) & ~np.concatenate([0.0 * force, *rates]).any(axis=0)
+            self.shifts &= (force[0] == 1.0) & ~np.concatenate([np.zeros_like(force), *rates]).any(axis=0)
         if not used.all():
             unused = [name for name, one in zip(spec.names, used, strict=True) if not one]
             raise SettingError(
                 f"nothing in {spec.name} uses {list_names(unused)}; leave it out, or correct the equations"
+            )
+
+    def _look_at_sign(self) -> None:
+        theta, state, still, _ = self._rest
+        force = self._of("force")
+        there, back, none = (float(force(theta, state, still, jnp.float64(v))) for v in (0.1, -0.1, 0.0))
+        if there - none < 0.0 < back - none:
+            raise SettingError(
+                f"the force of {self._spec.name} has the direction of the velocity, so that it gives energy; turn its "
+                "sign: force times velocity is the dissipated power"
             )
 
     def _is_odd(self) -> bool:
