@@ -73,8 +73,8 @@ def test_a_forged_damper_is_refused(refused: Refused) -> None:
 
 def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path: Path) -> None:
     printed("init", "rig", tmp_path / "rig")
-    tests = mr.read_damper_tests([tmp_path / "rig"])[::2]
-    laws = {"A1": "linear", "A2": "linear"}
+    tests = mr.read_damper_tests([tmp_path / "rig"])[:2]
+    laws = {"A1": "linear"}
     ours, theirs = (
         mr.identify(spec.with_current_laws(laws), tests) for spec in (own_dampers.guo, own_dampers.GUO)
     )
@@ -87,7 +87,6 @@ def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path:
     np.testing.assert_allclose(there.fits[0].theta, here.fits[0].theta, rtol=1e-12)
 
 
-@pytest.mark.usefixtures("drawn_pictures")
 def test_a_run_folder_carries_it_and_runs_it_where_it_is_trusted(tmp_path: Path, strange: None) -> None:
     run = tmp_path / "run"
     told = printed("identify", "synthetic:spencer1997", "--model", f"{FILE}:guo", "--out", run, "--quiet")

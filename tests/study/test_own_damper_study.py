@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import own_dampers
 import pytest
-from command_line import printed
 from sentences import Refused
 
 import mrwork as mr
@@ -81,10 +80,9 @@ def test_another_model_takes_its_place_and_says_how_close_it_is(
     refused(study, {"run": fit, "like": "guo"}, ["passive_on"])
     own = study({"run": fit}, ["passive_on"])
     own.to_toml(tmp_path / "study.toml")
-    assert mr.read_study(tmp_path / "study.toml").devices[0].spec == fit.spec
-    printed("respond", tmp_path / "study.toml", "--trust", "--out", tmp_path / "run", "--quiet")
-    stored = mr.load(tmp_path / "run", mr.StoredStudy)
-    assert stored.to_pandas()["peak_drift"].notna().all()
+    again = mr.read_study(tmp_path / "study.toml")
+    assert again.devices[0].spec == fit.spec
+    assert mr.run_study(again).to_pandas()["peak_drift"].notna().all()
 
 
 def test_loadings_without_a_command_are_refused(fit: Fit, refused: Refused) -> None:
