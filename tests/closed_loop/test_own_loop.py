@@ -11,8 +11,10 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.closed_loop import Hardware, LoopVariation, Responses, UserLaw, simulate_loop
+from mrwork.closed_loop.own_runs import OWN_LAWS
 from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec
+from mrwork.twins.own_loop import LAWS
 
 # Tolerance for some thousand steps with another order of summation.
 AGREEMENT = 1e-9
@@ -120,6 +122,31 @@ def test_a_differential_pair_under_a_law_that_believes_in_its_curve() -> None:
     agree(*runs)
 
 
+GAIN = [[10.0, -40.0, -120.0, 15.0]]
+SWITCHED = {
+    "clipped_optimal": {"gain": GAIN},
+    "modified_clipped_optimal": {"gain": GAIN, "full_force": [30.0]},
+    "lyapunov": {"weight": [[0.3, -0.1, -1.0, 0.2]]},
+}
+
+
+@pytest.mark.parametrize("law", SWITCHED)
+def test_laws_that_switch(law: str) -> None:
+    switched = ControlLaw(name=law, gains=SWITCHED[law])
+    runs = [
+        simulate_loop(
+            FRAME, [device(plain.with_current_laws(STATIC_LAWS), STATIC_THETA)], switched, MOTIONS[:1]
+        )
+        for plain in (own_dampers.static, mr.damper("static_hysteretic"))
+    ]
+    agree(*runs)
+    assert 0.0 < runs[0].mean_current[0, 0] < 2.0
+
+
+def test_the_laws_that_are_not_refused_are_those_of_the_twin() -> None:
+    assert set(OWN_LAWS) == set(LAWS)
+
+
 def test_a_damper_that_is_too_stiff_is_unresolved() -> None:
     stiff = device(own_dampers.static.with_current_laws(STATIC_LAWS), [1e9, *STATIC_THETA[1:]])
     run = simulate_loop(FRAME, [stiff], DIRECT, MOTIONS[:1])
@@ -130,8 +157,8 @@ def test_a_damper_that_is_too_stiff_is_unresolved() -> None:
 
 def test_what_the_twin_lacks_is_refused(refused: Refused) -> None:
     own = [device(own_dampers.static.with_current_laws(STATIC_LAWS), STATIC_THETA)]
-    clipped = ControlLaw(name="clipped_optimal", gains={"gain": [[1.0, 0.0, 0.0, 0.0]]})
-    refused(simulate_loop, FRAME, own, clipped, MOTIONS, Hardware(force_noise=1.0))
+    inverse = ControlLaw(name="inverse_direct", gains={"gain": [[1.0, 0.0, 0.0, 0.0]]}, curve=CURVE)
+    refused(simulate_loop, FRAME, own, inverse, MOTIONS, Hardware(force_noise=1.0))
     refused(simulate_loop, FRAME, own, UserLaw(name="mine", command=lambda sample, memory: 0.0), MOTIONS)
 
 

@@ -77,6 +77,8 @@ def identification_calls(_: Path) -> Calls:
     yield call(identification.FitSettings.of_record, record=identification.FitSettings().as_record())
     yield call(Multistart, samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, closeness=0.1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
+    still = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    yield call(mr.fit_like, fit=fit, model="bingham", loadings=[still], rng=1, threads=1)
     yield call(fit.observed, test=test)
     yield call(fit.seen, test=test)
     yield call(fit.other_condition, test=test)

@@ -60,7 +60,7 @@ def test_the_twin_has_the_criteria_of_the_lanes() -> None:
 
 
 def test_what_the_twin_lacks_is_refused_before_anything_runs(refused: Refused) -> None:
-    for given in ({"laws": ["clipped_optimal"]}, {"laws": [lambda sample, memory: 1.0]}):
+    for given in ({"laws": ["inverse_direct"]}, {"laws": [lambda sample, memory: 1.0]}):
         refused(study, stated(own_dampers.static), **given)
     refused(study, stated(own_dampers.static), ["passive_on"], hardware=mr.Hardware(feedback="observer"))
     refused(study, stated(own_dampers.static) | {"like": "bouc_wen"}, ["passive_on"])

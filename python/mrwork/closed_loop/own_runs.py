@@ -13,11 +13,18 @@ from numpy.typing import NDArray
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw, control_laws
 from mrwork.motions.ground_motion import GroundMotion
 
-OWN_LAWS = ("passive", "proportional_direct", "signal_network")
-"""Laws of the registry that the twin of the loop has."""
+OWN_LAWS = (
+    "passive",
+    "proportional_direct",
+    "signal_network",
+    "clipped_optimal",
+    "modified_clipped_optimal",
+    "lyapunov",
+)
+"""Laws of the registry that loops with dampers of the user have: those of `LAWS` in `twins/own_loop.py`."""
 
 
 def beyond_twin(
@@ -30,9 +37,10 @@ def beyond_twin(
 ) -> str:
     """A sentence on what a loop with dampers of the user does not have; empty where nothing is in the way.
 
-    `law` is the name of a law of the registry that commands the dampers, or what another one is called.
+    `law` is the name of a law of the registry, or what another one is called. Ideal actuators replace the dampers.
     """
-    if not devices or devices[0].spec.own is None:
+    actuators = any(spec.name == law and spec.commands_force for spec in control_laws())
+    if actuators or not devices or devices[0].spec.own is None:
         return ""
     noisy = any(noise or resolution for noise, resolution in hardware.sensors)
     lacking = [

@@ -591,10 +591,9 @@ def simulate_loop(
         )
     _check_commands(law, devices)
     refuse_unmeasured(hardware, law.signals)
-    if not actuators:
-        name = law.name if user is None else f"{user.name} in Python"
-        if lacking := beyond_twin(building, devices, hardware, name, signals=bool(law.signals)):
-            raise SettingError(lacking)
+    name = law.name if user is None else f"{user.name} in Python"
+    if lacking := beyond_twin(building, devices, hardware, name, signals=bool(law.signals)):
+        raise SettingError(lacking)
     theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:

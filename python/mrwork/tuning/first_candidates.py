@@ -11,7 +11,6 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
-from mrwork.closed_loop.own_runs import OWN_LAWS
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
@@ -195,14 +194,10 @@ class _Reference:
 def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[LawResult]:
     """The references, each the best of its candidates on the training motions, in the nominal study.
 
-    They are compared to i = 0 also where the laws are to the best constant command, which is one of them. Dampers of
-    the user have those whose law their loop has.
+    They are compared to i = 0 also where the laws are to the best constant command, which is one of them.
     """
     objective = replace(objective, relative_to="passive_off")
-    own = benches.training.study.devices[0].spec.own is not None
     for each in _declare_references(basis):
-        if own and each.law not in OWN_LAWS:
-            continue
         began = time.perf_counter()
         best = each.candidates[0]
         if len(each.candidates) > 1:

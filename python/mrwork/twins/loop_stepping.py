@@ -309,23 +309,33 @@ def at_rest(plant: LoopPlant, devices: Devices) -> LoopState:
     )
 
 
+# Numbers of a matrix up to which a product is written as a sum.
+_FEW = 1024
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """Matrix or row times a vector; of few numbers as a sum, which XLA fuses with what is computed beside it."""
+    product: Array = jnp.sum(matrix * vector, axis=-1) if matrix.size <= _FEW else matrix @ vector
+    return product
+
+
 def stage(
     plant: LoopPlant, devices: Devices, pulls: Array, parameters: list[Any], at: LoopState, a_g: Array
 ) -> Stage:
     """Equation of motion, with `pulls` = M^-1 e' of each damper, shape (n, n_devices)."""
     rows = rows_of(devices)
-    x, x_rate = rows @ at.q, rows @ at.v
+    x, x_rate = times(rows, at.q), times(rows, at.v)
     responses = [
         device.respond(parameters[i], at.states[i], x[i], x_rate[i]) for i, device in enumerate(devices)
     ]
     force = jnp.stack([damper_force for damper_force, _ in responses])
     acceleration = (
-        -(plant.stiffness_per_mass @ at.q + plant.damping_per_mass @ at.v + pulls @ force)
+        -(times(plant.stiffness_per_mass, at.q) + times(plant.damping_per_mass, at.v) + times(pulls, force))
         - plant.influence * a_g
     )
     powers = Energies(
-        entered=-(plant.mass @ plant.influence) @ at.v * a_g,
-        damping=at.v @ (plant.damping @ at.v),
+        entered=-times(times(plant.mass, plant.influence), at.v) * a_g,
+        damping=times(at.v, times(plant.damping, at.v)),
         devices=x_rate * force,
     )
     return Stage(
@@ -378,12 +388,12 @@ def signals_of(
     plant: LoopPlant, motion: LoopState, at: Stage, current: Array, a_g: Array
 ) -> dict[str, Array]:
     """Signals at the start of a step; the acceleration of floors is absolute."""
-    momentum = plant.mass @ plant.influence
-    shear = momentum @ at.rate.v + (momentum @ plant.influence) * a_g
+    momentum = times(plant.mass, plant.influence)
+    shear = times(momentum, at.rate.v) + (times(momentum, plant.influence)) * a_g
     return {
-        "displacement": plant.floors @ motion.q,
-        "acceleration": plant.floors @ at.rate.v + a_g,
-        "drift": plant.storeys @ motion.q,
+        "displacement": times(plant.floors, motion.q),
+        "acceleration": times(plant.floors, at.rate.v) + a_g,
+        "drift": times(plant.storeys, motion.q),
         "base_shear": shear[None],
         "force": at.force,
         "stroke": at.elongation,

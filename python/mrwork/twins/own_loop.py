@@ -44,17 +44,19 @@ from mrwork.twins.loop_stepping import (
     signals_of,
     stage,
     step,
+    times,
 )
 from mrwork.twins.models import begin, twin_of
 from mrwork.twins.own_batches import FINER, RESOLUTION, interruptible, power_of_two, radius_of
 
 # As LARGEST_DISPLACEMENT of `respond.rs` [m], STEPS_PER_CHECK of `block.rs`, COMMAND_LEVELS of `resolution.rs`, and the
-# velocities and displacements of `slopes.rs` at which slopes of the force are looked for.
+# velocities, displacements and differences of `slopes.rs` by which slopes of the force are looked for.
 _LARGEST_DISPLACEMENT = 1e3
 _STEPS_PER_CHECK = 512
 _LEVELS = 9
 _VELOCITIES = (0.0, 1e-3, -1e-3, 1e-2, -1e-2, 0.1, -0.1, 0.5, -0.5)
 _DISPLACEMENTS = (0.0, 1e-4, -1e-4, 1e-2, -1e-2)
+_SHIFT = 1e-7
 # A run that is not finite is tried so many times with finer steps.
 _TRIES = 3
 # Fewest runs, values of the ground and samples of a history that are compiled apart.
@@ -73,9 +75,35 @@ class _Constant(NamedTuple):
         return self.constant
 
 
+class _ClippedOptimal(NamedTuple):
+    """`i = i_max H((f_c - f) f)`, f_c = -K s, and i_max |f_c| / f_max, at most i_max, where there is a `full_force`."""
+
+    gain: Array
+    full_force: Array | None = None
+
+    def command(self, measured: Measurement) -> Array:
+        """The largest command or its share, or zero."""
+        wanted = -self.gain @ measured.state
+        share = 1.0 if self.full_force is None else jnp.minimum(jnp.abs(wanted) / self.full_force, 1.0)
+        return jnp.where((wanted - measured.force) * measured.force > 0.0, share * measured.largest, 0.0)
+
+
+class _Lyapunov(NamedTuple):
+    """`i = i_max H(-(s'P B) f)`; `weight` is P B, shape (2n, n_devices)."""
+
+    weight: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """The largest command if the damper reduces s'P s."""
+        return jnp.where(-(measured.state @ self.weight) * measured.force > 0.0, measured.largest, 0.0)
+
+
 LAWS: Mapping[str, Callable[[Gains], Law]] = {
     **SMOOTH,
     "passive": lambda gains: _Constant(gains["command"]),
+    "clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"]),
+    "modified_clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"], gains["full_force"]),
+    "lyapunov": lambda gains: _Lyapunov(gains["weight"].T),
 }
 """Laws of the runs, by the name of the law in the core: the law of the twin from its gains."""
 
@@ -262,8 +290,11 @@ def _steepest(device: LoopDevice, theta: Array, levels: Array) -> Array:
     at = jnp.array([(x, v) for x in _DISPLACEMENTS for v in _VELOCITIES])
 
     def slopes(row: Array, level: Array, motion: Array) -> Array:
-        p = replace(device, theta=row).parameters(level)
-        return jnp.abs(jax.jacfwd(lambda motion: force(p, rest, motion[0], motion[1]))(motion))
+        p, (x, v) = replace(device, theta=row).parameters(level), motion
+        here = force(p, rest, x, v)
+        return (
+            jnp.abs(jnp.stack([force(p, rest, x + _SHIFT, v), force(p, rest, x, v + _SHIFT)]) - here) / _SHIFT
+        )
 
     every = jax.vmap(jax.vmap(jax.vmap(slopes, (None, None, 0)), (None, 0, None)), (0, None, None))
     return jnp.max(every(theta, levels, at), axis=(1, 2))
@@ -432,7 +463,7 @@ class _Run(NamedTuple):
         """A control sample: the balance of the energies, the command, and the steps until the next one."""
         motion, kept, first = carry.motion, carry.kept, k == 0
         rows = rows_of(self.devices)
-        x, v = rows @ motion.q, rows @ motion.v
+        x, v = times(rows, motion.q), times(rows, motion.v)
         checked = k % jnp.maximum(_STEPS_PER_CHECK // self.steps, 1) == 0
         kept = jax.tree.map(partial(jnp.where, checked), self._balanced(motion, kept), kept)
 
@@ -524,7 +555,7 @@ class _Run(NamedTuple):
     def _held(self, motion: LoopState) -> tuple[Array, Array]:
         """Kinetic and strain energy [J]."""
         q, v = motion.q, motion.v
-        return 0.5 * v @ (self.plant.mass @ v), 0.5 * q @ (self.plant.stiffness @ q)
+        return 0.5 * times(v, times(self.plant.mass, v)), 0.5 * times(q, times(self.plant.stiffness, q))
 
     def _row(self, k: Array | int, motion: LoopState, current: Array, command: Array) -> Array:
         """A row of the history, in the order of `_rust.history_signals`."""

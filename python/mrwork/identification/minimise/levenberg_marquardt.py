@@ -442,7 +442,8 @@ def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: floa
     # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
-    decrease = 1.0 - (misfit[active] / before) ** 2
+    # A model may fit simulated forces exactly.
+    decrease = 1.0 - (misfit[active] / np.maximum(before, 1e-300)) ** 2
     enough = np.full(active.size, tolerance)
     # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
     at_limit = is_at_stiffness_limit(objective.compared, np.asarray(box.theta_from_latent(latent[active])))
