@@ -235,10 +235,10 @@ def test_what_would_be_silently_wrong_is_refused(refused: Refused) -> None:
     refused(mr.own_damper, "mine", parameters=C, force=force, **loop, relaxation=sinks)
     for wrong in (exchanged, short_of_arguments, pushes, judges, keyed):
         refused(mr.own_damper, "mine", parameters=C, force=wrong)
-    for unit in ("kN s/m", "mm", "Ns/m"):
+    for unit in ("kN s/m", "mm", "lbf"):
         refused(mr.own_damper, "mine", parameters={"c": (unit, 1, 100, 1000)}, force=force)
     refused(mr.own_damper, "mine", parameters={"_c": C["c"]}, force=force)
-    for unit in ("N s2/m2", "N (s/m)^0.3", "m^-n", "1/s", ""):
+    for unit in ("N s2/m2", "N (s/m)^0.3", "m^-n", "1/s", "", "-"):
         assert mr.own_damper("mine", parameters={"c": (unit, 1, 100, 1000)}, force=force).parameters[0].unit
 
 

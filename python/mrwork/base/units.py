@@ -271,6 +271,12 @@ def known_units(quantity: MeasuredQuantity) -> str:
     return ", ".join(FACTORS[quantity])
 
 
+def scale_of(unit: str) -> float | None:
+    """Factor of any unit or product of units to SI; `None` of a text that is none."""
+    known = _unit_of(unit)
+    return None if known is None else known.factor
+
+
 def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:
     """Factor by which values in `unit`, as in `factor_of`, are multiplied to be in SI.
 

@@ -16,6 +16,7 @@ from jax.extend.core import jaxprs_in_params
 from mrwork.base.arguments import Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import list_names
+from mrwork.base.units import scale_of
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.own_equations import OwnEquations
@@ -181,17 +182,12 @@ def _parameter(name: str, given: _Given) -> ParamSpec:
     )
 
 
-_SI = frozenset(("", "1", "N", "m", "s", "kg", "rad", "Pa", "J", "W", "A", "V", "T", "K", "Hz"))
-_EXPONENT = re.compile(r"\^\(?-?[\w.]+\)?|(?<=[A-Za-z])-?[\d.]+")
-
-
 def _refuse_units(spec: DamperSpec) -> None:
     for each in spec.parameters:
-        strange = sorted({*re.split(r"[ /()]+", _EXPONENT.sub("", each.unit))} - _SI)
-        if strange:
+        if scale_of(each.unit) not in (None, 1.0):
             raise SettingError(
-                f"{each.name} of {spec.name} is in {each.unit!r}, and numbers are in SI, not {list_names(strange)}; "
-                "give a unit as N s/m, N/m^2 or 1"
+                f"{each.name} of {spec.name} is in {each.unit}, and numbers are in SI, not converted; give them in N, m, "
+                "s and products of these"
             )
 
 
