@@ -186,8 +186,8 @@ def _refuse_units(spec: DamperSpec) -> None:
     for each in spec.parameters:
         if scale_of(each.unit) not in (None, 1.0):
             raise SettingError(
-                f"{each.name} of {spec.name} is in {each.unit}, and numbers are in SI, not converted; give them in N, m, "
-                "s and products of these"
+                f"{each.name} of {spec.name} is in {each.unit}, and numbers are in SI, not converted; give them in N, "
+                "m, s and products of these"
             )
 
 
