@@ -26,7 +26,7 @@ from mrwork.base.places import Place, Unread
 from mrwork.base.summary import list_names
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.base.units import number_in
-from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError, UnknownNameError
 
 T = TypeVar("T")
 
@@ -58,6 +58,19 @@ def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose o
     """End of a message on an unknown name: the similar known names, or all where none is close."""
     near = " or ".join(meant(name, known))
     return f", did you mean {near}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+
+
+def check_known(
+    name: object,
+    known: Collection[str],
+    sentence: str,
+    *,
+    otherwise: str = "choose one of",
+    kind: type[MrworkError] = UnknownNameError,
+) -> None:
+    """Refuse a name that is none of those known, by this sentence with a `suggestion` behind it."""
+    if name not in known:
+        raise kind(f"{sentence}{suggestion(name, [*known], otherwise=otherwise)}")
 
 
 # Characters from which on a name in another style is compared with others that are only similar.
@@ -148,9 +161,8 @@ class DeclaredTable(ABCMeta):
         """Build the table."""
         known = {entry.name: entry for entry in keys_of(cls)}
         for name in given:
-            if name not in known:
-                near = suggestion(name, list(known), otherwise="it has")
-                raise SettingError(f"{cls.__name__} has no setting {name!r}{near}")
+            sentence = f"{cls.__name__} has no setting {name!r}"
+            check_known(name, known, sentence, otherwise="it has", kind=SettingError)
         for name, entry in known.items():
             if name not in given and is_required(entry):
                 raise SettingError(f"{cls.__name__} has no {name}; give {describe_key(entry)}")

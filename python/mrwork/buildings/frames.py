@@ -13,12 +13,12 @@ import numpy as np
 import scipy
 
 from mrwork.base.arguments import NotNegative, Positive, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import bytes_in_words
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000
@@ -204,11 +204,9 @@ def building(name: str) -> Building:
     >>> building("dyke1996").frequencies.round(2).tolist()
     [5.46, 15.81, 23.64]
     """
-    for known in buildings():
-        if known.name == name:
-            return known
-    names = [known.name for known in buildings()]
-    raise UnknownNameError(f"no published building is called {name!r}{suggestion(name, names)}")
+    known = {each.name: each for each in buildings()}
+    check_known(name, known, f"no published building is called {name!r}")
+    return known[name]
 
 
 @checked

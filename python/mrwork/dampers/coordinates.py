@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
@@ -75,9 +75,8 @@ class Box:
         """Return the box with some ranges replaced; equal bounds fix a parameter."""
         lower, upper = list(self.lower), list(self.upper)
         for name, (low, high) in bounds.items():
-            if name not in self.names:
-                near = suggestion(name, self.names, otherwise="this model has")
-                raise SettingError(f"no parameter is called {name!r}{near}")
+            sentence = f"no parameter is called {name!r}"
+            check_known(name, self.names, sentence, otherwise="this model has", kind=SettingError)
             index = self.names.index(name)
             if not (isfinite(low) and isfinite(high)):
                 raise SettingError(f"bounds of {name} are {low:g} and {high:g}; both must be finite numbers")

@@ -12,10 +12,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork import _rust
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known, suggestion
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.errors import UnknownChoiceError, UnknownNameError
+from mrwork.errors import UnknownChoiceError
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -89,9 +89,9 @@ def laws_in_order(
     """Return one law per parameter of the plain model; those not named are constant."""
     names = [parameter.name for parameter in plain]
     for name in laws:
-        if name not in names:
-            near = suggestion(name, names, otherwise="it has")
-            raise UnknownNameError(f"{model} has no parameter {name!r} to follow the command{near}")
+        check_known(
+            name, names, f"{model} has no parameter {name!r} to follow the command", otherwise="it has"
+        )
     return tuple(law_named(laws.get(name, polynomial_laws()[0])).name for name in names)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -28,7 +28,7 @@ from mrwork.dampers.simulation import (
     simulate_sensitivities,
 )
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError, SimulationError, UnknownNameError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.objective import Objective, linearise_residuals, ties_of
 from mrwork.identification.residual import (
@@ -117,9 +117,7 @@ class ForceSensitivities(WithAxes, Summarised):
     @checked
     def by(self, name: str) -> Floats:
         """Derivative by one parameter, shape (n_batch, n_time), or (n_time,) for one candidate."""
-        if name not in self.names:
-            near = suggestion(name, self.names, otherwise="it has")
-            raise UnknownNameError(f"{self.model} has no parameter {name!r}{near}")
+        check_known(name, self.names, f"{self.model} has no parameter {name!r}", otherwise="it has")
         return np.asarray(self.jacobian[..., self.names.index(name)])
 
     def _named_arrays(self) -> NamedArrays:

@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias
 
 from mrwork.base.arguments import Count, Level, Seed, checked
 from mrwork.base.hints import Record, Within, fields_of, hints_of
-from mrwork.base.keys import suggestion
-from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.base.keys import check_known
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.residual import NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search.loop import Optimiser
@@ -104,8 +104,7 @@ def searches() -> Mapping[str, Search]:
 
 def search_named(name: str) -> Search:
     """The search called `name`, with its default settings."""
-    if name not in searches():
-        raise UnknownNameError(f"there is no search called {name!r}{suggestion(name, [*searches()])}")
+    check_known(name, searches(), f"there is no search called {name!r}")
     return searches()[name]
 
 

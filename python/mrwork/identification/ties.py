@@ -15,12 +15,12 @@ from warnings import catch_warnings
 
 import numpy as np
 
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 # Characters of an expression; longer ones could be nested too deeply to be read.
 _LONGEST = 200
@@ -66,7 +66,7 @@ class Ties:
     def of(cls, spec: DamperSpec, given: Mapping[str, str], box: Box) -> Ties:
         """Read the ties of a model whose parameters have the bounds of `box`."""
         for name in given:
-            _check_name(name, spec.names, f"a tie is of {name!r}")
+            check_known(name, spec.names, f"a tie is of {name!r}, which the model does not have")
         used = {name: _names_in(_read_tie(name, text), name, spec.names) for name, text in given.items()}
         held = [name for name in given if spec.names.index(name) not in box.free]
         if held:
@@ -180,12 +180,7 @@ def _number(node: ast.expr) -> float | None:
 def _names_in(tree: ast.expr, tied: str, known: Sequence[str]) -> set[str]:
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     for name in sorted(used):
-        _check_name(name, known, f"the tie of {tied} has {name!r}")
+        check_known(name, known, f"the tie of {tied} has {name!r}, which the model does not have")
     if not used:
         raise SettingError(f"the tie of {tied} names no parameter; hold it by equal bounds instead")
     return used
-
-
-def _check_name(name: str, known: Sequence[str], what: str) -> None:
-    if name not in known:
-        raise UnknownNameError(f"{what}, which the model does not have{suggestion(name, known)}")

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
@@ -168,9 +168,7 @@ def storey_profiles(
     >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
     """
     known = [each.name for each in run_quantities() if each.axis in _OF_HEIGHT]
-    if quantity not in known:
-        near = suggestion(quantity, known, otherwise="they have")
-        raise UnknownNameError(f"storeys and floors have no quantity {quantity!r}{near}")
+    check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
     runs = _runs(result, motion, rows)
     values = np.array([each.numbers[quantity] for each in runs])
     (axis,) = own_axis(quantity)

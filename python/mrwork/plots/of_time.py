@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
 from mrwork.base.arguments import Whole
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.motions.ground_motion import GroundMotion
@@ -277,10 +277,9 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, da
     """A ground acceleration, or a signal of a closed loop at every storey, floor or damper."""
     if isinstance(result, GroundMotion):
         signal, time, values = "ground_acceleration", result.time, result.acceleration
-    elif signal in result.numbers:
-        time, values = result.time, np.asarray(result.numbers[signal])
     else:
-        raise UnknownNameError(f"a history has no signal {signal!r}{suggestion(signal, [*result.numbers])}")
+        check_known(signal, result.numbers, f"a history has no signal {signal!r}")
+        time, values = result.time, np.asarray(result.numbers[signal])
     columns = values.reshape(len(time), -1)
     words, axis = description_of(signal), axis_of(signal)
     if data:

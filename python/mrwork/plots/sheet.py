@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.report import canvas, style
 from mrwork.report.fit.parameters import with_unit
 from mrwork.report.style import DisplayUnit
@@ -120,10 +120,7 @@ def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
 def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
     """Number of the one that is asked for by its name or number, the first by default."""
     if isinstance(name, str):
-        if name not in names:
-            raise UnknownNameError(
-                f"there is no {what} {name!r}{suggestion(name, names, otherwise='there is')}"
-            )
+        check_known(name, names, f"there is no {what} {name!r}", otherwise="there is")
         return names.index(name)
     number = 0 if name is None else name
     if not 0 <= number < len(names):

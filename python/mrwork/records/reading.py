@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.arguments import Count, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
-from mrwork.errors import MrworkError, RecordError, UnknownNameError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import read_damper_test, test_from_arrays
 from mrwork.records.repairs import RepairKind, repair
@@ -74,8 +74,7 @@ def synthetic_test(name: str) -> DamperTest:
     >>> mr.synthetic_test("spencer1997").n_time
     2001
     """
-    if name not in SYNTHETIC_TESTS:
-        raise UnknownNameError(f"no synthetic test is called {name!r}{suggestion(name, [*SYNTHETIC_TESTS])}")
+    check_known(name, SYNTHETIC_TESTS, f"no synthetic test is called {name!r}")
     recipe = SYNTHETIC_TESTS[name]
     spec = damper(recipe.model)
     omega = 2.0 * np.pi * recipe.frequency

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Literal, get_args
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import closest, suggestion
+from mrwork.base.keys import check_known, closest
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
@@ -234,9 +234,8 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
         raise RecordError("names no file")
     name = entries.get("use", UNUSED).casefold()
     use = next((each for each in get_args(Use) if each == name), None)
-    if use is None and name != UNUSED:
-        near = suggestion(name, (*get_args(Use), UNUSED), otherwise="give one of")
-        raise SettingError(f"the use is '{name}'{near}")
+    uses = (*get_args(Use), UNUSED)
+    check_known(name, uses, f"the use is '{name}'", otherwise="give one of", kind=SettingError)
     columns = {key: entries[key] for key in _SPECIFIED if key in entries}
     if use is not None:
         for key, specification in columns.items():

@@ -16,9 +16,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
-from mrwork.errors import UnknownNameError
 
 _LOG_2_PI = float(np.log(2.0 * np.pi))
 
@@ -312,6 +311,5 @@ def noise_model(name: str) -> Noise:
     UnknownNameError
         Where there is none.
     """
-    if name not in NOISES:
-        raise UnknownNameError(f"there is no noise model {name!r}{suggestion(name, [*NOISES])}")
+    check_known(name, NOISES, f"there is no noise model {name!r}")
     return NOISES[name]

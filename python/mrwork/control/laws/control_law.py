@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.base.arguments import May, NotNegative, Positive, checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
@@ -22,7 +22,7 @@ from mrwork.buildings.matrices import Building, Device
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 Shape = Literal["device", "state", "numbers", "signal", "loop"]
 
@@ -371,22 +371,17 @@ def control_law(name: str) -> ControlLawSpec:
     UnknownNameError
         If there is none.
     """
-    for spec in control_laws():
-        if spec.name == name:
-            return spec
-    raise UnknownNameError(
-        f"no control law is called {name!r}{suggestion(name, [spec.name for spec in control_laws()])}"
-    )
+    known = {spec.name: spec for spec in control_laws()}
+    check_known(name, known, f"no control law is called {name!r}")
+    return known[name]
 
 
 def _check_names(
     spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
 ) -> None:
     for name in given:
-        if name not in expected:
-            raise SettingError(
-                f"{spec.name} has no {kind} {name!r}{suggestion(name, expected, otherwise='it has')}"
-            )
+        sentence = f"{spec.name} has no {kind} {name!r}"
+        check_known(name, expected, sentence, otherwise="it has", kind=SettingError)
     for name in expected:
         if name not in given:
             raise SettingError(f"{spec.name} lacks the {kind} {name!r}; give {', '.join(expected)}")

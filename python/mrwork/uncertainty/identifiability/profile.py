@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import plots_of
@@ -25,7 +25,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
-from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
@@ -473,9 +473,7 @@ def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
     if len(set(parameters)) < len(parameters):
         raise SettingError(f"`parameters` are {', '.join(parameters)}; name each once")
     for name in parameters:
-        if name not in box.names:
-            near = suggestion(name, box.names, otherwise="this model has")
-            raise UnknownNameError(f"no parameter is called {name!r}{near}")
+        check_known(name, box.names, f"no parameter is called {name!r}", otherwise="this model has")
         if name not in free:
             raise SettingError(f"{name} is fixed; only free parameters have a profile: {', '.join(free)}")
     return [number for number, name in enumerate(free) if not parameters or name in parameters]
