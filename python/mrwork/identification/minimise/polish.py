@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from typing import TypeVar
 
@@ -27,7 +28,6 @@ from mrwork.identification.minimise.multistart import StartingPoints, distinct_m
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 from mrwork.identification.result import Slopes, covariance_at, standard_errors
-from mrwork.identification.settings import Engine
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -73,7 +73,8 @@ def polish(
     starts = points.theta
     if not points.minima:
         starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
-    ended = _FINAL_FITS[problem.settings.engine, points.minima](problem, starts, on_step)
+    in_a_batch = points.minima and problem.settings.engine == "lanes"
+    ended = (_in_a_batch if in_a_batch else _one_by_one)(problem, starts, on_step)
     # Of least squares for every power of the objective.
     slopes = Slopes.at(problem.objective.plain, form, ended.theta)
     cov, n_effective = covariance_at(slopes)
@@ -106,30 +107,13 @@ def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinim
 
 
 def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
+    if problem.settings.engine == "twin":
+        # The only import of JAX that pyproject.toml allows here: it takes a second to load.
+        from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin as find
+    else:
+        find = partial(find_minimum, max_evaluations=_FINAL_EVALUATIONS)
     objective, box = problem.objective, problem.form.box
-    minima = (
-        find_minimum(objective, box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
-        for start in starts
-    )
-    return min(minima, key=_MISFIT)
-
-
-def _on_the_twin(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
-    # The only import of JAX that pyproject.toml allows here: it takes a second to load.
-    from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin
-
-    objective, box = problem.objective, problem.form.box
-    minima = (find_minimum_on_twin(objective, box, start, on_step=on_step) for start in starts)
-    return min(minima, key=_MISFIT)
-
-
-# By engine, from minima and from points that were screened.
-_FINAL_FITS: dict[tuple[Engine, bool], Callable[[Problem, Floats, OnStep], LocalMinimum]] = {
-    ("lanes", True): _in_a_batch,
-    ("lanes", False): _one_by_one,
-    ("twin", True): _on_the_twin,
-    ("twin", False): _on_the_twin,
-}
+    return min((find(objective, box, start, on_step=on_step) for start in starts), key=_MISFIT)
 
 
 def screen_starts(
