@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError
@@ -365,9 +364,6 @@ def fronts(
         return result.to_pandas()
     axes = axes_for(ax)
     add_front(axes, result)
-    first, second = (criterion(name).title for name in result.objectives[:2])
-    axes.set_xlabel(f"{first} over i = 0")
-    axes.set_ylabel(f"{second} over i = 0")
     add_key(axes)
     return axes
 

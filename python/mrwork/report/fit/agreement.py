@@ -149,19 +149,19 @@ def _test_panels(
     window = zoom_window(test.displacement)
     in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
-    drawings: tuple[tuple[str, str, figures.Drawing, str, str], ...] = (
+    drawings: list[tuple[str, str, figures.Drawing, str, str]] = [
         (
             "record",
             "Whole record",
             figures.draw_record,
-            "Force against time over the whole record, with the residual below,",
+            f"Force against time over the whole record, with the residual below, {agrees}",
             f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
         ),
         (
             "cycles",
             _window_title(comparison),
             figures.draw_cycles,
-            "Force against time over a few cycles, with the residual below,",
+            f"Force against time over a few cycles, with the residual below, {agrees}",
             in_window,
         ),
         *(
@@ -169,32 +169,26 @@ def _test_panels(
                 over,
                 f"Force against {over}",
                 partial(figures.draw_loop, over),
-                f"Force against {over}",
+                f"Force against {over} {agrees}",
                 in_loop,
             )
             for over in get_args(Motion)
         ),
-    )
-    panels = [
-        panel(
-            f"{identifier}-{suffix}",
-            title,
-            figures.figure_of_test(comparison, unit, draw),
-            f"{what} {agrees}",
-            note,
-        )
-        for suffix, title, draw, what, note in drawings
     ]
     if test.has_varying_command:
-        panels.append(
-            panel(
-                f"{identifier}-command",
+        drawings.append(
+            (
+                "command",
                 "Command",
-                figures.figure_of_test(comparison, unit, figures.draw_command),
+                figures.draw_command,
                 f"Command against time of test {test.name}, {test.command_in_words}",
                 "The loops belong to the whole record, so they are wide where the command changes.",
             )
         )
+    panels = [
+        panel(f"{identifier}-{suffix}", title, figures.figure_of_test(comparison, unit, draw), what, note)
+        for suffix, title, draw, what, note in drawings
+    ]
     if test.original is not None:
         panels.append(
             panel(

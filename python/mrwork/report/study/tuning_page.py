@@ -85,9 +85,6 @@ def front_figure(front: Front) -> Figure:
     """The first two objectives of a Pareto front, on the training and on the test motions."""
     figure, axes = column_axes()
     add_front(axes, front)
-    first, second = front.objectives[:2]
-    axes.set_xlabel(f"{criterion(first).title} over i = 0")
-    axes.set_ylabel(f"{criterion(second).title} over i = 0")
     axes.legend(loc="upper right")
     return figure
 
@@ -102,6 +99,8 @@ def add_front(axes: Axes, front: Front) -> None:
         if points:
             drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
             axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
+    axes.set_xlabel(f"{criterion(first).title} over i = 0")
+    axes.set_ylabel(f"{criterion(second).title} over i = 0")
 
 
 _DECIMALS = 3
