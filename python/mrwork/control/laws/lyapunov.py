@@ -138,7 +138,11 @@ class LyapunovSettings(CostWeights, LawSettings):
     @classmethod
     def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
         """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
-        return _lyapunov_vectors(problem, many)
+        functions = solve_together(
+            lambda weights: _lyapunov_functions(problem.plant, weights),
+            attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
+        )
+        return [each if isinstance(each, SettingError) else each.vectors for each in functions]
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """The design that follows from this weight of the state."""
@@ -181,19 +185,10 @@ class ProportionalSettings(LyapunovSettings):
         costs = attempt_each(lambda pair: (pair[0].weigh_outputs(problem), pair[1]), weighed)
         regulators = regulators_of_costs(problem.plant, costs)
         regulated = iter([each.vectors if isinstance(each, Regulator) else each for each in regulators])
-        free = iter(_lyapunov_vectors(problem, [each for each in many if each.control_weight is None]))
+        unweighed = [each for each in many if each.control_weight is None]
+        free = iter(LyapunovSettings.weight_vectors(problem, unweighed))
         return [next(free if each.control_weight is None else regulated) for each in many]
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """Weight of the state, and the slope of each device."""
         return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
-
-
-def _lyapunov_vectors(
-    problem: DesignProblem, many: Sequence[LyapunovSettings]
-) -> list[Floats | SettingError]:
-    functions = solve_together(
-        lambda weights: _lyapunov_functions(problem.plant, weights),
-        attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
-    )
-    return [each if isinstance(each, SettingError) else each.vectors for each in functions]

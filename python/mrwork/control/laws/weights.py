@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -319,9 +320,9 @@ class CostWeights:
                 "energy", f"the law weighs the energy, or outputs such as {first}; keep one"
             )
         return Weighed(
-            Q=_sum([part.Q for part in parts]),
-            N=_sum([part.N for part in parts]),
-            S=_sum([part.S for part in parts]),
+            Q=reduce(np.add, (part.Q for part in parts)),
+            N=reduce(np.add, (part.N for part in parts)),
+            S=reduce(np.add, (part.S for part in parts)),
         )
 
     def _weigh_designed(self, wishes: WeightWishes, problem: DesignProblem) -> Weighed:
@@ -375,10 +376,6 @@ class CostWeights:
 
     def _names(self) -> tuple[str, ...]:
         return (*(name for name, *_ in _OUTPUTS), "state_weight")
-
-
-def _sum(parts: Sequence[Floats]) -> Floats:
-    return np.asarray(sum(parts[1:], start=parts[0]))
 
 
 _OUTPUTS: tuple[tuple[str, Callable[[Plant], Outputs], str, Magnitude], ...] = (
