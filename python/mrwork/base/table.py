@@ -31,11 +31,6 @@ class TableColumn:
     words: bool = False
 
     @property
-    def in_text(self) -> str:
-        """The heading in a terminal."""
-        return f"{self.heading} [{self.unit}]" if self.unit else self.heading
-
-    @property
     def on_page(self) -> str:
         """The heading on a page."""
         return f"{self.heading[:1].upper()}{self.heading[1:]}{f' ({self.unit})' if self.unit else ''}"
@@ -165,7 +160,7 @@ class Table(Summarised):
 def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
     """A table for a terminal, with a row for each item."""
     return Table(
-        columns=tuple(each.in_text for each in columns),
+        columns=tuple(f"{each.heading} [{each.unit}]" if each.unit else each.heading for each in columns),
         rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
     )
 

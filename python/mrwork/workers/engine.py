@@ -188,8 +188,12 @@ class Workers:
 
     @property
     def n_workers(self) -> int:
-        """Number of workers."""
-        return _count_workers(self.executor)
+        """Number of workers of the executor, or of processors of this machine where it does not tell."""
+        if isinstance(told := getattr(self.executor, "_max_workers", None), int) and told > 0:
+            return told
+        if (client := getattr(self.executor, "_client", None)) is not None:
+            return max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+        return os.cpu_count() or 1
 
     @property
     def in_words(self) -> str:
@@ -270,25 +274,12 @@ class Workers:
                     if not isinstance(outcome, _Unknown):
                         on_done(number, outcome)
             what = f"{type(error).__name__}: {reason_of(error)}"
-            raise WorkerError(
-                f"{_name_of(self.executor)} lost a part of the work ({what}); {_RESUME}"
-            ) from error
+            kind = type(self.executor)
+            name = f"{kind.__module__.split('.')[0]}'s {kind.__name__}"
+            raise WorkerError(f"{name} lost a part of the work ({what}); {_RESUME}") from error
         finally:
             for future in running:
                 future.cancel()
-
-
-def _count_workers(executor: Any) -> int:
-    """Workers of an executor, or processors of this machine where it does not tell."""
-    if isinstance(told := getattr(executor, "_max_workers", None), int) and told > 0:
-        return told
-    if (client := getattr(executor, "_client", None)) is not None:
-        return max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    return os.cpu_count() or 1
-
-
-def _name_of(executor: Executor) -> str:
-    return f"{type(executor).__module__.split('.')[0]}'s {type(executor).__name__}"
 
 
 _PRESENT: ContextVar[Workers | None] = ContextVar("workers", default=None)
