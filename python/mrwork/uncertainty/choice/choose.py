@@ -299,7 +299,8 @@ class RunningComparison:
     _done: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        parts = [self.tests, *self._rests()]
+        # Of a single test the first half of its cycles remains.
+        rests = [halves(self.tests[0])[:1]] if self.splits is None else self.splits.rests(self.tests)
         tasks = [
             FitTask(
                 spec=family,
@@ -309,7 +310,7 @@ class RunningComparison:
                 step=f"{family.name}/{f'left_out_{fold}' if fold else 'fit'}",
             )
             for family in self.compared
-            for fold, part in enumerate(parts)
+            for fold, part in enumerate([self.tests, *rests])
         ]
         self._batch = FitBatch(
             tasks=tasks,
@@ -328,10 +329,6 @@ class RunningComparison:
     def kinds_remark(self) -> str:
         """What is to be said where the fits come from several kinds of processors; else empty."""
         return self._batch.kinds_remark
-
-    def _rests(self) -> list[tuple[DamperTest, ...]]:
-        """The tests that remain without each split; of a single test the first half of its cycles."""
-        return [(halves(self.tests[0])[0],)] if self.splits is None else self.splits.rests(self.tests)
 
     def evaluate(self, family: DamperSpec) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""

@@ -111,7 +111,9 @@ def inference_data(
     )
     theta = np.asarray(target.form.from_model(kept.theta))
     stream = np.random.default_rng(rng)
-    labels = _distinct([test.name for test in own_tests])
+    names = [test.name for test in own_tests]
+    # Names that are there already have their number.
+    labels = [name if name not in names[:at] else f"{name} ({at + 1})" for at, name in enumerate(names)]
     tree = kept.as_datatree()
     tree["sample_stats"]["lp"].attrs |= {"units": "1", "long_name": "log posterior, up to a constant"}
     groups = {
@@ -289,10 +291,3 @@ def _times(tests: Sequence[DamperTest]) -> dict[str, NamedArray]:
         axis: NamedArray.of(test.time[test.counted], unit="s", long_name="time")
         for axis, test in zip(_time_axes(tests), tests, strict=True)
     }
-
-
-def _distinct(names: Sequence[str]) -> list[str]:
-    """The names, those that are there already with their number."""
-    return [
-        name if name not in names[:number] else f"{name} ({number + 1})" for number, name in enumerate(names)
-    ]
