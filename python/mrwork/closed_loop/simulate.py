@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
-from mrwork.closed_loop.own_runs import beyond_twin, respond_own
+from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -282,22 +282,7 @@ def _respond(
     outside: Any = None,
 ) -> Any:
     if isinstance(driven, RunsOfLoop):
-        loop = core.loop
-        return respond_own(
-            building=loop.building,
-            varied=loop.varied,
-            devices=loop.devices,
-            law=loop.law,
-            hardware=loop.hardware,
-            motions=loop.motions,
-            step_factor=loop.step_factor,
-            runs=runs,
-            gains=driven.gains,
-            shaping=driven.shaping,
-            theta=driven.theta,
-            histories=histories,
-            widths=(_width(core.building.summary_layout), _width(core.building.history_layout)),
-        )
+        return _respond_by_twin(core, driven, runs, histories=histories)
     dampers, controller = driven
     with core_refusals():
         return _rust.respond(
@@ -316,8 +301,38 @@ def _respond(
         )
 
 
-def _width(layout: Sequence[tuple[str, int]]) -> int:
-    return sum(count for _, count in layout)
+def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
+    """Runs of dampers of the user, as `_rust.respond` gives those of others."""
+    # JAX is needed for these dampers only.
+    from mrwork.twins.own_loop import OwnLoop, respond
+
+    loop, law, hardware = core.loop, core.loop.law, core.loop.hardware
+    gains, start = {}, 0
+    for gain in law.spec.gains:
+        if gain.name in law.gains:
+            shape = gain.shape_for(len(loop.devices), 2 * loop.building.n_coordinates)
+            columns = given.gains[:, start : start + math.prod(shape)]
+            gains[gain.name] = columns.reshape(len(given.gains), *shape)
+            start += columns.shape[1]
+    names = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
+    curve = law.curve
+    layouts = core.building.summary_layout, core.building.history_layout
+    own = OwnLoop(
+        matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in names},
+        varied=loop.varied,
+        dampers=loop.devices,
+        believed=curve and [replace(device, spec=curve[0], theta=curve[1]) for device in loop.devices],
+        largest=np.array([device.largest_command for device in loop.devices]),
+        law=law.name,
+        motions=core.waves,
+        sample_time=hardware.sample_time,
+        steps=hardware.steps,
+        delay=hardware.delay_steps,
+        command_rate=hardware.command_rate,
+        step_factor=loop.step_factor,
+        widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
+    )
+    return respond(own, runs, gains, given.shaping, given.theta, histories=histories)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:

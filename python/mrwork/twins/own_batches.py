@@ -11,7 +11,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -164,13 +164,13 @@ def _run(
         rows = theta[start : start + at_once]
         padding = power_of_two(len(rows), _FEWEST_ROWS) - len(rows)
         padded = np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)])
-        arguments = padded, motions, command, history.dt, history.n_time, substeps
+        given = _Rows(padded, motions, command, history.dt, history.n_time, substeps)
         call: Callable[..., tuple[Array, Array]] = (
             partial(_forces, bounded=bounded)
             if directions is None
             else partial(_slopes, directions=directions)
         )
-        result = interruptible(partial(call, *arguments, spec=spec, n_kept=n_kept))
+        result = interruptible(partial(call, given, spec=spec, n_kept=n_kept))
         parts.append([np.asarray(each)[: len(rows)] for each in result])
     force, second = (np.concatenate(each) for each in zip(*parts, strict=True))
     return force[:, : history.n_time], second if directions is None else second[..., : history.n_time]
@@ -223,18 +223,20 @@ def _fastest(theta: Array, motions: Array, levels: Array, *, spec: DamperSpec) -
     return jnp.max(jax.vmap(jax.vmap(at_level, in_axes=(None, 0)), in_axes=(0, None))(theta, levels), axis=1)
 
 
-def _kept(
-    theta: Array,
-    motions: Array,
-    command: Array,
-    dt: Array,
-    n_time: Array,
-    substeps: Array,
-    *,
-    spec: DamperSpec,
-    n_kept: int,
-) -> tuple[Array, Array | None]:
+class _Rows(NamedTuple):
+    """Candidates, (n_batch, n_params), and what they are simulated under; arrays of NumPy or JAX."""
+
+    theta: Any
+    motions: Any
+    command: Any
+    dt: Any
+    n_time: Any
+    substeps: Any
+
+
+def _kept(rows: _Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | None]:
     """States at the samples, (n_kept, n_batch, n_states), and what the coils receive, (n_kept, n_batch) or `None`."""
+    theta, motions, command, dt, n_time, substeps = rows
     n_batch = len(theta)
     varies = len(command) > 1
     lagged = varies and spec.current is not None and spec.current.lagged
@@ -256,7 +258,7 @@ def _kept(
             left = jnp.exp(-theta[:, -1] * time) if lagged else 0.0
             return _parameters(spec, theta, held + (at_coil - held) * left)
 
-        def substep(j: Array, state: Array) -> Array:
+        def substep(j: Any, state: Array) -> Any:
             place = 2 * (k * substeps + j)
             (x0, v0), (x1, v1), (x2, v2) = motions[place], motions[place + 1], motions[place + 2]
             middle = at((j + 0.5) * h)
@@ -306,23 +308,14 @@ def radius_of(rate: Callable[..., Array], p: Any, state: Array, x: Array, v: Arr
     return largest
 
 
-def _force_and_bound(
-    theta: Array,
-    motions: Array,
-    command: Array,
-    dt: Array,
-    n_time: Array,
-    substeps: Array,
-    *,
-    spec: DamperSpec,
-    n_kept: int,
-    bounded: bool,
-) -> tuple[Array, Array]:
-    twin = twin_of(spec)
-    states, received = _kept(theta, motions, command, dt, n_time, substeps, spec=spec, n_kept=n_kept)
-    samples = motions[jnp.minimum(2 * substeps * jnp.arange(n_kept), len(motions) - 1)]
+def _force_and_bound(rows: _Rows, *, spec: DamperSpec, n_kept: int, bounded: bool) -> tuple[Array, Array]:
+    twin, theta, motions = twin_of(spec), rows.theta, rows.motions
+    states, received = _kept(rows, spec=spec, n_kept=n_kept)
+    samples = motions[jnp.minimum(2 * rows.substeps * jnp.arange(n_kept), len(motions) - 1)]
     steady = (
-        _parameters(spec, theta, jnp.broadcast_to(command[0], (len(theta),))) if received is None else None
+        _parameters(spec, theta, jnp.broadcast_to(rows.command[0], (len(theta),)))
+        if received is None
+        else None
     )
 
     def everywhere(equation: Callable[..., Array]) -> Array:
@@ -340,7 +333,7 @@ def _force_and_bound(
     if not bounded:
         return force, jnp.zeros(len(theta))
 
-    counted = jnp.arange(n_kept)[:, None] < n_time
+    counted = jnp.arange(n_kept)[:, None] < rows.n_time
     return force, jnp.max(jnp.where(counted, everywhere(partial(radius_of, twin.rate)), 0.0), axis=0)
 
 
@@ -348,25 +341,12 @@ _forces = partial(jax.jit, static_argnames=("spec", "n_kept", "bounded"))(_force
 
 
 @partial(jax.jit, static_argnames=("spec", "n_kept"))
-def _slopes(
-    theta: Array,
-    motions: Array,
-    command: Array,
-    dt: Array,
-    n_time: Array,
-    substeps: Array,
-    *,
-    directions: Array,
-    spec: DamperSpec,
-    n_kept: int,
-) -> tuple[Array, Array]:
-    def force(rows: Array) -> Array:
-        return _force_and_bound(
-            rows, motions, command, dt, n_time, substeps, spec=spec, n_kept=n_kept, bounded=False
-        )[0]
+def _slopes(rows: _Rows, *, directions: Array, spec: DamperSpec, n_kept: int) -> tuple[Array, Array]:
+    def force(theta: Array) -> Array:
+        return _force_and_bound(rows._replace(theta=theta), spec=spec, n_kept=n_kept, bounded=False)[0]
 
     def along(direction: Array) -> tuple[Array, Array]:
-        return jax.jvp(force, (theta,), (jnp.broadcast_to(direction, theta.shape),))
+        return jax.jvp(force, (rows.theta,), (jnp.broadcast_to(direction, rows.theta.shape),))
 
     return jax.vmap(along, out_axes=(None, 1))(directions)
 
