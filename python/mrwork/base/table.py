@@ -10,8 +10,9 @@ import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
+
+import markupsafe
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import NOTHING
@@ -39,7 +40,7 @@ class TableColumn:
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Table(Summarised):
-    """Text in rows; the first column names the row, those in `words` are text, all others numbers.
+    """Text or markup in rows; the first column names the row, those in `words` are text, all others numbers.
 
     A table has a `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings
     above the columns, each with the number of columns that it spans; `headings` are headings above rows, by the number
@@ -191,6 +192,11 @@ def csv_text(rows: Iterable[Sequence[str]]) -> str:
     target = io.StringIO()
     csv.writer(target, lineterminator="\n").writerows(rows)
     return target.getvalue()
+
+
+def escape(text: str) -> str:
+    """HTML of a text; markup stays as it is."""
+    return str(markupsafe.escape(text))
 
 
 def breakable(name: str) -> str:

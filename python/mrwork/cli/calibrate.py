@@ -45,6 +45,7 @@ from mrwork.uncertainty.bands.conformal import (
 )
 from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,
+    UNSEEN,
     Fold,
     Prediction,
     folds_of,
@@ -95,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
         if options.files:
             with on_workers(options, needless="the fit is there, and only predicts the files"):
                 pass
-            (fit, predictions, findings), held_out = _predict_unseen(options), "the fit has not seen"
+            (fit, predictions, findings), held_out = _predict_unseen(options), UNSEEN
         else:
             (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 
 from mrwork.base.arguments import Level
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
-from mrwork.dampers.spec import law_values
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.plots import of_time
@@ -22,7 +21,6 @@ from mrwork.plots.sheet import (
     axes_for,
     chosen,
     figure,
-    include_zero,
     motion_columns,
     panels_for,
     short,
@@ -32,7 +30,7 @@ from mrwork.report import style
 from mrwork.report.canvas import draw_points
 from mrwork.report.figures import Motion, axis_values
 from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
-from mrwork.report.fit.parameters import add_profile, with_unit
+from mrwork.report.fit.parameters import add_law, add_profile, laws_of, with_unit
 from mrwork.report.fit.posterior import add_corner, label_corner
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import Band
@@ -44,7 +42,6 @@ from mrwork.uncertainty.posterior.draws import Draws
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame
 
-_COMMANDS = 101
 # Level of the threshold that a single profile shows.
 _LEVEL = 0.95
 
@@ -85,29 +82,29 @@ def laws(
     >>> mr.identify(mr.damper("bingham").with_current_laws(laws), tests).plot.laws()  # doctest: +SKIP
     """
     fit = result.fit if isinstance(result, StoredRun) else result
-    spec, tested = fit.spec, fit.tested
+    spec = fit.spec
     if spec.current is None:
         raise SettingError(
             f"no parameter of the fit of {fit.model} follows the command; identify "
             "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
         )
-    ends = (0.0, 1.0) if tested.command is None else tested.command
-    commands = np.linspace(*ends, _COMMANDS)
-    known = {each.name: (each, values) for each, values in law_values(spec, np.array(fit.theta), commands)}
+    known = {law.parameter.name: law for law in laws_of(fit)}
     names = _choose(parameters, list(known), "parameter that follows the command")
     if data:
-        over = labels_of(commands, unit=spec.current.unit, long_name="command")
         drawn = {name: known[name] for name in names}
-        columns = {name: (values, each.unit, each.description) for name, (each, values) in drawn.items()}
+        commands = next(iter(drawn.values())).commands
+        over = labels_of(commands, unit=spec.current.unit, long_name="command")
+        columns = {
+            name: (law.values, law.parameter.unit, law.parameter.description) for name, law in drawn.items()
+        }
         return over_axis(f"Laws of {fit.model}", "command", over, columns).to_pandas()
     panels = panels_for(ax, names, "laws")
     for axes, name in zip(panels, names, strict=True):
-        parameter, values = known[name]
-        axes.plot(commands, values, color=style.MODEL, linewidth=1.4)
-        draw_points(axes, commands[[0, -1]], values[[0, -1]], size=3.5, colour=style.MODEL)
+        law = known[name]
+        add_law(axes, law)
+        draw_points(axes, law.commands[[0, -1]], law.values[[0, -1]], size=3.5, colour=style.MODEL)
         axes.set_xlabel(f"Command ({spec.current.unit})")
-        axes.set_ylabel(with_unit(style.symbol_text(name), parameter.unit))
-        include_zero(axes, values)
+        axes.set_ylabel(with_unit(style.symbol_text(name), law.parameter.unit))
     return panels
 
 

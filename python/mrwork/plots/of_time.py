@@ -24,13 +24,13 @@ from mrwork.plots.sheet import (
     axes_for,
     chosen,
     figure,
-    include_zero,
     motion_columns,
     name_axes,
     shown_unit_of,
 )
 from mrwork.records.damper_test import DamperTest
 from mrwork.report import style
+from mrwork.report.canvas import include_zero
 from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, axis_values
 from mrwork.report.fit.page import comparisons_of
 from mrwork.report.fit.residuals import add_residual_points

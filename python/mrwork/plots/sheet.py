@@ -142,13 +142,6 @@ def name_axes(axes: Axes, abscissa: tuple[str, str], ordinate: tuple[str, str]) 
     axes.set_ylabel(with_unit(*ordinate))
 
 
-def include_zero(axes: Axes, values: Floats) -> None:
-    """A range of the ordinate that contains zero, so that slopes and steps are not exaggerated."""
-    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
-    margin = 0.06 * (high - low or 1.0)
-    axes.set_ylim(low - margin, high + margin)
-
-
 def add_key(axes: Axes) -> None:
     """A legend above the axes, where there is something to tell apart."""
     labels = axes.get_legend_handles_labels()[1]

@@ -31,7 +31,9 @@ SMALL = (3.7, 2.8)
 WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
 # Four small panels are as wide as two columns of the page.
 SMALL_WIDTH = style.PANEL_WIDTH / 2.0
-_SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
+# Height of those on the front of a page, where two rows stand on a screen.
+LOW = 1.2
+SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
 _ABSCISSA_NAME = 0.22
 _LEGEND_GAP = 0.07
 # Mean width of a letter, and the widest margin for names.
@@ -63,16 +65,16 @@ def room_for(names: Sequence[str]) -> float:
     return min(_LETTER * max(map(len, names), default=0) + 0.25, _WIDEST_NAMES)
 
 
-def small_axes(*, labelled: bool = False) -> tuple[Figure, Axes]:
+def small_axes(*, labelled: bool = False, height: float = SMALL_HEIGHT) -> tuple[Figure, Axes]:
     """Axes as wide as one of four columns of a page; `labelled` leaves room below for the name of the abscissa."""
     room = _ABSCISSA_NAME if labelled else 0.0
-    figure = Figure(figsize=(SMALL_WIDTH, _SMALL_HEIGHT + room))
+    figure = Figure(figsize=(SMALL_WIDTH, height + room))
     axes = axes_between(
         figure,
         left=_SMALL_LEFT,
         right=SMALL_WIDTH - _SMALL_RIGHT,
         bottom=_SMALL_EDGE + room,
-        top=_SMALL_HEIGHT + room - _SMALL_EDGE,
+        top=height + room - _SMALL_EDGE,
     )
     few_ticks(axes)
     return figure, axes
@@ -154,6 +156,13 @@ def symmetric(axes: Axes) -> None:
     """Make the range of the ordinate symmetric about zero."""
     largest = max(map(abs, axes.get_ylim()))
     axes.set_ylim(-largest, largest)
+
+
+def include_zero(axes: Axes, values: Floats) -> None:
+    """A range of the ordinate that contains zero, so that slopes and steps are not exaggerated."""
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    margin = 0.06 * (high - low or 1.0)
+    axes.set_ylim(low - margin, high + margin)
 
 
 def name_rows(axes: Axes, names: Sequence[str], abscissa: str) -> None:

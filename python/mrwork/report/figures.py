@@ -23,6 +23,7 @@ from mrwork.records.motion import upward_crossings
 from mrwork.report import canvas, style
 from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
 from mrwork.report.style import DisplayUnit
+from mrwork.uncertainty.bands.prediction import Prediction
 
 
 @array_dataclass()
@@ -45,6 +46,10 @@ class Comparison:
     def residual(self) -> Floats:
         """Measured minus model force [N], shape (n_time,)."""
         return self.test.force - self.model_force
+
+
+Simulated = Comparison | Prediction
+"""A test with the force of a model on it."""
 
 
 def data_label(test: DamperTest) -> str:
@@ -166,7 +171,7 @@ Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
 """Draws a test into the column of a figure with this number."""
 
 
-def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
+def common_force_unit(comparisons: Sequence[Simulated]) -> DisplayUnit:
     """One unit for all tests of a report, so that their figures are comparable."""
     peaks = [float(np.nanmax(np.abs(comparison.test.force))) for comparison in comparisons]
     return style.force_unit(max(peaks, default=0.0))
@@ -332,27 +337,33 @@ def add_loop(
         axes.plot(abscissa, model_force * unit.factor, color=colours[1], linewidth=1.1, label=model)
 
 
-def small_velocity_loops(comparisons: Sequence[Comparison], unit: DisplayUnit) -> Iterator[Figure]:
-    """Force against velocity over a few cycles as one of four columns: two lines, the data under the model.
+def small_loops(
+    comparisons: Sequence[Simulated],
+    unit: DisplayUnit,
+    *,
+    over: Motion = "velocity",
+    height: float = canvas.SMALL_HEIGHT,
+) -> Iterator[Figure]:
+    """Force over displacement or velocity in a few cycles as one of four columns: the data as a line under the model.
 
     A figure for each test, on the same axes, because new axes take longer than what is drawn on them: save a figure
     before the next is requested.
     """
-    scale = style.MILLIMETRE_PER_SECOND
     with style.drawn_in_style():
-        figure, axes = canvas.small_axes(labelled=True)
-        (data,) = axes.plot([], [], color=style.DATA, linewidth=2.2)
-        (model,) = axes.plot([], [], color=style.MODEL, linewidth=0.9)
-        canvas.name_small_axes(axes, f"Force ({unit.symbol})", f"Velocity ({scale.symbol})")
+        figure, axes = canvas.small_axes(labelled=True, height=height)
+        (data,) = axes.plot([], [], color=style.DATA, linewidth=2.2, label="data")
+        (model,) = axes.plot([], [], color=style.MODEL, linewidth=0.9, label="model")
     for comparison in comparisons:
         samples = zoom_window(comparison.test.displacement).samples
-        velocity = comparison.test.velocity[samples] * scale.factor
+        motion, name = axis_values(comparison.test, over)
+        motion = motion[samples]
+        canvas.name_small_axes(axes, f"Force ({unit.symbol})", name)
         for line, force in ((data, comparison.test.force), (model, comparison.model_force)):
             shown = force[samples] * unit.factor
-            drawn = even_samples(velocity, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)
-            line.set_data(velocity[drawn], shown[drawn])
-        margin = 0.05 * (float(np.ptp(velocity)) or 1.0)
-        axes.set_xlim(float(velocity.min()) - margin, float(velocity.max()) + margin)
+            drawn = even_samples(motion, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)
+            line.set_data(motion[drawn], shown[drawn])
+        margin = 0.05 * (float(np.ptp(motion)) or 1.0)
+        axes.set_xlim(float(motion.min()) - margin, float(motion.max()) + margin)
         axes.set_ylim(*_limits_of(comparison, unit))
         yield figure
 
@@ -378,7 +389,7 @@ def _axes(figure: Figure, column: int, bottom: float, top: float, sharex: Axes |
     return axes_between(figure, left=left, right=right, bottom=bottom, top=top, sharex=sharex)
 
 
-def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]:
+def _limits_of(comparison: Simulated, unit: DisplayUnit) -> tuple[float, float]:
     """The range of the data, opened for the model by half of that range at most on either side.
 
     A model far from the data must not compress them.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -15,6 +16,7 @@ from markupsafe import Markup
 from mrwork.base.table import breakable, format_code
 from mrwork.errors import escaped_lines
 from mrwork.report import style
+from mrwork.report.section import Lead, Section
 from mrwork.store.output_file import replacing
 
 _FUNCTIONS = frozenset(
@@ -86,9 +88,13 @@ def _name(name: str) -> str:
     return escape(name)
 
 
-def fill_template(name: str, **content: Any) -> str:
-    """A template of the package with its content, whose control characters are shown; it may use `styles`."""
-    return escaped_lines(_environment().get_template(name).render(**content))
+def page_html(lead: Lead, sections: Sequence[Section | None], *, summary: bool = False) -> str:
+    """A page: its front and, unless it is to be a `summary`, its sections, without those that are `None`.
+
+    Control characters are shown as escapes.
+    """
+    shown = [] if summary else [section for section in sections if section is not None]
+    return escaped_lines(_environment().get_template("page.html.j2").render(lead=lead, sections=shown))
 
 
 def write_study_page(template: Path, path: Path, **content: Any) -> None:

@@ -66,12 +66,17 @@ class Panel(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Part of a section: paragraphs, a table, points and figures; `synthetic` where its data were not measured."""
+    """Part of a section: paragraphs, a table, points, figures and facts; `synthetic` where its data were not measured.
+
+    `markup` is a `Markup` of its own, such as an equation, below the paragraphs. A fact is a name and a text.
+    """
 
     title: str = ""
     prose: tuple[str, ...] = ()
+    markup: str = ""
     points: tuple[str, ...] = ()
     table: Table | None = None
+    facts: tuple[tuple[str, str], ...] = ()
     panels: tuple[Panel, ...] = ()
     layout: Layout = "columns"
     synthetic: bool = False
@@ -79,12 +84,47 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A section of the page; `summary` is its result, a sentence for the top of the page, if it has one."""
+    """A section of the page, folded below its `title` and its `summary`, which is its result in a sentence."""
 
     anchor: str
     title: str
     groups: tuple[Group, ...]
     summary: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """A number of the front with a line below it; `worse` and `note_worse` are in the colour of warnings."""
+
+    title: str
+    value: str
+    unit: str = ""
+    note: str = ""
+    worse: bool = False
+    note_worse: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lead:
+    """The front of a page, one screen: may the result be used, where not, and what next.
+
+    `verdict` is the answer in a sentence, `numbers` what it rests on, at most four; `cautions` say where the result
+    does not hold, `advice` what to do next. Of `panels` at most eight small ones fit, in rows of four. A `banner` is
+    above all: the result is not that of a finished run.
+    """
+
+    eyebrow: str
+    title: str
+    subject: str
+    verdict: str
+    synthetic: bool = False
+    banner: str = ""
+    numbers: tuple[Number, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    panels: tuple[Panel, ...] = ()
+    table: Table | None = None
+    cautions: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

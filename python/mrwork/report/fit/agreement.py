@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import get_args
 
 import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.base import numbers
@@ -17,10 +18,10 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.report import figures
-from mrwork.report.figures import Comparison, Motion, data_label, zoom_window
+from mrwork.report.figures import Comparison, Motion, Simulated, data_label, zoom_window
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 
@@ -28,63 +29,74 @@ _THIN = "\N{NARROW NO-BREAK SPACE}"
 _MIDDLE_DOT = " · "
 
 
-AgreementRow = tuple[str, ...]
-"""How the model agrees with one test or with all: fit, NRMSE, RMSE and the others of the table of the page, as text."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TestBlock:
-    """Contents of the page on one test.
-
-    `anchor` is its place on the page, `role` what it stands for among many tests; without `panels` it has no part of
-    its own.
-    """
-
-    anchor: str
-    name: str
-    role: str
-    synthetic: bool
-    conditions: str
-    agreement: AgreementRow
-    findings: tuple[Finding, ...]
-    panels: tuple[Panel, ...]
-
-
-def blocks_of_tests(
+def tests_section(
+    fit: Fit,
     comparisons: Sequence[Comparison],
-    agreement: Sequence[AgreementRow],
     *,
-    drawn: Mapping[int, str],
+    every_test: bool,
+    further: Callable[[int], tuple[Panel, ...]],
     before: Callable[[str], None],
-) -> list[TestBlock]:
-    """Contents of the page on each test, in order, all forces in one unit.
+) -> Section:
+    """The errors of every test, a small loop of each of many, and figures of some in full.
 
-    Those in `drawn`, indices with their roles, have figures; `before` hears of each before it is drawn.
+    Of many tests these are the best, the median and the worst, or with `every_test` all. `further` returns further
+    panels of the test with the worst fit, by its index; `before` hears of each test before it is drawn.
     """
+    rows = _agreement_rows(fit, comparisons)
+    drawn = drawn_in_full(comparisons, every_test=every_test)
+    worst = min(range(len(comparisons)), key=lambda number: comparisons[number].quality.fit_percent)
     unit = figures.common_force_unit(comparisons)
     blocks = []
-    for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True), start=1):
+    for number, role in drawn.items():
+        comparison = comparisons[number]
         test = comparison.test
-        panels: tuple[Panel, ...] = ()
-        if number - 1 in drawn:
-            before(f"test {test.name}")
-            panels = _test_panels(f"t{number}", comparison, row, unit)
+        before(f"test {test.name}")
+        panels = _test_panels(f"t{number + 1}", comparison, rows[number][0], unit)
+        found = sorted(test.findings, key=lambda finding: finding.severity != "warning")
         blocks.append(
-            TestBlock(
-                anchor=f"test-{number}" if panels else ANCHOR,
-                name=test.name,
-                role=drawn.get(number - 1, ""),
+            Group(
+                title=f"{role}: {test.name}" if role else test.name,
                 synthetic=test.synthetic,
-                conditions=_conditions(test, comparison.quality),
-                agreement=row,
-                findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
-                panels=panels,
+                prose=(_conditions(test, comparison.quality),),
+                panels=(*panels, *(further(number) if number == worst else ())),
+                points=tuple(f"{finding.severity}: {finding.message}" for finding in found),
             )
         )
-    return blocks
+    names = [_name_of(each.test) for each in comparisons]
+    table = Table(
+        label="Agreement with each test",
+        columns=(
+            "Test",
+            "Fit (%)",
+            "NRMSE",
+            "RMSE (N)",
+            *(Markup("<i>E<sub>{}</sub></i>").format(letter) for letter in "txv"),
+            "Samples",
+            "Sub-steps",
+        ),
+        rows=tuple((name, *row) for name, row in zip(names, rows, strict=False)),
+        foot=("All tests", *rows[-1]) if len(names) > 1 else (),
+        note="The model is simulated freely: its input is the motion, never the force. NRMSE is the RMSE over the "
+        "standard deviation of the force; E with t, x and v are the normed errors over time, displacement and velocity "
+        "(Spencer et al. 1997). Sub-steps are integration steps per sample.",
+    )
+    spread = FitSpread.of(
+        [each.test.name for each in comparisons], [each.quality.fit_percent for each in comparisons]
+    )
+    said = spread.in_words if len(names) > 1 else f"fit {rows[0][0]} %, RMSE {rows[0][2]} N"
+    return Section(
+        anchor="tests",
+        title="Agreement with the fitted tests",
+        summary=f"{said}; {count_findings(comparisons)}",
+        groups=(Group(table=table), *_overview(comparisons, before), *blocks),
+    )
 
 
-def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[AgreementRow]:
+def _name_of(test: DamperTest) -> str:
+    return test.name + (" (synthetic)" if test.synthetic else "")
+
+
+def _agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[tuple[str, ...]]:
     """A row per test and, last, one for all tests together; equal decimals down each column."""
     tested = [comparison.quality for comparison in comparisons]
     every: list[FitQuality | Fit] = [*tested, fit]
@@ -142,10 +154,10 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
 
 
 def _test_panels(
-    identifier: str, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit
+    identifier: str, comparison: Comparison, percent: str, unit: DisplayUnit
 ) -> tuple[Panel, ...]:
     test, data = comparison.test, data_label(comparison.test)
-    agrees = f"for test {test.name}: {data} and model, fit {agreement[0]} %, RMSE {agreement[2]} N"
+    agrees = f"for test {test.name}: {data} and model, fit {percent} %"
     window = zoom_window(test.displacement)
     in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
@@ -221,7 +233,6 @@ def _quantity(value: float | None, unit: str) -> str:
     return "" if value is None else f"{numbers.shortest(value)}{_THIN}{unit}"
 
 
-ANCHOR = "tests"
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
 
@@ -241,46 +252,44 @@ def has_small_loops(comparisons: Sequence[Comparison]) -> bool:
     return len(comparisons) > _ALL_IN_FULL
 
 
-def overview(comparisons: Sequence[Comparison], *, before: Callable[[str], None]) -> Section | None:
-    """Median and worst fit, a small loop of each of many tests, and recurring findings; `None` for a single test."""
-    if len(comparisons) < 2:
-        return None
-    spread = FitSpread.of(
-        [each.test.name for each in comparisons], [each.quality.fit_percent for each in comparisons]
-    )
-    prose = [f"{spread.in_words}."]
-    panels: tuple[Panel, ...] = ()
+def _overview(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> Iterator[Group]:
+    """A small loop of each of many tests, and recurring findings."""
     if has_small_loops(comparisons):
-        prose.append(
-            "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, the "
-            "median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test in full."
+        loops = figures.small_loops(comparisons, figures.common_force_unit(comparisons))
+        yield Group(
+            prose=(
+                "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "
+                "the median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test so.",
+            ),
+            panels=tuple(
+                loop_panel(f"o{number}", each, figure, each.quality.fit_percent)
+                for number, (each, figure) in enumerate(
+                    zip(_heard(comparisons, before), loops, strict=True), start=1
+                )
+            ),
+            layout="small",
         )
-        panels = _small_panels(comparisons, before)
     shared = gathered_findings([each.test for each in comparisons]).shared
-    groups = [Group(prose=tuple(prose), panels=panels, layout="small")]
-    if shared:
-        groups.append(
-            Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
-        )
-    return Section(anchor=ANCHOR, title="All tests", groups=tuple(groups))
+    if len(comparisons) > 1 and shared:
+        yield Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
 
 
-def _small_panels(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> tuple[Panel, ...]:
-    panels = []
-    loops = figures.small_velocity_loops(comparisons, figures.common_force_unit(comparisons))
-    for number, (comparison, figure) in enumerate(zip(comparisons, loops, strict=True), start=1):
-        name, percent = comparison.test.name, numbers.format_fixed(comparison.quality.fit_percent, 1)
-        before(f"test {name}")
-        panels.append(
-            panel(
-                f"o{number}",
-                name + (" (synthetic)" if comparison.test.synthetic else ""),
-                figure,
-                f"Force against velocity of test {name}, {data_label(comparison.test)} and model, fit {percent} %",
-                f"fit {percent} %",
-            )
-        )
-    return tuple(panels)
+def _heard(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> Iterator[Comparison]:
+    for comparison in comparisons:
+        before(f"test {comparison.test.name}")
+        yield comparison
+
+
+def loop_panel(identifier: str, drawn: Simulated, figure: Figure, percent: float, title: str = "") -> Panel:
+    """A small loop of a test with its name and its fit."""
+    test, fitted = drawn.test, f"fit {numbers.format_fixed(percent, 1)} %"
+    return panel(
+        identifier,
+        title or _name_of(test),
+        figure,
+        f"Force against velocity of test {test.name}, {data_label(test)} and model, {fitted}",
+        f"{_name_of(test)}, {fitted}" if title else fitted,
+    )
 
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.
@@ -347,7 +356,7 @@ def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="amplitudes",
         title="Errors by amplitude",
-        summary=f"Errors by amplitude: {_summary(classes)}.",
+        summary=f"{_summary(classes)}.",
         groups=(Group(prose=_prose(classes), table=_table(classes, every)),),
     )
 

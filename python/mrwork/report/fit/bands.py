@@ -1,4 +1,4 @@
-"""The section on bands: the parameter band of the model force, and the prediction band of another measurement."""
+"""Bands: the section on the prediction band of another measurement, and the parameter band of the model force."""
 
 from __future__ import annotations
 
@@ -26,7 +26,13 @@ from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
 from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, data_label, even_samples
-from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
+from mrwork.report.fit.coverage import (
+    ABSENT,
+    MAIN_LEVEL,
+    conditions_in_words,
+    coverage_groups,
+    coverage_summary,
+)
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.runs.load import StoredRun
@@ -50,7 +56,7 @@ from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
 
 # Tests left out that are drawn; draws of the parameters.
-_LEFT_OUT = 6
+_LEFT_OUT = 3
 _DRAWS = 200
 
 _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
@@ -65,81 +71,63 @@ _ParameterDraws = tuple[Floats, str]
 
 
 def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | None:
-    """Bands around a test of the fit and around tests left out; `None` without draws and without calibration."""
-    fit, bands = run.fit, run.bands
-    if run.draws is None and bands is None:
-        return None
-    draws = _parameter_draws(fit, [comparison.test for comparison in comparisons], run.draws)
-    if draws is None and bands is None:
+    """Coverage of tests left out, and bands around some of them; `None` without calibration."""
+    bands = run.bands
+    if bands is None:
         return None
     unit = common_force_unit(comparisons)
-    groups = [Group(prose=_prose(bands))]
-    worst = max(comparisons, key=lambda comparison: comparison.quality.nrmse)
-    groups += _own_groups(fit, worst, draws, bands, unit)
-    if bands is not None and len(bands.predictions) > 1:
+    groups = [*coverage_groups(bands), Group(prose=_prose(bands))]
+    if len(bands.predictions) > 1:
         for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
-    uncalibrated = "parameter band only; prediction bands are not calibrated yet"
-    summary = f"Bands: {uncalibrated if bands is None else bands.calibration.basis}."
-    return Section(anchor="bands", title="Bands", summary=summary, groups=tuple(groups))
-
-
-def _prose(bands: StoredBands | None) -> tuple[str, ...]:
-    first = (
-        "The figures show two bands. The parameter band (orange) contains the model force for the parameters that the "
-        "data allow; it shrinks with more data and need not contain a measurement. The prediction band (light blue) "
-        "should contain the stated share of a measurement. In the small figures, points are measured cycles, dashes "
-        "those of the model, and bars the bands."
+    return Section(
+        anchor="bands", title="Prediction bands", summary=coverage_summary(bands), groups=tuple(groups)
     )
-    if bands is None:
-        return first, (
-            "There is no prediction band yet: `mrwork calibrate RUN TESTS` computes one from tests that the fit has "
-            "not seen."
-        )
+
+
+def _prose(bands: StoredBands) -> tuple[str, ...]:
     names = [conditions_in_words(each.test) for each in bands.predictions] or bands.calibration.tests
-    second = (
-        f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations "
-        "and commands like these, not beyond them."
+    return (
+        f"The prediction band (light blue) should contain the stated share of a measurement. It is "
+        f"{bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations and commands like these, not "
+        "beyond them. In the small figures, points are measured cycles, dashes those of the model, and bars the bands.",
+        *bands.calibration.remarks,
     )
-    return first, second, *bands.calibration.remarks
 
 
-def _own_groups(
-    fit: Fit,
-    comparison: Comparison,
-    draws: _ParameterDraws | None,
-    bands: StoredBands | None,
-    unit: DisplayUnit,
-) -> tuple[Group, Group]:
+def band_panels(run: StoredRun, comparisons: Sequence[Comparison], number: int) -> tuple[Panel, ...]:
+    """The error of the model over a cycle of a fitted test with the bands that exist; none without any."""
+    comparison, bands = comparisons[number], run.bands
+    draws = (
+        None
+        if run.draws is None and bands is None
+        else _parameter_draws(run.fit, [each.test for each in comparisons], run.draws)
+    )
+    if draws is None and bands is None:
+        return ()
     prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
-    forces = None if draws is None else _drawn_forces(fit, draws[0], comparison.test)
+    forces = None if draws is None else _drawn_forces(run.fit, draws[0], comparison.test)
     banded = Banded(
         prediction=prediction,
         predicted=None if bands is None else bands.calibration.band(prediction, MAIN_LEVEL),
         parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], MAIN_LEVEL),
     )
-    parts = []
-    for band in (banded.parameters, banded.predicted):
-        if band is not None:
-            share = percent(score(band, prediction.measured).coverage)
-            parts.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
-    origin = "" if draws is None else f" Parameters were drawn from {draws[1]}."
-    text = f"This test was fitted: {'; '.join(parts)}. The coverage of other tests may differ.{origin}"
-    errors = [] if bands is None else list(bands.predictions)
-    whole = Group(
-        title=f"A test of the fit: {comparison.test.name}",
-        synthetic=comparison.test.synthetic,
-        prose=(text,) if parts else (),
-        panels=(
-            panel(
-                "b1-error",
-                "Force minus model force over one cycle",
-                error_figure(banded, unit),
-                f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
-            ),
+    shares = [
+        f"{percent(score(band, prediction.measured).coverage)} % of its samples lie in the 90 % {band.kind} band"
+        for band in (banded.parameters, banded.predicted)
+        if band is not None
+    ]
+    drawn = "" if draws is None else f" Parameters were drawn from {draws[1]}."
+    return (
+        panel(
+            "worst-error",
+            "Force minus model force over one cycle",
+            error_figure(banded, common_force_unit(comparisons)),
+            f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
+            f"This test was fitted; {'; '.join(shares)}. The parameter band (orange) contains the model force for the "
+            f"parameters that the data allow, and need not contain a measurement.{drawn}",
         ),
     )
-    return whole, Group(panels=_cycle_panels("b1", prediction, errors, forces), layout="small")
 
 
 def _left_out_groups(
@@ -174,7 +162,7 @@ def _left_out_groups(
         ),
     )
     return whole, Group(
-        panels=_cycle_panels(f"l{number}", prediction, bands.others(prediction), None), layout="small"
+        panels=_cycle_panels(f"l{number}", prediction, bands.others(prediction)), layout="small"
     )
 
 
@@ -191,16 +179,13 @@ def _choose_predictions(bands: StoredBands) -> list[Prediction]:
     return [ordered[index] for index in np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)]
 
 
-def _cycle_panels(
-    identifier: str, prediction: Prediction, others: Sequence[Prediction], forces: Floats | None
-) -> tuple[Panel, ...]:
+def _cycle_panels(identifier: str, prediction: Prediction, others: Sequence[Prediction]) -> tuple[Panel, ...]:
     """Energy, stiffness and damping of each cycle; none where the test has no whole cycle."""
     test = prediction.test
     try:
         measured, model = cycles_of(test, test.force), cycles_of(test, prediction.model_force)
     except RecordError:
         return ()
-    drawn = [] if forces is None else [cycles_of(test, force) for force in forces]
     panels = []
     for name in QUANTITIES:
         title, factor = _QUANTITIES[name]
@@ -211,8 +196,6 @@ def _cycle_panels(
                 scores.append(errors_over_cycles(each, name))
         if scores := [each for each in scores if each.size]:
             bands.append(cycle_band(prediction, name, scores, MAIN_LEVEL))
-        if drawn:
-            bands.append(parameter_band(np.array([cycles[name] for cycles in drawn]), MAIN_LEVEL))
         values = measured[name]
         figure = cycle_figure(title, values, model[name], bands, factor)
         kinds = " and ".join(band.kind for band in bands) or "no"
@@ -262,7 +245,7 @@ def _drawn_forces(fit: Fit, theta: Floats, test: DamperTest) -> Floats | None:
     return np.array([observed.with_nuisance(force)[0] for force in forces])
 
 
-BANDS = SectionKind(make=_section)
+BANDS = SectionKind(make=_section, absent=ABSENT)
 
 
 _POINTS = 130

@@ -42,7 +42,7 @@ def _models_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="ranking",
         title="Choice of model",
-        summary=f"Choice of model: {chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
+        summary=f"{chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
         groups=(
             _group(ranking, ranking.remarks),
@@ -73,7 +73,7 @@ def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="laws",
         title="Choice of current laws",
-        summary=f"Choice of laws: {in_words}, of {len(laws.tried)} sets of laws; left-out fit "
+        summary=f"{in_words}, of {len(laws.tried)} sets of laws; left-out fit "
         f"{chosen.left_out_percent:.2f} %.",
         groups=(_group(laws, laws.notes),),
     )
@@ -185,7 +185,7 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="next-test",
         title="Next test",
-        summary=f"Next test: {name} narrows the band of {plan.band} most of {len(plan.gains)} candidates.",
+        summary=f"{name} narrows the band of {plan.band} most of {len(plan.gains)} candidates.",
         groups=(
             Group(
                 prose=(

@@ -1,4 +1,4 @@
-"""Section on held-out tests: coverage of each test by the bands calibrated on the others."""
+"""Held-out tests: coverage of each by the bands calibrated on the others."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from mrwork.errors import escape_text
 from mrwork.records import DamperTest
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, room_for
-from mrwork.report.figures import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel
-from mrwork.runs.load import StoredRun
+from mrwork.report.section import Absent, Group, panel
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
@@ -30,30 +28,24 @@ _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
 
 
-def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def coverage_groups(bands: StoredBands) -> tuple[Group, ...]:
     """Coverage, interval score and cycles of each test left out."""
-    bands = run.bands
-    if bands is None:
-        return None
     rows = _by_test(bands)
-    groups: tuple[Group, ...]
-    if rows:
-        names = _names(bands, rows)
-        figure = panel(
-            "coverage",
-            "Samples inside the bands",
-            coverage_figure(rows, names),
-            f"Share of the samples of each of {len(rows)} tests inside its bands at three levels",
-            "Each mark should lie at the dotted line of its colour.",
-        )
-        groups = (Group(prose=(_verdict(rows),), table=_table(rows, names), panels=(figure,)),)
-    else:
+    if not rows:
         text = (
             "The coverage is not known, as a single test cannot be left out of its own calibration. Give "
             "`mrwork calibrate` more tests."
         )
-        groups = (Group(prose=(text,)),)
-    return Section(anchor="left-out", title="Tests left out", summary=_summary(rows), groups=groups)
+        return (Group(prose=(text,)),)
+    names = _names(bands, rows)
+    figure = panel(
+        "coverage",
+        "Samples inside the bands",
+        coverage_figure(rows, names),
+        f"Share of the samples of each of {len(rows)} tests inside its bands at three levels",
+        "Each mark should lie at the dotted line of its colour.",
+    )
+    return (Group(prose=(_verdict(rows),), table=_table(rows, names), panels=(figure,)),)
 
 
 @style.drawn_in_style()
@@ -96,14 +88,15 @@ def conditions_in_words(test: DamperTest) -> str:
     return f"{test.name} ({', '.join(known)})" if known else test.name
 
 
-def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
-    if not rows:
-        return "Tests left out: only one, so the coverage of the bands is not known."
-    shares = [row[MAIN_LEVEL].samples.coverage for row in rows]
-    return (
-        f"Tests left out: the 90 % bands contain {percent(float(np.mean(shares)), 0)} % of the samples of {len(rows)} "
-        f"tests ({percent(min(shares), 0)} to {percent(max(shares), 0)} %)."
-    )
+def coverage_summary(bands: StoredBands) -> str:
+    """What the 90 % bands hold of tests left out, a sentence; of few tests the extremes, not a mean."""
+    shares = [row[MAIN_LEVEL].samples.coverage for row in _by_test(bands)]
+    if not shares:
+        return "calibrated on one test, so their coverage is not known."
+    span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests left out"
+    if len(shares) < _FEW_TESTS:
+        return f"the 90 % bands contain {span}: too few tests to rely on."
+    return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."
 
 
 def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
@@ -171,12 +164,10 @@ def _texts(values: Sequence[float]) -> list[str]:
     return [*map(percent, shares), format_fixed(width, 3), format_fixed(score, 3)]
 
 
-COVERAGE = SectionKind(
-    make=_section,
-    absent=Absent(
-        title="Prediction bands",
-        command="mrwork calibrate RUN TESTS",
-        description="calibrates prediction bands from the errors of the fit on tests that it has not seen; "
-        "without TESTS the run's own tests are left out in turn.",
-    ),
+ABSENT = Absent(
+    title="Prediction bands",
+    command="mrwork calibrate RUN TESTS",
+    description="calibrates prediction bands from the errors of the fit on tests that it has not seen; without TESTS "
+    "the run's own tests are left out in turn.",
 )
+"""What a run without bands lacks."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.base import numbers
+from mrwork.base.summary import list_names
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
@@ -21,64 +20,33 @@ from mrwork.records import DamperTest
 from mrwork.report import figures
 from mrwork.report.canvas import png_bytes, svg_bytes
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.agreement import (
-    AMPLITUDES,
-    agreement_rows,
-    blocks_of_tests,
-    count_findings,
-    drawn_in_full,
-    has_small_loops,
-    overview,
-)
-from mrwork.report.fit.bands import BANDS
+from mrwork.report.fit.agreement import AMPLITUDES, drawn_in_full, has_small_loops, tests_section
+from mrwork.report.fit.bands import BANDS, band_panels
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
-from mrwork.report.fit.coverage import COVERAGE
-from mrwork.report.fit.parameters import (
-    IDENTIFIABILITY,
-    PROFILES,
-    TESTED_RANGE,
-    caution,
-    parameter_rows,
-    profiles_figure,
-)
+from mrwork.report.fit.front import fit_lead
+from mrwork.report.fit.parameters import PROFILES, parameters_section, profiles_figure
 from mrwork.report.fit.posterior import POSTERIOR
-from mrwork.report.fit.residuals import RESIDUALS
-from mrwork.report.fit.search import search_facts, search_figure, search_panels
-from mrwork.report.html import equation_html, fill_template
-from mrwork.report.section import OnDrawn, PageProgress, SectionKind, ignore_progress
+from mrwork.report.fit.residuals import RESIDUALS, residual_panels
+from mrwork.report.fit.search import search_figure, search_section
+from mrwork.report.html import page_html
+from mrwork.report.section import (
+    Absent,
+    Group,
+    OnDrawn,
+    PageProgress,
+    Panel,
+    Section,
+    SectionKind,
+    ignore_progress,
+)
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-SECTIONS: tuple[SectionKind, ...] = (
-    TESTED_RANGE,
-    IDENTIFIABILITY,
-    PROFILES,
-    POSTERIOR,
-    RESIDUALS,
-    AMPLITUDES,
-    BANDS,
-    COVERAGE,
-    RANKING,
-    LAWS,
-    PLAN,
-)
-"""The sections after the search, in their order on the page."""
+SECTIONS: tuple[SectionKind, ...] = (BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
+"""The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
 
-_STATUS = {
-    "converged": "Converged",
-    "not_converged": "Not converged",
-    "interrupted": "Interrupted",
-    "stopped": "Stopped",
-}
-_BANNER = {
-    "interrupted": "This identification was interrupted. The parameters below are the best found until then, "
-    "not the end of the search.",
-    "stopped": "This identification was stopped on request. The parameters below are the best found until then, "
-    "not the end of the search.",
-    "not_converged": "The search stopped before it converged{reason}. The parameters below may still improve.",
-}
 # Entries of a setting that are shown.
 _SETTINGS_SHOWN = 12
 _HASH_SHOWN = 12
@@ -102,12 +70,16 @@ def fit_page(
     comparisons: Sequence[Comparison],
     *,
     every_test: bool = False,
+    summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
 ) -> str:
-    """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added.
+    """The page of a run: its front, and below it the sections on its fit and on what later verbs have added.
 
-    Of many tests the best, the median and the worst are drawn in full, or with `every_test` all.
+    Of many tests the best, the median and the worst are drawn in full, or with `every_test` all; a `summary` is the
+    front alone. `comparisons` are the tests of the fit.
     """
+    if summary:
+        return page_html(fit_lead(run, comparisons), [], summary=True)
     drawn = drawn_in_full(comparisons, every_test=every_test)
     total = len(SECTIONS) + len(drawn) + (len(comparisons) if has_small_loops(comparisons) else 0)
     done = itertools.count()
@@ -115,44 +87,84 @@ def fit_page(
     def before(task: str) -> None:
         on_progress(PageProgress(done=next(done), total=total, task=task))
 
+    def further(worst: int) -> tuple[Panel, ...]:
+        unit = figures.common_force_unit(comparisons)
+        return (*band_panels(run, comparisons, worst), *residual_panels(comparisons[worst], unit))
+
     made = []
     for kind in SECTIONS:
         before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
-    fit = run.fit
-    *agreement, overall = agreement_rows(fit, comparisons)
+    tests = tests_section(run.fit, comparisons, every_test=every_test, further=further, before=before)
+    absent = [kind.absent for kind, section in made if section is None and kind.absent is not None]
+    warnings = Section(
+        anchor="warnings",
+        title="Warnings",
+        summary=f"{len(run.fit.warnings)} before you use this fit.",
+        groups=(Group(points=run.fit.warnings),),
+    )
+    sections = [
+        warnings if run.fit.warnings else None,
+        tests,
+        parameters_section(run.fit),
+        *(section for _, section in made),
+        search_section(run.fit),
+        _absent_section(absent),
+        _provenance_section(run.fit, comparisons),
+    ]
+    return page_html(fit_lead(run, comparisons), sections)
+
+
+def _absent_section(absent: Sequence[Absent]) -> Section | None:
+    if not absent:
+        return None
+    return Section(
+        anchor="absent",
+        title="Not in this report yet",
+        summary=f"{list_names([each.title[:1].lower() + each.title[1:] for each in absent], len(absent))}.",
+        groups=(
+            Group(
+                prose=(
+                    "RUN is the folder of this page. A command that takes RUN adds its section to the page.",
+                ),
+                facts=tuple((each.title, f"`{each.command}` {each.description}") for each in absent),
+            ),
+        ),
+    )
+
+
+def _provenance_section(fit: Fit, comparisons: Sequence[Comparison]) -> Section:
+    made = fit.provenance
     synthetic = {
         name
         for comparison in comparisons
         if comparison.test.synthetic
         for name in (comparison.test.path, comparison.test.name)
     }
-    return fill_template(
-        "fit.html.j2",
-        fit=fit,
-        equation=Markup(equation_html(fit.spec.equation)),
-        status=_STATUS[fit.status],
-        status_detail=_status_detail(fit),
-        banner=_BANNER.get(fit.status, "").format(
-            reason=f": {fit.status_reason}" if fit.status_reason else ""
+    settings = [(name, _plain(value)) for name, value in made.settings.items() if value]
+    facts = (
+        ("Created", made.created),
+        ("Model", f"`{fit.model}`"),
+        ("Seed", str(made.rng)),
+        ("Instruction set", made.instruction_set),
+        ("Versions", ", ".join(f"{name} {version}" for name, version in made.versions.items())),
+        *(
+            (name.replace("_", " ").capitalize(), f"`{value}`" if name == "command" else value)
+            for name, value in settings
         ),
-        headline=_headline(fit),
-        tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
-        parameters=parameter_rows(fit),
-        caution=caution(fit),
-        overall=overall,
-        overview=overview(comparisons, before=before),
-        blocks=blocks_of_tests(comparisons, agreement, drawn=drawn, before=before),
-        searched=search_panels(fit),
-        search=search_facts(fit),
-        sections=[section for _, section in made if section is not None],
-        checked=count_findings(comparisons),
-        absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
-        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
-        inputs=[
-            (name, digest, digest[:_HASH_SHOWN], name in synthetic)
-            for name, digest in fit.provenance.inputs.items()
-        ],
+        (
+            "Inputs, SHA-256",
+            ", ".join(
+                f"{name}{' (synthetic)' if name in synthetic else ''} `{digest[:_HASH_SHOWN]}`"
+                for name, digest in made.inputs.items()
+            ),
+        ),
+    )
+    return Section(
+        anchor="provenance",
+        title="Provenance",
+        summary=f"{made.created}, seed {made.rng}.",
+        groups=(Group(facts=facts),),
     )
 
 
@@ -171,30 +183,13 @@ def write_page(
     comparisons: Sequence[Comparison],
     *,
     every_test: bool = False,
+    summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
 ) -> Path:
     """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete."""
-    page = fit_page(run, comparisons, every_test=every_test, on_progress=on_progress)
+    page = fit_page(run, comparisons, every_test=every_test, summary=summary, on_progress=on_progress)
     write_files(run.place, {REPORT: page.encode()})
     return run.place / REPORT
-
-
-def _status_detail(fit: Fit) -> str:
-    """Basis of the status."""
-    if fit.status in ("interrupted", "stopped"):
-        return "the best found so far"
-    steps = "step" if fit.refinement_steps == 1 else "steps"
-    cost = f"; {fit.status_reason}" if fit.status == "converged" and fit.status_reason else ""
-    return f"after {numbers.format_fixed(fit.refinement_steps, 0)} refinement {steps}{cost}"
-
-
-def _headline(fit: Fit) -> list[tuple[str, str, str]]:
-    """Label, number and unit of the key figures."""
-    return [
-        ("Fit", numbers.format_fixed(fit.fit_percent, 2), "%" if math.isfinite(fit.fit_percent) else ""),
-        ("NRMSE", numbers.significant(fit.nrmse, 3), ""),
-        ("RMSE", numbers.significant(fit.rmse_n, 3), "N" if math.isfinite(fit.rmse_n) else ""),
-    ]
 
 
 def _plain(value: object) -> str:

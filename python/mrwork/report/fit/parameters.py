@@ -1,9 +1,10 @@
-"""Sections on parameters: their table, identifiability, profile likelihood; and the tested ranges."""
+"""Sections on parameters: the model with their table and what the data determine; and their profile likelihood."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, get_args
+from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from markupsafe import Markup
@@ -14,31 +15,52 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from mrwork.base import numbers
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.identification.fit import Direction, Estimate, Fit, Intervals, VerdictName
+from mrwork.dampers.parameters import ParamSpec
+from mrwork.dampers.spec import law_values
+from mrwork.identification.fit import Direction, Estimate, Fit, Intervals, VerdictName, step_in_words
 from mrwork.report import style
-from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
+from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, include_zero, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
+from mrwork.report.html import equation_html, symbol
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 
-class ParameterRow(NamedTuple):
-    """One estimate as text; `error` is its uncertainty, a standard error or an interval."""
+def parameters_section(fit: Fit) -> Section:
+    """The model, its parameters with their uncertainty, and what the data determine."""
+    spec, judged = fit.spec, fit.identifiability
+    verdicts = {} if judged is None else {each.name: fit.verdict_on(each.name) for each in judged.verdicts}
+    words = {verdict for verdict, _ in verdicts.values()}
+    advice = " ".join(_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words)
+    model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equation)))
+    groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
+    if spec.own is not None:
+        step = (
+            "" if fit.half_step_percent is None else f" {step_in_words(fit.half_step_percent).capitalize()}."
+        )
+        source = Markup(
+            '<div class="scroll" tabindex="0" role="region" aria-label="Equations in Python"><pre>{}</pre></div>'
+        ).format(spec.own.source.strip())
+        digest = f"Equations in Python, digest `{spec.own.digest}`.{step}"
+        groups.append(Group(prose=(digest,), markup=source))
+    groups.append(
+        Group(
+            table=parameter_table(fit),
+            prose=tuple(filter(None, (advice,))),
+            points=() if judged is None else tuple(_sentence(each) for each in judged.informative),
+        )
+    )
+    return Section(
+        anchor="parameters",
+        title="Parameters",
+        summary=_summary(verdicts) if verdicts else f"{len(fit.estimates)} parameters.",
+        groups=tuple(groups),
+    )
 
-    name: str
-    value: Markup
-    error: Markup
-    relative: Markup
-    unit: str
-    lower: Markup
-    upper: Markup
-    verdict: str
-    reason: str
 
-
-def parameter_rows(fit: Fit) -> list[ParameterRow]:
-    """A row per estimate, in the order of the model's spec."""
+def parameter_table(fit: Fit) -> Table:
+    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
     estimates = fit.estimates
     if fit.intervals is None:
         pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
@@ -47,18 +69,37 @@ def parameter_rows(fit: Fit) -> list[ParameterRow]:
         values = [numbers.significant(each.value, 5) for each in estimates]
         errors = [_interval(fit.intervals, each) for each in estimates]
     verdicts, reasons = zip(*(_verdict(fit, each) for each in estimates), strict=True)
-    columns = (
-        [each.name for each in estimates],
-        _align_texts(values),
-        _align_texts(errors) if fit.intervals is None else map(Markup.escape, errors),
-        _align_texts([relative_error(each.value, each.standard_error) for each in estimates]),
-        [shown_unit(each.unit) for each in estimates],
-        _align_texts([numbers.shortest(each.lower) for each in estimates]),
-        _align_texts([numbers.shortest(each.upper) for each in estimates]),
-        verdicts,
-        reasons,
+    relative = [relative_error(each.value, each.standard_error) for each in estimates]
+    columns: list[tuple[str, Sequence[str], bool]] = [
+        ("Parameter", [_name_cell(each.name) for each in estimates], True),
+        ("Value", _align_texts(values), False),
+        (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
+        ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
+        ("Unit", [shown_unit(each.unit) for each in estimates], True),
+        ("Lower bound", _align_texts([numbers.shortest(each.lower) for each in estimates]), False),
+        ("Upper bound", _align_texts([numbers.shortest(each.upper) for each in estimates]), False),
+        ("Verdict", verdicts if any(verdicts) else [], True),
+        ("Reason", reasons if any(reasons) else [], True),
+    ]
+    shown = [column for column in columns if column[1]]
+    place = next((place for place, column in enumerate(shown) if column[0] == "Verdict"), 0)
+    fine = ("", "identifiable", "fixed")
+    return Table(
+        label="Parameters",
+        columns=tuple(heading for heading, *_ in shown),
+        rows=tuple(zip(*(cells for _, cells, _ in shown), strict=True)),
+        words=tuple(number for number, (*_, words) in enumerate(shown) if words and number),
+        strong=frozenset((row, 1) for row in range(len(estimates))),
+        alarming=frozenset(
+            (row, place) for row, verdict in enumerate(verdicts) if place and verdict not in fine
+        ),
+        note=caution(fit),
     )
-    return [ParameterRow(*cells) for cells in zip(*columns, strict=True)]
+
+
+def _name_cell(name: str) -> Markup:
+    """A parameter's symbol as in the equations, and its name as in files."""
+    return Markup('<span class="symbol">{}</span> <code>{}</code>').format(Markup(symbol(name)), name)
 
 
 def _verdict(fit: Fit, estimate: Estimate) -> tuple[str, str]:
@@ -129,6 +170,33 @@ def _align_texts(texts: Sequence[str]) -> list[Markup]:
     return [form.format(head, width, tail) for head, tail in parts]
 
 
+_COMMANDS = 101
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Law:
+    """A parameter that follows the command: values at commands over the tested range, shape (n_commands,)."""
+
+    parameter: ParamSpec
+    commands: Floats
+    values: Floats
+
+
+def laws_of(fit: Fit) -> list[Law]:
+    """The law of each parameter that follows the command, from 0 to 1 where the tested commands are not known."""
+    if fit.spec.current is None:
+        return []
+    commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
+    found = law_values(fit.spec, np.array(fit.theta), commands)
+    return [Law(parameter=parameter, commands=commands, values=values) for parameter, values in found]
+
+
+def add_law(axes: Axes, law: Law) -> None:
+    """Line of a law, with zero in the range of the ordinate unless that would hide how it varies."""
+    axes.plot(law.commands, law.values, color=style.MODEL, linewidth=1.4)
+    include_zero(axes, law.values)
+
+
 _ADVICE: dict[VerdictName, str] = {
     "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
     "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
@@ -140,25 +208,6 @@ _ADVICE: dict[VerdictName, str] = {
 """What to do with a parameter, by its verdict."""
 
 
-def _identifiability_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
-    """What the verdicts follow from, and the directions in parameter space that change no force."""
-    identifiability = run.fit.identifiability
-    if identifiability is None:
-        return None
-    judged = {each.name: run.fit.verdict_on(each.name) for each in identifiability.verdicts}
-    words = {verdict for verdict, _ in judged.values()}
-    advice = " ".join(_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words)
-    points = tuple(_sentence(each) for each in identifiability.informative)
-    ground = "; the directions below follow from the derivatives at the fit" if points else ""
-    stated = f"The verdict on each parameter stands in the table of parameters{ground}."
-    return Section(
-        anchor="identifiability",
-        title="Identifiability",
-        summary=_summary(judged),
-        groups=(Group(prose=tuple(filter(None, (stated, advice))), points=points),),
-    )
-
-
 def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     names = {
         word: [name for name, (verdict, _) in judged.items() if verdict == word]
@@ -167,43 +216,13 @@ def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
-    return f"Identifiability: {'; '.join(parts)}."
+    return f"{'; '.join(parts)}."
 
 
 def _sentence(direction: Direction) -> str:
     """The sentence of a direction, capitalised unless it starts with the name of a parameter."""
     sentence = direction.sentence
     return f"{sentence if direction.starts_with_name else sentence[0].upper() + sentence[1:]}."
-
-
-IDENTIFIABILITY = SectionKind(make=_identifiability_section)
-
-
-def _range_section(run: StoredRun, _: Sequence[Comparison]) -> Section:
-    """The table of ranges."""
-    tested = run.fit.tested
-    return Section(
-        anchor="tested",
-        title="Tested range",
-        summary=f"Tested range: {tested.in_words}.",
-        groups=(
-            Group(
-                table=Table(
-                    label="Ranges of the tests",
-                    columns=("Quantity", "Tested"),
-                    rows=tuple((name[:1].upper() + name[1:], span) for name, span in tested.rows()),
-                    words=(1,),
-                    note="The stroke is half the peak-to-peak displacement; velocity and force are peaks; the mean "
-                    "power is the largest dissipated by a test; the frequency is that of the cycles. `mrwork predict` "
-                    "and `mrwork respond` say where the damper is used outside these ranges.",
-                )
-            ),
-        ),
-    )
-
-
-TESTED_RANGE = SectionKind(make=_range_section)
-"""The ranges in which the damper was tested."""
 
 
 _COLUMNS, _HEIGHT = 4, 2.2
@@ -229,7 +248,7 @@ def _profiles_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None
     return Section(
         anchor="profiles",
         title="Profile likelihood",
-        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
+        summary=f"{100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(
             Group(
                 prose=_profiles_prose(profiles),

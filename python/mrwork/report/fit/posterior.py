@@ -11,8 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from mrwork.base import numbers
-from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.values import Floats
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
@@ -53,16 +52,20 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
         made = f"Draws of {each.name} in the order in which they were made"
-        traces.append(panel(f"trace-{anchor}", "", trace_figure(each.name, chain), made))
+        span = f"median {significant(each.median, 5)}, {significant(each.lower, 5)} to {significant(each.upper, 5)}"
+        remark = each.reason or each.remark
+        note = f"{span} {shown_unit(each.unit)}".rstrip() + (f"; {remark}" if remark else "")
+        traces.append(panel(f"trace-{anchor}", "", trace_figure(each.name, chain), made, note))
         ranked = f"Ranks of the draws of {each.name} in four groups of walkers"
-        ranks.append(panel(f"rank-{anchor}", "", rank_figure(each.name, chain, each.ess_bulk), ranked))
+        note = f"ESS {format_fixed(each.ess_bulk, 0)}, of the tails {format_fixed(each.ess_tail, 0)}"
+        note += f", R-hat {format_fixed(each.rhat, 3)}" if math.isfinite(each.rhat) else ""
+        ranks.append(panel(f"rank-{anchor}", "", rank_figure(each.name, chain, each.ess_bulk), ranked, note))
     return Section(
         anchor="posterior",
         title="Posterior",
-        summary=f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, "
-        f"{numbers.format_fixed(len(draws.theta), 0)} draws.",
+        summary=f"{_ENDED[draws.status]} {draws.n_steps} steps, {format_fixed(len(draws.theta), 0)} draws.",
         groups=(
-            Group(prose=_prose(draws), table=_table(draws)),
+            Group(prose=_prose(draws)),
             Group(
                 title="Parameters in pairs",
                 prose=(
@@ -77,8 +80,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                 title="Trace",
                 prose=(
                     "Median (line) and 5 to 95 % range (band) of all walkers at each draw, with two single walkers in "
-                    "grey. A stationary chain looks the same from left to right; a drift means that sampling stopped "
-                    "too early.",
+                    "grey; below, the median and the 95 % interval of all draws. A stationary chain looks the same "
+                    "from left to right; a drift means that sampling stopped too early.",
                 ),
                 panels=tuple(traces),
                 layout="small",
@@ -99,38 +102,16 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 def _prose(draws: Draws) -> tuple[str, ...]:
     counted = (
         f"The noise model is {draws.noise_model}. To allow for autocorrelation, the log-likelihood is multiplied by "
-        f"{numbers.significant(draws.temper, 2)}, the share of effective samples. "
+        f"{significant(draws.temper, 2)}, the share of effective samples. "
         if draws.temper < 1.0
         else f"The noise model is {draws.noise_model}; every sample counts in full. "
     )
     return (
         draws.verdict,
+        f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the draws "
+        f"kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
         f"{counted}The intervals of the parameters hold if the model is right. They do not bound the error of the "
         "force on another test; calibrated prediction bands do.",
-    )
-
-
-def _table(draws: Draws) -> Table:
-    # The one verdict on a parameter is in the table of parameters.
-    return page_table(
-        "Posterior of each parameter",
-        (
-            TableColumn(heading="parameter", cell=lambda each: each.name),
-            TableColumn(heading="median", cell=lambda each: numbers.significant(each.median, 5)),
-            TableColumn(heading="2.5 %", cell=lambda each: numbers.significant(each.lower, 5)),
-            TableColumn(heading="97.5 %", cell=lambda each: numbers.significant(each.upper, 5)),
-            TableColumn(heading="unit", cell=lambda each: shown_unit(each.unit), words=True),
-            TableColumn(heading="ESS bulk", cell=lambda each: numbers.format_fixed(each.ess_bulk, 0)),
-            TableColumn(heading="ESS tail", cell=lambda each: numbers.format_fixed(each.ess_tail, 0)),
-            TableColumn(
-                heading="R-hat",
-                cell=lambda each: numbers.format_fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
-            ),
-            TableColumn(heading="remark", cell=lambda each: each.reason or each.remark, words=True),
-        ),
-        draws.summaries,
-        note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the "
-        f"draws kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
     )
 
 

@@ -1,11 +1,10 @@
-"""The section on residuals: what the tests of `uncertainty.residual_tests` say, and figures of the worst fitted."""
+"""Residuals: the section on what the tests of `uncertainty.residual_tests` say, and figures of those of a test."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +16,7 @@ from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.figures import Comparison, Motion, axis_values, common_force_unit, scattered_samples
+from mrwork.report.figures import Comparison, scattered_samples
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
@@ -31,8 +30,6 @@ from mrwork.uncertainty.residual_tests import (
     residual_tests,
 )
 
-# Largest number of tests that are drawn, those with the largest misfit.
-_DRAWN = 2
 # Share of the mean square from which on the residuals are called the model's error.
 _MOST = 0.5
 # Of the figures.
@@ -44,31 +41,16 @@ _LINE_POINTS = 300
 
 
 def residual_section(comparisons: Sequence[Comparison]) -> Section:
-    """Tests of the residuals of all tests, with figures of the worst fitted."""
+    """Tests of the residuals of all tests; their figures are beside those of the worst test."""
     tests = [
         residual_tests(comparison.test, comparison.residual[comparison.test.counted])
         for comparison in comparisons
     ]
-    worst = sorted(range(len(comparisons)), key=lambda index: -comparisons[index].quality.nrmse)[:_DRAWN]
-    note = (
-        f"The figures show the {_DRAWN} tests with the largest misfit." if len(comparisons) > _DRAWN else ""
-    )
-    unit = common_force_unit(comparisons)
     return Section(
         anchor="residuals",
         title="Residuals",
         summary=_summary(tests),
-        groups=(
-            Group(prose=(*_prose(tests), *filter(None, (note,))), table=_table(comparisons, tests)),
-            *(
-                Group(
-                    title=comparisons[index].test.name,
-                    synthetic=comparisons[index].test.synthetic,
-                    panels=_panels(index + 1, comparisons[index], tests[index], unit),
-                )
-                for index in sorted(worst)
-            ),
-        ),
+        groups=(Group(prose=_prose(tests), table=_table(comparisons, tests)),),
     )
 
 
@@ -77,12 +59,12 @@ def _summary(tests: Sequence[ResidualTests]) -> str:
     places = [each.in_words for each in _places(tests)]
     if correlated == 0:
         if not places:
-            return "Residuals: consistent with white noise."
-        return f"Residuals {'; those '.join(places)}."
+            return "consistent with white noise."
+        return f"{'; those '.join(places)}."
     parts = [f"correlated on {tests_of(correlated, len(tests))}"]
     if repeating := _repeating(tests):
         parts.append(f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle")
-    return f"Residuals: {'; '.join([*parts, *(f'those {each}' for each in places)])}."
+    return f"{'; '.join([*parts, *(f'those {each}' for each in places)])}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,53 +207,34 @@ def _ratio(excess: Excess) -> str:
     return f"{format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
-def _panels(
-    number: int, comparison: Comparison, tests: ResidualTests, unit: DisplayUnit
-) -> tuple[Panel, ...]:
+def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
+    """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
     test = comparison.test
     name = test.name + (" (synthetic)" if test.synthetic else "")
-    phase = np.degrees(Prediction(test=test, model_force=comparison.model_force).phase)
-    figures = (
-        (
-            "lag",
+    return (
+        panel(
+            "residual-lag",
             "Autocorrelation of the residual",
             autocorrelation_figure(comparison),
-            "Autocorrelation of the residual against lag, with the limits of white noise",
-            "White noise stays in the band from the first lag on. A peak at one cycle shows an error that repeats."
-            if not tests.is_white
-            else "The residual stays in the band of white noise.",
+            f"Autocorrelation of the residual against lag, with the limits of white noise, test {name}",
+            "White noise stays in the band from the first lag on. A peak at one cycle shows an error that repeats.",
         ),
-        (
-            "normal",
-            "Normal quantiles",
+        panel(
+            "residual-normal",
+            "Normal quantiles of the residual",
             quantile_figure(comparison),
-            "Quantiles of the residual against those of a normal distribution",
+            f"Quantiles of the residual against those of a normal distribution, test {name}",
             "Normally distributed residuals lie on the line; ends that leave it show more or fewer large errors than "
             "a normal distribution has.",
         ),
-        (
-            "phase",
+        panel(
+            "residual-phase",
             "Residual over the cycle",
-            _over(phase, "Phase of the motion (°)", comparison, unit, degrees=True),
-            "Residual against the phase of the motion, with its mean",
+            _over_cycle(comparison, unit),
+            f"Residual against the phase of the motion, with its mean, test {name}",
             "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
             "from zero, the model makes the same error in each cycle.",
         ),
-        *(
-            (
-                over,
-                f"Residual over {over}",
-                _over(abscissa[test.counted], label, comparison, unit),
-                f"Residual against {over}, with its mean",
-                "",
-            )
-            for over in get_args(Motion)
-            for abscissa, label in [axis_values(test, over)]
-        ),
-    )
-    return tuple(
-        panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)
-        for suffix, title, figure, what, note in figures
     )
 
 
@@ -326,18 +289,16 @@ def quantile_figure(comparison: Comparison) -> Figure:
 
 
 @style.drawn_in_style()
-def _over(
-    abscissa: Floats, label: str, comparison: Comparison, unit: DisplayUnit, *, degrees: bool = False
-) -> Figure:
-    """Residual over the displacement, the velocity or the phase, which is 0 at full extension."""
+def _over_cycle(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """Residual over the phase of the motion, which is 0 at full extension."""
+    phase = np.degrees(Prediction(test=comparison.test, model_force=comparison.model_force).phase)
     residual = comparison.residual[comparison.test.counted]
     unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
     figure, axes = column_axes()
-    add_residual_points(axes, abscissa, residual * unit.factor)
-    finish_signed(axes, f"Residual ({unit.symbol})", label)
-    if degrees:
-        axes.set_xlim(-180, 180)
-        axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
+    add_residual_points(axes, phase, residual * unit.factor)
+    finish_signed(axes, f"Residual ({unit.symbol})", "Phase of the motion (°)")
+    axes.set_xlim(-180, 180)
+    axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     legend(axes)
     return figure
 

@@ -15,29 +15,26 @@ from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.settings import Multistart
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, draw_points, finish, finish_signed, legend, logarithmic
-from mrwork.report.section import Panel, panel
+from mrwork.report.section import Group, Panel, Section, panel
 
 # Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.
 _WIDE = 3.0
 _NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 
 
-def search_panels(fit: Fit) -> tuple[Panel, ...]:
-    """The convergence of the search and, where it fitted from many starts, the misfits of these local minimisations."""
+def search_section(fit: Fit) -> Section:
+    """The convergence of the search, the misfits of its local minimisations, its results and its cost."""
     reached = "refined to" if fit.refinement_steps else "best fit"
-    description = (
+    ends, best = _local_minimisations(fit)
+    count, least = numbers.format_fixed(ends.size, 0), numbers.format_fixed(best, 0)
+    course = panel(
+        "search",
+        "Misfit during the search",
+        search_figure(fit),
         f"NRMSE of the best and of the median candidate against simulated candidates, "
-        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
+        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}",
     )
-    course = panel("search", "Misfit during the search", search_figure(fit), description)
-    return tuple(filter(None, (course, waterfall_panel(fit))))
-
-
-def search_facts(fit: Fit) -> list[tuple[str, str]]:
-    """Results and cost of the search, by name."""
-    ends, reached = _local_minimisations(fit)
-    count, least = numbers.format_fixed(ends.size, 0), numbers.format_fixed(reached, 0)
-    return [
+    facts = (
         ("Local minimisations", f"{count}, {least} at the least misfit" if ends.size else ""),
         ("Search ended", fit.trace.ended),
         ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
@@ -45,7 +42,14 @@ def search_facts(fit: Fit) -> list[tuple[str, str]]:
         ("Refinement steps", numbers.format_fixed(fit.refinement_steps, 0)),
         ("Samples compared", numbers.format_fixed(fit.n_time, 0)),
         ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
-    ]
+    )
+    said = f"; {least} of {count} local minimisations ended at the least misfit" if ends.size else ""
+    return Section(
+        anchor="search",
+        title="Search",
+        summary=f"{fit.status_in_words}{said}.",
+        groups=(Group(panels=tuple(filter(None, (course, waterfall_panel(fit)))), facts=facts),),
+    )
 
 
 def search_figure(fit: Fit) -> Figure:

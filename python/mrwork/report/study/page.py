@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,8 +10,8 @@ from mrwork.base.numbers import MINUS, NOTHING, format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion, ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
-from mrwork.report.html import fill_template
-from mrwork.report.section import Group, Section, panel
+from mrwork.report.html import page_html
+from mrwork.report.section import Group, Lead, Number, Section, panel
 from mrwork.report.study.figures import (
     ReadHistory,
     device_section,
@@ -216,6 +215,8 @@ def band_section(table: Table, count: int) -> Section | None:
     )
 
 
+# Motions that the front names.
+_NAMED = 4
 # Quantities of the headline; the section of changes has all of them.
 _HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")
 # The table [report] of a study file without one.
@@ -230,6 +231,7 @@ def study_page(
     report: ReportTable = _EVERYTHING,
     status: tuple[str, str, str] = ("Runs", "", ""),
     command: str = "",
+    summary: bool = False,
 ) -> str:
     """The page of a study, HTML with embedded styles and figures.
 
@@ -251,26 +253,34 @@ def study_page(
         step_section(results, shown),
         motion_section(results),
     ]
-    return fill_template(
-        "study.html.j2",
-        title=results.title,
-        what=f"response to {len(results.motions)} ground motion{'' if len(results.motions) == 1 else 's'}",
+    lead = Lead(
         eyebrow="Response of a building with MR dampers",
-        motions=results.motions,
-        subject="",
+        title=results.title,
+        subject=_subject(results),
+        synthetic=any(motion.synthetic for motion in results.motions),
+        verdict=_leading_in_words(comparison),
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
         "continue.",
-        leading=_leading_in_words(comparison),
-        shown=shown.in_words,
-        headline=_headline(comparison),
-        status=status,
-        warnings=results.warnings(),
-        advice="" if results.balanced else OFF_BALANCE,
-        sections=[section for section in sections if section is not None],
-        facts=(*results.facts, *([("Command", f"`{command}`")] if command else [])),
+        numbers=(*_headline(comparison), Number(title=status[0], value=status[1], note=status[2])),
+        cautions=(*results.warnings(), *([] if results.balanced else [OFF_BALANCE])),
+        advice=(shown.in_words,) if shown.in_words else (),
     )
+    return page_html(lead, [*sections, provenance_section(results.facts, command)], summary=summary)
+
+
+def provenance_section(facts: Sequence[tuple[str, str]], command: str) -> Section:
+    """The last section: what was computed, and by which command."""
+    said = (*facts, *([("Command", f"`{command}`")] if command else []))
+    return Section(anchor="provenance", title="Provenance", groups=(Group(facts=said),))
+
+
+def _subject(results: StudyResults) -> str:
+    """The first motions by their names, and how many more there are."""
+    names = [motion.name for motion in results.motions]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"Under {', '.join(names[:_NAMED])}{more}"
 
 
 def _comparison_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
@@ -322,30 +332,18 @@ def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Number:
-    """A number of the headline, and a line below it; those that became worse are coloured."""
-
-    title: str
-    value: str
-    unit: str = ""
-    worse: bool = False
-    note: str = ""
-    note_worse: bool = False
-
-
-def _headline(comparison: StudyComparison) -> list[_Number]:
+def _headline(comparison: StudyComparison) -> list[Number]:
     """Changes of the leading row against the building without dampers, and below against the best passive damper."""
     results, row = comparison.results, comparison.leading
     if row is None or comparison.uncontrolled is None:
         return [
-            _Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
-            _Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
+            Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
+            Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
         ]
     bare = comparison.changes(row, comparison.uncontrolled)
     passive = {} if comparison.passive in (None, row) else comparison.changes(row, comparison.passive)
     return [
-        _Number(
+        Number(
             title=criterion(name).title,
             value=signed_percent(bare[name].mean),
             unit="%",

@@ -19,10 +19,10 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import escape_text
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, name_rows, room_for
-from mrwork.report.html import fill_template
-from mrwork.report.section import Group, Section, panel
+from mrwork.report.html import page_html
+from mrwork.report.section import Group, Lead, Number, Section, panel
 from mrwork.report.study.figures import HUES, short
-from mrwork.report.study.page import band_section
+from mrwork.report.study.page import band_section, provenance_section
 from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
@@ -107,7 +107,7 @@ _DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
 
 
-def tuning_page(results: TuningResults, *, command: str = "") -> str:
+def tuning_page(results: TuningResults, *, command: str = "", summary: bool = False) -> str:
     """The page of a tuning: HTML with embedded styles and figures."""
     sections = [
         _score_section(results),
@@ -131,27 +131,22 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
     ]
     on = motions_in_words(results)
     laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
-    return fill_template(
-        "study.html.j2",
-        title=results.title,
-        what="tuned control laws",
+    lead = Lead(
         eyebrow="Control laws tuned on training motions",
-        motions=(),
+        title=results.title,
         subject=f"{laws} on {on if results.testing else 'the motions that they are judged by'}",
+        verdict=_leading(results),
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
-        leading=_leading(results),
-        shown="",
-        headline=[],
-        status=(
-            "Candidates",
-            format_fixed(sum(each.candidates for each in results.laws), 0),
-            speed_in_words(results),
+        numbers=(
+            Number(
+                title="Candidates",
+                value=format_fixed(sum(each.candidates for each in results.laws), 0),
+                note=speed_in_words(results),
+            ),
         ),
-        warnings=list(results.warnings),
-        advice="",
-        sections=[section for section in sections if section is not None],
-        facts=(*results.facts, *([("Command", f"`{command}`")] if command else [])),
+        cautions=tuple(results.warnings),
     )
+    return page_html(lead, [*sections, provenance_section(results.facts, command)], summary=summary)
 
 
 def _leading(results: TuningResults) -> str:

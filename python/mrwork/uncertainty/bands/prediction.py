@@ -39,6 +39,7 @@ IN_WORDS: dict[Fold, str] = {
     "command": "each predicted without the tests at its command",
 }
 
+UNSEEN = "the fit has not seen"
 LATER_CYCLES = "later cycles of one test, fitted on the earlier ones"
 ONE_TEST = (
     "one test was given, fitted on the first half of its cycles and evaluated on the second: cycles of one test repeat "

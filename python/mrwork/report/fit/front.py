@@ -1,0 +1,318 @@
+"""The front of a fit's page: how well it predicts, on which tests, where it does not hold, and what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrwork.base.numbers import format_fixed
+from mrwork.base.summary import list_names
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec, plain_parameters
+from mrwork.errors import MrworkError
+from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.identification.identify import identify_from
+from mrwork.identification.minimise.level_search import has_levels, levels_of
+from mrwork.identification.result import FitSpread, rms
+from mrwork.records import DamperTest
+from mrwork.report import figures, style
+from mrwork.report.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
+from mrwork.report.figures import Comparison, Motion, Simulated
+from mrwork.report.fit.agreement import loop_panel
+from mrwork.report.fit.coverage import coverage_summary
+from mrwork.report.fit.parameters import Law, add_law, laws_of, with_unit
+from mrwork.report.section import Lead, Number, Panel, panel
+from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
+
+_STATUS = {
+    "converged": "Converged",
+    "not_converged": "Not converged",
+    "interrupted": "Interrupted",
+    "stopped": "Stopped",
+}
+_BANNER = {
+    "interrupted": "This identification was interrupted. The parameters are the best found until then, not the end of "
+    "the search.",
+    "stopped": "This identification was stopped on request. The parameters are the best found until then, not the end "
+    "of the search.",
+    "not_converged": "The search stopped before it converged{reason}. The parameters may still improve.",
+}
+# Sentences, parameters with a law, and tests that the front shows.
+_CAUTIONS, _LAWS, _NAMED = 3, 6, 3
+_LONG = 150
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Evidence:
+    """Predictions of tests: what these tests are, a title and an opening of the sentence, and a remark behind it."""
+
+    title: str
+    opening: str
+    drawn: Sequence[Simulated]
+    percents: Sequence[float]
+    remark: str = ""
+
+    @property
+    def spread(self) -> FitSpread:
+        """Median and worst."""
+        return FitSpread.of([each.test.name for each in self.drawn], self.percents)
+
+    @property
+    def in_words(self) -> str:
+        """The verdict, a sentence or two."""
+        spread, count = self.spread, len(self.drawn)
+        said = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
+        if count > 1:
+            said += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
+        return f"{said}. {self.remark}".rstrip()
+
+
+def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
+    """The best evidence that a run has: tests that it has not seen, else those of the fit."""
+    own = _Evidence(
+        title="Fitted tests",
+        opening=f"Nothing was held out: the model describes {_tests(len(comparisons))} that it was fitted to,",
+        drawn=comparisons,
+        percents=[each.quality.fit_percent for each in comparisons],
+        remark="How well it predicts others is not known.",
+    )
+    bands, laws, ranking = run.bands, run.laws, run.ranking
+    if bands is not None and bands.predictions:
+        count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
+        openings = {
+            UNSEEN: f"Predicts {count} of its calibration, which it was not fitted to,",
+            LATER_CYCLES: "Predicts later cycles of its test, fitted on the earlier ones,",
+        }
+        left_out = f"Fits to the other tests predict {count}, {held_out},"
+        return _Evidence(
+            title="Calibration" if held_out in openings else "Left out",
+            opening=openings.get(held_out, left_out),
+            drawn=bands.predictions,
+            percents=[
+                100.0 * (1.0 - rms(each.residual) / float(np.std(each.measured)))
+                for each in bands.predictions
+            ],
+        )
+    chosen = None
+    if laws is not None:
+        chosen = "laws were", laws.chosen_laws.left_out_percent
+    elif ranking is not None:
+        chosen = "model was", ranking.chosen_standing.left_out_percent or 0.0
+    if chosen is not None:
+        left_out = f"Fits to other tests predict tests left out to {format_fixed(chosen[1], 1)} %; the "
+        return replace(
+            own, opening=f"{left_out}{chosen[0]} chosen by it, so expect less. {own.opening}", remark=""
+        )
+    return own
+
+
+def _tests(count: int) -> str:
+    return "one test" if count == 1 else f"{count} tests"
+
+
+def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
+    """The front of the page of a run, whose fit is `comparisons`."""
+    fit = run.fit
+    evidence = _evidence(run, comparisons)
+    names = [each.test.name for each in comparisons]
+    banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
+    return Lead(
+        eyebrow="Damper identification",
+        title=fit.spec.title,
+        subject=f"Fitted to {list_names(names, _NAMED)}",
+        synthetic=any(each.test.synthetic for each in comparisons),
+        banner=f"{_STATUS[fit.status]}. {banner}" if banner else "",
+        verdict=evidence.in_words,
+        numbers=_numbers(run, comparisons, evidence),
+        facts=(("Tested", f"{fit.tested.in_words}."),),
+        panels=(
+            *_loops(evidence, height=LOW if fit.spec.following else SMALL_HEIGHT),
+            *_law_panels(fit, comparisons),
+        ),
+        cautions=_cautions(run, evidence, comparisons),
+        advice=_advice(run),
+    )
+
+
+def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evidence) -> tuple[Number, ...]:
+    fit, spread, bands = run.fit, evidence.spread, run.bands
+    own = FitSpread.of(
+        [each.test.name for each in comparisons], [each.quality.fit_percent for each in comparisons]
+    )
+    worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
+    held_out = (
+        []
+        if evidence.drawn is comparisons
+        else [
+            Number(
+                title=f"{evidence.title}, median fit",
+                value=format_fixed(spread.median_percent, 1),
+                unit="%",
+                note=f"{_tests(spread.n_tests)}, worst {format_fixed(spread.worst_percent, 1)} %",
+            )
+        ]
+    )
+    covered = "not calibrated" if bands is None else coverage_summary(bands)
+    return (
+        *held_out,
+        Number(
+            title="Fit to its own tests",
+            value=format_fixed(fit.fit_percent, 1),
+            unit="%",
+            note=f"{_tests(own.n_tests)}{worst}; NRMSE {fit.nrmse:.3g}, RMSE {fit.rmse_n:.3g} N",
+        ),
+        Number(
+            title="Prediction bands",
+            value="none" if bands is None else f"{_tests(len(bands.calibration.tests))}",
+            note=f"{covered[:1].upper()}{covered[1:]}",
+        ),
+        Number(
+            title="Status",
+            value=_STATUS[fit.status],
+            note=fit.status_reason if fit.status == "converged" else "the best found so far",
+            worse=fit.status != "converged",
+        ),
+    )
+
+
+def _loops(evidence: _Evidence, *, height: float) -> Iterator[Panel]:
+    """Small loops of the worst and the median test; of a single test over both motions."""
+    order = np.argsort(evidence.percents, kind="stable").tolist()
+    count = len(order)
+    chosen = [(order[0], "Worst"), (order[(count - 1) // 2], "Median")] if count > 1 else [(0, ""), (0, "")]
+    motions: tuple[Motion, ...] = ("velocity", "velocity") if count > 1 else ("displacement", "velocity")
+    unit = figures.common_force_unit([evidence.drawn[number] for number, _ in chosen])
+    for (number, role), over in zip(chosen, motions, strict=True):
+        drawn = evidence.drawn[number]
+        (figure,) = figures.small_loops([drawn], unit, over=over, height=height)
+        title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
+        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, evidence.percents[number], title)
+
+
+def _law_panels(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Panel]:
+    """Laws of at most six parameters, and fits to the tests at each command, which know nothing of the law."""
+    laws = laws_of(fit)[:_LAWS]
+    points = _single_fits(fit, [each.test for each in comparisons]) if laws else {}
+    for number, law in enumerate(laws):
+        own = points.get(law.parameter.name, ())
+        yield panel(
+            f"law-{law.parameter.name}",
+            law.parameter.description.partition(":")[0].capitalize(),
+            _law_figure(fit.spec, law, own),
+            f"{law.parameter.name} over the command, with fits at {len(own)} single commands",
+            "points: fits to the tests at one command" if own and not number else "",
+        )
+
+
+_Point = tuple[float, float, float]
+"""A command, the value of a parameter fitted to the tests at it, and its standard error, NaN without one."""
+
+
+def _single_fits(fit: Fit, tests: Sequence[DamperTest]) -> dict[str, list[_Point]]:
+    """What the tests at each command alone give for the parameters that follow it, the others held at the fit."""
+    spec = fit.spec
+    if spec.own is not None or not has_levels(spec, tests):
+        return {}
+    plain = spec.without_laws
+    points: dict[str, list[_Point]] = {name: [] for name in spec.following}
+    for command, own in levels_of(spec, tests).items():
+        at = dict(
+            zip(plain.names, plain_parameters(spec, np.array(fit.theta), command).tolist(), strict=True)
+        )
+        held = {name: (value, value) for name, value in at.items() if name not in points}
+        settings = replace(fit.settings, bounds=held, starts=(at,), search=None, ties={})
+        trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="given")
+        box = Box.of(plain).with_bounds(held)
+        with suppress(MrworkError):
+            alone = identify_from(plain, own, settings, box=box, trace=trace, examines=False)
+            for each in alone.estimates:
+                if each.name in points and each.remark in ("", "not identifiable"):
+                    error = math.nan if each.standard_error is None else each.standard_error
+                    points[each.name].append((command, each.value, error))
+    return points
+
+
+@style.drawn_in_style()
+def _law_figure(spec: DamperSpec, law: Law, points: Sequence[_Point]) -> Figure:
+    """The law of a parameter over the command, and its fits at single commands with their errors."""
+    figure, axes = small_axes(labelled=True, height=LOW)
+    add_law(axes, law)
+    if points:
+        commands, values, errors = np.array(points).T
+        include_zero(axes, np.concatenate([law.values, values]))
+        axes.errorbar(
+            commands,
+            values,
+            errors,
+            fmt="o",
+            color=style.INK,
+            markersize=3.2,
+            elinewidth=0.9,
+            label="one command",
+        )
+    unit = "" if spec.current is None else f" ({spec.current.unit})"
+    name_small_axes(
+        axes, with_unit(style.symbol_text(law.parameter.name), law.parameter.unit), f"Command{unit}"
+    )
+    return figure
+
+
+def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Comparison]) -> tuple[str, ...]:
+    """Where the fit does not hold, what misleads most first; what does not fit is counted."""
+    fit = run.fit
+    judged = (
+        {}
+        if fit.identifiability is None
+        else {each.name: each.verdict for each in fit.identifiability.verdicts}
+    )
+    doubtful = [name for name, verdict in judged.items() if verdict not in ("identifiable", "negligible")]
+    said = [
+        *fit.warnings,
+        *(
+            [
+                f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
+            ]
+            if doubtful
+            else []
+        ),
+        "Not beyond the tested ranges; `mrwork predict` and `mrwork respond` say where they are left.",
+    ]
+    if evidence.drawn is comparisons and len(comparisons) == 1:
+        said.insert(0, "One test cannot show how the damper behaves under another motion or command.")
+    said = [_short(f"{each[:1].upper()}{each[1:]}") for each in said]
+    if any(each.test.synthetic for each in comparisons):
+        said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
+    more = len(said) - _CAUTIONS
+    return (*said[:_CAUTIONS], *([f"{more} more in the section on warnings."] if more > 0 else []))
+
+
+def _short(sentence: str) -> str:
+    """A sentence up to its first colon or semicolon, where it is long."""
+    if len(sentence) <= _LONG:
+        return sentence
+    ends = [place for mark in (": ", "; ") if (place := sentence.find(mark)) > 0]
+    return f"{sentence[: min(ends)]}." if ends else sentence
+
+
+def _advice(run: StoredRun) -> tuple[str, ...]:
+    """What to do next, the most useful first."""
+    said = []
+    if run.bands is None:
+        said.append(
+            "`mrwork calibrate RUN TESTS` with tests of other motions: the error on tests that it has not seen, and "
+            "bands."
+        )
+    elif run.bands.calibration.held_out == UNSEEN:
+        said.append("`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
+    if run.draws is None and run.profiles is None:
+        said.append("`mrwork profile RUN`: an interval of each parameter.")
+    if run.plan is None:
+        said.append("`mrwork plan RUN`: the next test that narrows a band most.")
+    said.append('In a study of a building: `run = "RUN"` of its `[[damper]]`.')
+    return tuple(said[:3])
