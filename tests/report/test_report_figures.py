@@ -258,8 +258,8 @@ def test_small_loops_on_shared_axes_are_drawn_as_if_alone() -> None:
         comparison("third", peak_force=40.0),
     ]
     unit = figures.common_force_unit(shown)
-    together = [svg_bytes(figure) for figure in figures.small_velocity_loops(shown, unit)]
-    alone = [svg_bytes(next(iter(figures.small_velocity_loops([each], unit)))) for each in shown]
+    together = [svg_bytes(figure) for figure in figures.small_loops(shown, unit)]
+    alone = [svg_bytes(next(iter(figures.small_loops([each], unit)))) for each in shown]
     assert together == alone
     assert len(set(together)) == 3
 

@@ -357,7 +357,8 @@ def small_loops(
         samples = zoom_window(comparison.test.displacement).samples
         motion, name = axis_values(comparison.test, over)
         motion = motion[samples]
-        canvas.name_small_axes(axes, f"Force ({unit.symbol})", name)
+        with style.drawn_in_style():
+            canvas.name_small_axes(axes, f"Force ({unit.symbol})", name)
         for line, force in ((data, comparison.test.force), (model, comparison.model_force)):
             shown = force[samples] * unit.factor
             drawn = even_samples(motion, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)

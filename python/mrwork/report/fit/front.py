@@ -27,6 +27,7 @@ from mrwork.report.fit.agreement import loop_panel
 from mrwork.report.fit.coverage import coverage_summary
 from mrwork.report.fit.parameters import Law, add_law, laws_of, with_unit
 from mrwork.report.section import Lead, Number, Panel, panel
+from mrwork.report.style import DisplayUnit
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
 
@@ -122,19 +123,19 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     evidence = _evidence(run, comparisons)
     names = [each.test.name for each in comparisons]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
+    if not banner and fit.warnings:
+        banner = _sentence(fit.warnings[0])
+    height = LOW if fit.spec.following else SMALL_HEIGHT
+    unit = figures.common_force_unit([*comparisons, *evidence.drawn])
     return Lead(
         eyebrow="Damper identification",
         title=fit.spec.title,
         subject=f"Fitted to {list_names(names, _NAMED)}",
         synthetic=any(each.test.synthetic for each in comparisons),
-        banner=f"{_STATUS[fit.status]}. {banner}" if banner else "",
+        banner=banner,
         verdict=evidence.in_words,
         numbers=_numbers(run, comparisons, evidence),
-        facts=(("Tested", f"{fit.tested.in_words}."),),
-        panels=(
-            *_loops(evidence, height=LOW if fit.spec.following else SMALL_HEIGHT),
-            *_law_panels(fit, comparisons),
-        ),
+        panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, comparisons)),
         cautions=_cautions(run, evidence, comparisons),
         advice=_advice(run),
     )
@@ -175,19 +176,25 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
         Number(
             title="Status",
             value=_STATUS[fit.status],
-            note=fit.status_reason if fit.status == "converged" else "the best found so far",
+            note=_reason(fit),
             worse=fit.status != "converged",
         ),
     )
 
 
-def _loops(evidence: _Evidence, *, height: float) -> Iterator[Panel]:
+def _reason(fit: Fit) -> str:
+    steps = f"after {fit.refinement_steps} refinement step{'' if fit.refinement_steps == 1 else 's'}"
+    if fit.status != "converged":
+        return "the best found so far"
+    return f"{steps}; {fit.status_reason}" if fit.status_reason else steps
+
+
+def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
     order = np.argsort(evidence.percents, kind="stable").tolist()
     count = len(order)
     chosen = [(order[0], "Worst"), (order[(count - 1) // 2], "Median")] if count > 1 else [(0, ""), (0, "")]
     motions: tuple[Motion, ...] = ("velocity", "velocity") if count > 1 else ("displacement", "velocity")
-    unit = figures.common_force_unit([evidence.drawn[number] for number, _ in chosen])
     for (number, role), over in zip(chosen, motions, strict=True):
         drawn = evidence.drawn[number]
         (figure,) = figures.small_loops([drawn], unit, over=over, height=height)
@@ -273,7 +280,7 @@ def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Compari
     )
     doubtful = [name for name, verdict in judged.items() if verdict not in ("identifiable", "negligible")]
     said = [
-        *fit.warnings,
+        *map(_sentence, fit.warnings[0 if fit.status in _BANNER else 1 :]),
         *(
             [
                 f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
@@ -281,23 +288,21 @@ def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Compari
             if doubtful
             else []
         ),
-        "Not beyond the tested ranges; `mrwork predict` and `mrwork respond` say where they are left.",
+        f"Not beyond the tested ranges: {fit.tested.in_words}.",
     ]
     if evidence.drawn is comparisons and len(comparisons) == 1:
         said.insert(0, "One test cannot show how the damper behaves under another motion or command.")
-    said = [_short(f"{each[:1].upper()}{each[1:]}") for each in said]
     if any(each.test.synthetic for each in comparisons):
         said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
     more = len(said) - _CAUTIONS
     return (*said[:_CAUTIONS], *([f"{more} more in the section on warnings."] if more > 0 else []))
 
 
-def _short(sentence: str) -> str:
-    """A sentence up to its first colon or semicolon, where it is long."""
-    if len(sentence) <= _LONG:
-        return sentence
-    ends = [place for mark in (": ", "; ") if (place := sentence.find(mark)) > 0]
-    return f"{sentence[: min(ends)]}." if ends else sentence
+def _sentence(warning: str) -> str:
+    """A warning as a sentence, where it is long up to its first colon or semicolon."""
+    ends = [place for mark in (": ", "; ") if (place := warning.find(mark)) > 0]
+    shown = warning[: min(ends)] if ends and len(warning) > _LONG else warning.removesuffix(".")
+    return f"{shown[:1].upper()}{shown[1:]}."
 
 
 def _advice(run: StoredRun) -> tuple[str, ...]:
