@@ -6,7 +6,7 @@ The last three write the plain numbers of a terminal, with a hyphen where there 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 MINUS = "\N{MINUS SIGN}"
 _THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
@@ -79,6 +79,11 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
         for number, decimal in ((value, finest), (error, of_error))
     ]
     return texts[0], texts[1]
+
+
+def rounded_to(error: float | None) -> Callable[[float], str]:
+    """What shows numbers to the second digit of their error, or to five digits where it is not known."""
+    return lambda value: value_and_error(value, error)[0] if error else significant(value, _DIGITS_ALONE)
 
 
 def in_plain(text: str) -> str:

@@ -34,7 +34,7 @@ SMALL_WIDTH = style.PANEL_WIDTH / 2.0
 # Height of those on the front of a page, where two rows stand on a screen.
 LOW = 1.2
 SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
-_ABSCISSA_NAME = 0.22
+_ABSCISSA_NAME = 0.12
 _LEGEND_GAP = 0.07
 # Mean width of a letter, and the widest margin for names.
 _LETTER, _WIDEST_NAMES = 0.082, 2.6

@@ -17,7 +17,7 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import law_values
-from mrwork.identification.fit import Direction, Estimate, Fit, Intervals, VerdictName, step_in_words
+from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
 from mrwork.report import style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, include_zero, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
@@ -64,10 +64,9 @@ def parameter_table(fit: Fit) -> Table:
     estimates = fit.estimates
     if fit.intervals is None:
         pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
-        values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
     else:
-        values = [numbers.significant(each.value, 5) for each in estimates]
-        errors = [_interval(fit.intervals, each) for each in estimates]
+        pairs = [_value_and_interval(each, fit.intervals.of(each.name)) for each in estimates]
+    values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
     verdicts, reasons = zip(*(_verdict(fit, each) for each in estimates), strict=True)
     relative = [relative_error(each.value, each.standard_error) for each in estimates]
     columns: list[tuple[str, Sequence[str], bool]] = [
@@ -110,9 +109,18 @@ def _verdict(fit: Fit, estimate: Estimate) -> tuple[str, str]:
     return verdict, "; ".join(filter(None, (estimate.remark, reason)))
 
 
-def _interval(intervals: Intervals, estimate: Estimate) -> str:
-    interval = intervals.of(estimate.name)
-    return numbers.NOTHING if interval is None else interval.in_words(lambda end: numbers.significant(end, 4))
+def _value_and_interval(estimate: Estimate, interval: Interval | None) -> tuple[str, str]:
+    """An estimate and its interval to the second digit of a quarter of its width, about one standard error."""
+    if interval is None:
+        return numbers.significant(estimate.value, 5), numbers.NOTHING
+    shown = numbers.rounded_to(quarter(estimate.value, interval.lower, interval.upper))
+    return shown(estimate.value), interval.in_words(shown)
+
+
+def quarter(value: float, lower: float | None, upper: float | None) -> float | None:
+    """A quarter of the width of an interval, half of one that is open on a side; `None` without ends."""
+    ends = [abs(end - value) for end in (lower, upper) if end is not None]
+    return sum(ends) / (2.0 * len(ends)) if ends else None
 
 
 def caution(fit: Fit) -> str:
@@ -270,10 +278,6 @@ def _profiles_prose(profiles: Profiles) -> tuple[str, ...]:
     return tuple(filter(None, (text, remark, cut)))
 
 
-def _end(value: float | None) -> str:
-    return "open" if value is None else numbers.significant(value, 4)
-
-
 @style.drawn_in_style()
 def _profile_panel(profile: Profile, threshold: float) -> Panel:
     figure, axes = small_axes()
@@ -282,13 +286,15 @@ def _profile_panel(profile: Profile, threshold: float) -> Panel:
     if axes.get_xscale() == "linear":
         axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
         plain_ticks(axes, 5)
-    interval = f"{_end(profile.lower)} to {_end(profile.upper)} {shown_unit(profile.unit)}".rstrip()
+    shown = numbers.rounded_to(quarter(profile.estimate, profile.lower, profile.upper))
+    ends = ("open" if end is None else shown(end) for end in (profile.lower, profile.upper))
+    interval = f"{' to '.join(ends)} {shown_unit(profile.unit)}".rstrip()
     return panel(
         f"profile-{profile.name.replace('.', '-')}",
         "",
         figure,
         f"Likelihood ratio over {profile.name}, interval {interval}",
-        f"{profile.name}: {numbers.significant(profile.estimate, 5)}, {interval}"
+        f"{profile.name}: {shown(profile.estimate)}, {interval}"
         f"{f'; {profile.reason}' if profile.reason else ''}",
     )
 

@@ -11,12 +11,12 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from mrwork.base.numbers import format_fixed, significant
+from mrwork.base.numbers import format_fixed, rounded_to, significant
 from mrwork.base.values import Floats
 from mrwork.report import style
 from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
 from mrwork.report.figures import Comparison
-from mrwork.report.fit.parameters import shown_unit
+from mrwork.report.fit.parameters import quarter, shown_unit
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
@@ -52,7 +52,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
         made = f"Draws of {each.name} in the order in which they were made"
-        span = f"median {significant(each.median, 5)}, {significant(each.lower, 5)} to {significant(each.upper, 5)}"
+        shown = rounded_to(quarter(each.median, each.lower, each.upper))
+        span = f"median {shown(each.median)}, {shown(each.lower)} to {shown(each.upper)}"
         remark = each.reason or each.remark
         note = f"{span} {shown_unit(each.unit)}".rstrip() + (f"; {remark}" if remark else "")
         traces.append(panel(f"trace-{anchor}", "", trace_figure(each.name, chain), made, note))
