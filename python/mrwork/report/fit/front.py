@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -210,7 +211,7 @@ def _law_panels(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Panel]:
         own = points.get(law.parameter.name, ())
         yield panel(
             f"law-{law.parameter.name}",
-            law.parameter.description.partition(":")[0].capitalize(),
+            re.split("[:,]", law.parameter.description)[0].capitalize(),
             _law_figure(fit.spec, law, own),
             f"{law.parameter.name} over the command, with fits at {len(own)} single commands",
             "points: fits to the tests at one command" if own and not number else "",
