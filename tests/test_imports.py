@@ -31,7 +31,7 @@ HOMES = {
     ("nptdms",): ("files.open_table",),
     ("pyarrow",): ("store.child_program",),
     ("python_calamine",): ("store.child_program",),
-    ("matplotlib",): ("report", "plots"),
+    ("matplotlib",): ("drawing", "report", "plots"),
     ("fontTools", "jinja2"): ("report",),
     ("ipywidgets",): ("plots.explore",),
     ("control",): ("buildings.state_space",),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.report import canvas, style
+from mrwork.drawing import canvas, style
 
 Floats = NDArray[np.float64]
 

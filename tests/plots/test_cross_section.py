@@ -13,8 +13,8 @@ from matplotlib.path import Path
 from matplotlib.text import Annotation, Text
 
 from mrwork.dampers.design import DamperDesign, fluid, steel, twenty_ton_damper
+from mrwork.drawing.canvas import svg_bytes
 from mrwork.report import cross_section_figure
-from mrwork.report.canvas import svg_bytes
 
 LARGE = twenty_ton_damper()
 # Of a passenger car: slender, one coil.

@@ -21,7 +21,7 @@ from plotted_results import RESULTS
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.report.style import symbol_text
+from mrwork.drawing.style import symbol_text
 
 # Units of labels, by what one of them is in SI.
 UNITS = {"mm": 1e-3, "mm/s": 1e-3, "kN": 1e3, "m/s²": 1.0, "N": 1.0, "s": 1.0, "J": 1.0, "l": 1e-3}

@@ -9,9 +9,9 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.control import lyapunov_function, plant_of
+from mrwork.drawing.canvas import svg_bytes
 from mrwork.motions import GroundMotion
 from mrwork.report import response_sheet_figure
-from mrwork.report.canvas import svg_bytes
 
 FRAME = five_storeys()
 MOTION = sweep(4.0)

@@ -18,24 +18,24 @@ from fontTools.ttLib import TTFont
 from matplotlib import font_manager
 from report_samples import comparison
 
-from mrwork.report import figures, style
-from mrwork.report.canvas import inline_svg, svg_bytes
+from mrwork.drawing import of_tests, style
+from mrwork.drawing.canvas import inline_svg, svg_bytes
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
     *(range(0x20, 0x7F), range(0xA0, 0x100), range(0x391, 0x3CA), range(0x2070, 0x208F)),
     [ord(sign) for sign in "\u2002\u2007\u2009\u202f–—‘’“”•…′″←→∂∆∈−∙√∝∞∫≈≠≤≥"],
 )
-_SUBSETS = Path(style.__file__).parent / "templates"
+_SUBSETS = Path(str(style.__file__)).parent
 # Copyright, licence and its address stay in the file.
 _KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 
 _DRAW = """
 import sys, hashlib
 from report_samples import comparison
-from mrwork.report import figures
-from mrwork.report.canvas import inline_svg, svg_bytes
-figure = figures.force_history(comparison())
+from mrwork.drawing import of_tests
+from mrwork.drawing.canvas import inline_svg, svg_bytes
+figure = of_tests.force_history(comparison())
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """
 
@@ -66,7 +66,7 @@ def test_the_embedded_subset_is_drawn_like_the_whole_font(weight: int) -> None:
 
 
 def test_no_other_family_is_drawn() -> None:
-    text = inline_svg(figures.force_history(comparison()), identifier="f", description="")
+    text = inline_svg(of_tests.force_history(comparison()), identifier="f", description="")
     assert style.FAMILY in text
     assert "DejaVu" not in text
     assert "sans-serif" not in text
@@ -91,7 +91,7 @@ def test_fonts_of_the_system_change_no_figure(tmp_path: Path) -> None:
         done = ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True)
         drawn.add(done.stdout)
     with style.drawn_in_style():
-        figure = figures.force_history(comparison())
+        figure = of_tests.force_history(comparison())
     assert svg_bytes(figure)
     assert len(drawn) == 1
 

@@ -20,14 +20,14 @@ from test_report import Page
 
 import mrwork as mr
 from mrwork import StoredRun, identify
+from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
-from mrwork.report.figures import Comparison
 from mrwork.report.fit.agreement import amplitude_section
-from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
+from mrwork.report.fit.page import fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
 from mrwork.store.codec import json_document

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.report.canvas import png_bytes, svg_bytes
+from mrwork.drawing.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.parameters import profiles_figure
 from mrwork.uncertainty import Profiles
 from mrwork.uncertainty.identifiability.profile import Profile

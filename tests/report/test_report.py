@@ -15,9 +15,9 @@ from report_samples import comparison, fit, quality
 from sentences import Refused
 
 from mrwork import StoredRun
+from mrwork.drawing import of_tests
+from mrwork.drawing.of_tests import Comparison
 from mrwork.records import DamperTest, Finding
-from mrwork.report import figures
-from mrwork.report.figures import Comparison
 from mrwork.report.fit.page import fit_page
 
 VOID = {"meta", "br", "wbr", "link", "img", "hr"}
@@ -218,8 +218,8 @@ def test_a_model_force_of_another_length_is_refused(refused: Refused) -> None:
 
 def test_one_unit_serves_all_tests_of_a_report() -> None:
     small, large = comparison(peak_force=900.0), comparison("strong", peak_force=20_000.0)
-    assert figures.common_force_unit([small]).symbol == "N"
-    assert figures.common_force_unit([small, large]).symbol == "kN"
+    assert of_tests.common_force_unit([small]).symbol == "N"
+    assert of_tests.common_force_unit([small, large]).symbol == "kN"
     text = report(small, large)
     assert "Force (kN)" in text
     assert "Force (N)" not in text

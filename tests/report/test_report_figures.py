@@ -23,10 +23,11 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import StoredRun
+from mrwork.drawing import of_tests, style
+from mrwork.drawing.canvas import inline_svg, svg_bytes
+from mrwork.drawing.of_tests import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.identification.fit import SearchTrace
-from mrwork.report import figures, parameter_effects_figure, style
-from mrwork.report.canvas import inline_svg, svg_bytes
-from mrwork.report.figures import Comparison, even_samples, scattered_samples, zoom_window
+from mrwork.report import parameter_effects_figure
 from mrwork.report.fit import search
 from mrwork.report.fit.page import run_figures, write_figures
 from mrwork.report.section import PageProgress
@@ -91,7 +92,7 @@ CASES = {
 @pytest.mark.parametrize("tested", CASES.values(), ids=CASES.keys())
 def test_labels_stay_inside_the_figure_and_off_each_other(tested: Comparison) -> None:
     with style.drawn_in_style():
-        for figure in (figures.force_history(tested), figures.hysteresis_loops(tested)):
+        for figure in (of_tests.force_history(tested), of_tests.hysteresis_loops(tested)):
             assert_labels_apart(figure)
 
 
@@ -139,7 +140,7 @@ def assert_labels_apart(figure: Figure) -> None:
 
 def test_figures_of_synthetic_data_say_so() -> None:
     made_up = comparison("spencer1997", synthetic=True)
-    for figure in (figures.force_history(made_up), figures.hysteresis_loops(made_up)):
+    for figure in (of_tests.force_history(made_up), of_tests.hysteresis_loops(made_up)):
         words = {text.get_text() for text in visible_texts(figure)}
         assert "spencer1997 (synthetic)" in words
         assert "measured" not in words
@@ -147,7 +148,7 @@ def test_figures_of_synthetic_data_say_so() -> None:
 
 def test_the_same_figure_is_the_same_file() -> None:
     tested = comparison()
-    assert svg_bytes(figures.force_history(tested)) == svg_bytes(figures.force_history(tested))
+    assert svg_bytes(of_tests.force_history(tested)) == svg_bytes(of_tests.force_history(tested))
 
 
 def test_a_search_without_refinement_shows_no_refined_misfit() -> None:
@@ -158,7 +159,7 @@ def test_a_search_without_refinement_shows_no_refined_misfit() -> None:
 
 
 def test_residual_and_force_share_their_time_axis() -> None:
-    axes = figures.force_history(comparison()).axes
+    axes = of_tests.force_history(comparison()).axes
     assert len(axes) == 4
     for lower, upper in (axes[:2], axes[2:]):
         assert lower.get_shared_x_axes().joined(lower, upper)
@@ -188,7 +189,7 @@ def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() ->
 def test_the_model_line_is_whole_and_the_points_lie_on_the_record() -> None:
     tested = comparison(n_time=9000)
     for axes, across in zip(
-        figures.hysteresis_loops(tested).axes,
+        of_tests.hysteresis_loops(tested).axes,
         (1e3 * tested.test.displacement, 1e3 * tested.test.velocity),
         strict=True,
     ):
@@ -240,7 +241,7 @@ def test_drawn_samples_follow_the_curve_without_bare_stretches(n_time: int, want
 def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     whole = comparison()
     raised = replace(whole.test, force=whole.test.force + 300.0)
-    (axes,) = figures.repair_panel(whole.test, raised, style.FORCES[1]).axes
+    (axes,) = of_tests.repair_panel(whole.test, raised, style.FORCES[1]).axes
     before, after = (np.asarray(line.get_ydata()) for line in axes.get_lines()[:2])
     np.testing.assert_allclose(before, raised.force)
     np.testing.assert_allclose(after, whole.test.force)
@@ -257,9 +258,9 @@ def test_small_loops_on_shared_axes_are_drawn_as_if_alone() -> None:
         comparison("large", amplitude=0.3, peak_force=9e3),
         comparison("third", peak_force=40.0),
     ]
-    unit = figures.common_force_unit(shown)
-    together = [svg_bytes(figure) for figure in figures.small_loops(shown, unit)]
-    alone = [svg_bytes(next(iter(figures.small_loops([each], unit)))) for each in shown]
+    unit = of_tests.common_force_unit(shown)
+    together = [svg_bytes(figure) for figure in of_tests.small_loops(shown, unit)]
+    alone = [svg_bytes(next(iter(of_tests.small_loops([each], unit)))) for each in shown]
     assert together == alone
     assert len(set(together)) == 3
 
@@ -284,9 +285,9 @@ def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path:
 
 def test_a_name_is_drawn_as_text() -> None:
     name = r"$\frac{$ 5 $ test & <b>"
-    svg = inline_svg(figures.force_history(comparison(name)), identifier="f", description="")
+    svg = inline_svg(of_tests.force_history(comparison(name)), identifier="f", description="")
     assert f">{html.escape(name)}</text>" in svg
-    assert svg_bytes(figures.hysteresis_loops(comparison(name)))
+    assert svg_bytes(of_tests.hysteresis_loops(comparison(name)))
 
 
 @pytest.mark.parametrize("name", [spec.name for spec in mr.damper_models()])

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from mrwork.drawing.canvas import inline_svg, png_bytes, svg_bytes
+from mrwork.drawing.style import symbol_text
 from mrwork.report import numbers, symbol, write_study_page
-from mrwork.report.canvas import inline_svg, png_bytes, svg_bytes
 from mrwork.report.html import equation_html
-from mrwork.report.style import symbol_text
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from blank_pictures import blank
 from counted_calls import calls_of
 
 from mrwork.cli.study_text import study_text
-from mrwork.report.figures import envelope
+from mrwork.drawing.of_tests import envelope
 from mrwork.report.study.figures import strokes
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared

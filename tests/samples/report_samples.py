@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.drawing.of_tests import Comparison
 from mrwork.identification import Fit
 from mrwork.identification.fit import ErrorNorms, Estimate, FitQuality, FitStatus, Provenance, SearchTrace
 from mrwork.records import DamperTest, Finding
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
-from mrwork.report.figures import Comparison
 
 
 def comparison(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from sentences import Refused
 
+from mrwork.drawing.canvas import svg_bytes
 from mrwork.identification.result import BuildingCost
 from mrwork.report import numbers
-from mrwork.report.canvas import svg_bytes
 from mrwork.report.fit.choices import ranking_figure
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from report_samples import comparison
 from scipy.stats import chi2, f
 
-from mrwork.report.figures import Comparison
+from mrwork.drawing.of_tests import Comparison
 from mrwork.report.fit.residuals import residual_section
 from mrwork.uncertainty.residual_tests import (
     LAGS,
@@ -167,7 +167,7 @@ def test_the_section_says_what_the_tests_found() -> None:
     spiked[np.arange(50, N_TIME, 50)] += 80.0
     steps = residual_section([stepped(spiked, random_steps(5))])
     assert re.fullmatch(
-        r"Residuals after steps of the command are [89]\.?\d? times as large as elsewhere\.", steps.summary
+        r"after steps of the command are [89]\.?\d? times as large as elsewhere\.", steps.summary
     )
     assert not any("no error that a better model" in sentence for sentence in steps.groups[0].prose)
     assert any("look at its lag" in sentence for sentence in steps.groups[0].prose)
@@ -182,7 +182,7 @@ def test_the_section_says_what_the_tests_found() -> None:
     assert "98 % of their mean square repeats" in model.summary
     once = comparison(n_time=N_TIME, duration=2.0)
     short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
-    assert short.summary == "Residuals: correlated on this test."
+    assert short.summary == "correlated on this test."
     assert any(
         "cannot be distinguished without repeated cycles" in sentence for sentence in short.groups[0].prose
     )

@@ -128,7 +128,8 @@ class Identification:
 
             def draw(on_progress: OnDrawn) -> None:
                 # Matplotlib is slow to load and needed for reports only.
-                from mrwork.report.fit.page import comparisons_of, write_page
+                from mrwork.drawing.of_tests import comparisons_of
+                from mrwork.report.fit.page import write_page
                 from mrwork.runs.load import StoredRun
 
                 run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)

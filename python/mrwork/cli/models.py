@@ -81,8 +81,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
     check_output(options.figure, replace=True, otherwise="")
+    from mrwork.drawing.canvas import png_bytes, svg_bytes
     from mrwork.plots.damper_figures import parameter_effects_figure
-    from mrwork.report.canvas import png_bytes, svg_bytes
 
     figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:

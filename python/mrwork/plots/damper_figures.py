@@ -19,8 +19,8 @@ from mrwork.dampers.design import DamperDesign
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec
+from mrwork.drawing import canvas, style
 from mrwork.errors import SettingError, SimulationError
-from mrwork.report import canvas, style
 
 _STEEL, _ROD, _COIL, _FLUID = "#b9c2c9", "#e3e7ea", "#e3a66a", "#bcd6ea"
 _MM = style.MILLIMETRE.factor

@@ -14,6 +14,10 @@ from mrwork.base.numbers import format_fixed
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.drawing import style
+from mrwork.drawing.canvas import png_bytes
+from mrwork.drawing.of_fits import with_unit
+from mrwork.drawing.of_tests import Motion, add_loop, axis_values
 from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
 from mrwork.identification.candidates import objective, simulate
 from mrwork.identification.fit import Fit, SearchTrace
@@ -21,10 +25,6 @@ from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
-from mrwork.report import style
-from mrwork.report.canvas import png_bytes
-from mrwork.report.figures import Motion, add_loop, axis_values
-from mrwork.report.fit.parameters import with_unit
 
 # The motion without a test: that of Spencer et al. 1997, in three cycles.
 _AMPLITUDE, _FREQUENCY, _CYCLES, _PER_CYCLE = 0.015, 2.5, 3, 400

@@ -10,6 +10,11 @@ from matplotlib.axes import Axes
 
 from mrwork.base.arguments import Level
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
+from mrwork.drawing import style
+from mrwork.drawing.canvas import draw_points
+from mrwork.drawing.of_bands import Banded, add_bands, middle_cycle
+from mrwork.drawing.of_fits import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
+from mrwork.drawing.of_tests import Motion, axis_values
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.plots import of_time
@@ -26,12 +31,6 @@ from mrwork.plots.sheet import (
     short,
     triangle_for,
 )
-from mrwork.report import style
-from mrwork.report.canvas import draw_points
-from mrwork.report.figures import Motion, axis_values
-from mrwork.report.fit.bands import Banded, add_bands, middle_cycle
-from mrwork.report.fit.parameters import add_law, add_profile, laws_of, with_unit
-from mrwork.report.fit.posterior import add_corner, label_corner
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate

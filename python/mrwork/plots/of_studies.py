@@ -16,14 +16,14 @@ from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labe
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
+from mrwork.drawing import style
+from mrwork.drawing.canvas import draw_points, vertical_grid
+from mrwork.drawing.of_fits import with_unit
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
 from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
-from mrwork.report import style
-from mrwork.report.canvas import draw_points, vertical_grid
-from mrwork.report.fit.parameters import with_unit
 from mrwork.report.study.figures import (
     ENERGY_PARTS,
     HUES,

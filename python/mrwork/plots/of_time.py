@@ -15,6 +15,18 @@ from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
+from mrwork.drawing import style
+from mrwork.drawing.canvas import include_zero
+from mrwork.drawing.of_fits import add_residual_points
+from mrwork.drawing.of_tests import (
+    Motion,
+    add_command,
+    add_loop,
+    add_record,
+    add_residual,
+    axis_values,
+    comparisons_of,
+)
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
@@ -29,11 +41,6 @@ from mrwork.plots.sheet import (
     shown_unit_of,
 )
 from mrwork.records.damper_test import DamperTest
-from mrwork.report import style
-from mrwork.report.canvas import include_zero
-from mrwork.report.figures import Motion, add_command, add_loop, add_record, add_residual, axis_values
-from mrwork.report.fit.page import comparisons_of
-from mrwork.report.fit.residuals import add_residual_points
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
 

@@ -20,10 +20,10 @@ from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.responses import History
 from mrwork.control.laws.lyapunov import lyapunov_function
 from mrwork.control.linear.plant import plant_of
+from mrwork.drawing import style
+from mrwork.drawing.canvas import axes_between, legend, name_ordinate, symmetric
+from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.errors import SettingError
-from mrwork.report import style
-from mrwork.report.canvas import axes_between, legend, name_ordinate, symmetric
-from mrwork.report.figures import envelope, strong_part
 
 Index = Annotated[int, Within(least=0, most=10_000)]
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
+from mrwork.drawing import canvas, style
+from mrwork.drawing.of_fits import with_unit
+from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
-from mrwork.report import canvas, style
-from mrwork.report.fit.parameters import with_unit
-from mrwork.report.style import DisplayUnit
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame

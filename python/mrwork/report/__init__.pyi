@@ -3,12 +3,12 @@ from ..plots.damper_figures import parameter_effects_figure as parameter_effects
 from ..plots.response_sheet import response_sheet_figure as response_sheet_figure
 
 if True:  # the lower tier
-    from . import style as style
-    from .canvas import SMALL as SMALL
-    from .canvas import WIDE as WIDE
-    from .canvas import blank as blank
-    from .canvas import draw_points as draw_points
-    from .canvas import finish as finish
+    from ..drawing import style as style
+    from ..drawing.canvas import SMALL as SMALL
+    from ..drawing.canvas import WIDE as WIDE
+    from ..drawing.canvas import blank as blank
+    from ..drawing.canvas import draw_points as draw_points
+    from ..drawing.canvas import finish as finish
     from .html import symbol as symbol
     from .html import write_study_page as write_study_page
     from .section import Panel as Panel

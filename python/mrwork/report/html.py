@@ -14,8 +14,8 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from mrwork.base.table import breakable, format_code
+from mrwork.drawing import style
 from mrwork.errors import escaped_lines
-from mrwork.report import style
 from mrwork.report.section import Lead, Section
 from mrwork.store.output_file import replacing
 

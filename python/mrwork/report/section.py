@@ -14,8 +14,8 @@ from mrwork.base.arguments import checked
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
-from mrwork.report.canvas import inline_svg
-from mrwork.report.figures import Comparison
+from mrwork.drawing.canvas import inline_svg
+from mrwork.drawing.of_tests import Comparison
 from mrwork.runs.load import StoredRun
 
 

@@ -16,14 +16,14 @@ from mrwork.base import numbers
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
+from mrwork.drawing import of_tests
+from mrwork.drawing.of_tests import Comparison, Motion, Simulated, data_label, zoom_window
+from mrwork.drawing.style import DisplayUnit
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
-from mrwork.report import figures
-from mrwork.report.figures import Comparison, Motion, Simulated, data_label, zoom_window
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
-from mrwork.report.style import DisplayUnit
 
 _THIN = "\N{NARROW NO-BREAK SPACE}"
 _MIDDLE_DOT = " · "
@@ -45,7 +45,7 @@ def tests_section(
     rows = _agreement_rows(fit, comparisons)
     drawn = drawn_in_full(comparisons, every_test=every_test)
     worst = min(range(len(comparisons)), key=lambda number: comparisons[number].quality.fit_percent)
-    unit = figures.common_force_unit(comparisons)
+    unit = of_tests.common_force_unit(comparisons)
     blocks = []
     for number, role in drawn.items():
         comparison = comparisons[number]
@@ -159,20 +159,20 @@ def _test_panels(
     test, data = comparison.test, data_label(comparison.test)
     agrees = f"for test {test.name}: {data} and model, fit {percent} %"
     window = zoom_window(test.displacement)
-    in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
-    in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
-    drawings: list[tuple[str, str, figures.Drawing, str, str]] = [
+    in_window = _thinning(window.stop - window.start, of_tests.POINTS_IN_WINDOW)
+    in_loop = _thinning(test.n_time, of_tests.POINTS_IN_LOOP)
+    drawings: list[tuple[str, str, of_tests.Drawing, str, str]] = [
         (
             "record",
             "Whole record",
-            figures.draw_record,
+            of_tests.draw_record,
             f"Force against time over the whole record, with the residual below, {agrees}",
             f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
         ),
         (
             "cycles",
             _window_title(comparison),
-            figures.draw_cycles,
+            of_tests.draw_cycles,
             f"Force against time over a few cycles, with the residual below, {agrees}",
             in_window,
         ),
@@ -180,7 +180,7 @@ def _test_panels(
             (
                 over,
                 f"Force against {over}",
-                partial(figures.draw_loop, over),
+                partial(of_tests.draw_loop, over),
                 f"Force against {over} {agrees}",
                 in_loop,
             )
@@ -192,13 +192,13 @@ def _test_panels(
             (
                 "command",
                 "Command",
-                figures.draw_command,
+                of_tests.draw_command,
                 f"Command against time of test {test.name}, {test.command_in_words}",
                 "The loops belong to the whole record, so they are wide where the command changes.",
             )
         )
     panels = [
-        panel(f"{identifier}-{suffix}", title, figures.figure_of_test(comparison, unit, draw), what, note)
+        panel(f"{identifier}-{suffix}", title, of_tests.figure_of_test(comparison, unit, draw), what, note)
         for suffix, title, draw, what, note in drawings
     ]
     if test.original is not None:
@@ -206,7 +206,7 @@ def _test_panels(
             panel(
                 f"{identifier}-repair",
                 "Before and after repair",
-                figures.repair_panel(test, test.original, unit),
+                of_tests.repair_panel(test, test.original, unit),
                 f"Force against displacement of test {test.name}, as recorded and repaired",
                 "The findings below list the repairs; the model is compared with the repaired record.",
             )
@@ -255,7 +255,7 @@ def has_small_loops(comparisons: Sequence[Comparison]) -> bool:
 def _overview(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> Iterator[Group]:
     """A small loop of each of many tests, and recurring findings."""
     if has_small_loops(comparisons):
-        loops = figures.small_loops(comparisons, figures.common_force_unit(comparisons))
+        loops = of_tests.small_loops(comparisons, of_tests.common_force_unit(comparisons))
         yield Group(
             prose=(
                 "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from mrwork.base.numbers import format_fixed, percent, shortest
 from mrwork.base.table import Table, TableColumn, page_table
+from mrwork.drawing import style
+from mrwork.drawing.canvas import column_axes, draw_points, room_for
 from mrwork.errors import escape_text
 from mrwork.records import DamperTest
-from mrwork.report import style
-from mrwork.report.canvas import column_axes, draw_points, room_for
 from mrwork.report.section import Absent, Group, panel
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage

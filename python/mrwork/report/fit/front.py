@@ -15,20 +15,20 @@ from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, plain_parameters
+from mrwork.drawing import of_tests, style
+from mrwork.drawing.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
+from mrwork.drawing.of_fits import Law, add_law, laws_of, with_unit
+from mrwork.drawing.of_tests import Comparison, Motion, Simulated
+from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import MrworkError
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.identify import identify_from
 from mrwork.identification.minimise.level_search import has_levels, levels_of
 from mrwork.identification.result import FitSpread, rms
 from mrwork.records import DamperTest
-from mrwork.report import figures, style
-from mrwork.report.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
-from mrwork.report.figures import Comparison, Motion, Simulated
 from mrwork.report.fit.agreement import loop_panel
 from mrwork.report.fit.coverage import coverage_summary
-from mrwork.report.fit.parameters import Law, add_law, laws_of, with_unit
 from mrwork.report.section import Lead, Number, Panel, panel
-from mrwork.report.style import DisplayUnit
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
 
@@ -127,7 +127,7 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     if not banner and fit.warnings:
         banner = _sentence(fit.warnings[0])
     height = LOW if fit.spec.following else SMALL_HEIGHT
-    unit = figures.common_force_unit([*comparisons, *evidence.drawn])
+    unit = of_tests.common_force_unit([*comparisons, *evidence.drawn])
     return Lead(
         eyebrow="Damper identification",
         title=fit.spec.title,
@@ -198,7 +198,7 @@ def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator
     motions: tuple[Motion, ...] = ("velocity", "velocity") if count > 1 else ("displacement", "velocity")
     for (number, role), over in zip(chosen, motions, strict=True):
         drawn = evidence.drawn[number]
-        (figure,) = figures.small_loops([drawn], unit, over=over, height=height)
+        (figure,) = of_tests.small_loops([drawn], unit, over=over, height=height)
         title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
         yield loop_panel(f"front-{number}-{role or over}", drawn, figure, evidence.percents[number], title)
 

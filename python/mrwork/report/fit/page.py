@@ -8,18 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.summary import list_names
+from mrwork.drawing import of_tests
+from mrwork.drawing.canvas import png_bytes, svg_bytes
+from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
-from mrwork.identification.result import free_run
-from mrwork.records import DamperTest
-from mrwork.report import figures
-from mrwork.report.canvas import png_bytes, svg_bytes
-from mrwork.report.figures import Comparison
 from mrwork.report.fit.agreement import AMPLITUDES, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS, band_panels
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
@@ -52,19 +49,6 @@ _SETTINGS_SHOWN = 12
 _HASH_SHOWN = 12
 
 
-def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
-    """The tests of a fit, each with the force that its model gives; simulated where the fit was read from its file."""
-    theta = np.array(fit.theta)
-    tests = [fit.observed(test) for test in tests]
-    forces = fit.forces or tuple(
-        free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
-    )
-    return tuple(
-        Comparison(test=test, model_force=force, quality=quality)
-        for test, force, quality in zip(tests, forces, fit.quality, strict=True)
-    )
-
-
 def fit_page(
     run: StoredRun,
     comparisons: Sequence[Comparison],
@@ -88,7 +72,7 @@ def fit_page(
         on_progress(PageProgress(done=next(done), total=total, task=task))
 
     def further(worst: int) -> tuple[Panel, ...]:
-        unit = figures.common_force_unit(comparisons)
+        unit = of_tests.common_force_unit(comparisons)
         return (*band_panels(run, comparisons, worst), *residual_panels(comparisons[worst], unit))
 
     made = []
@@ -236,16 +220,16 @@ def write_figures(
 
 def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, Callable[[], Figure]]:
     """Functions that draw the figures of a run, by name of file; of several tests the name starts with the test's."""
-    unit = figures.common_force_unit(comparisons)
+    unit = of_tests.common_force_unit(comparisons)
     drawn: dict[str, Callable[[], Figure]] = {"convergence": partial(search_figure, run.fit)}
     for number, comparison in enumerate(comparisons, start=1):
         test = comparison.test
         stem = re.sub(r"[^A-Za-z0-9.-]+", "_", test.name).strip("._") or "test"
         prefix = "" if len(comparisons) == 1 else f"{number:02d}_{stem}_"
-        drawn[f"{prefix}force_history"] = partial(figures.force_history, comparison, unit)
-        drawn[f"{prefix}hysteresis_loops"] = partial(figures.hysteresis_loops, comparison, unit)
+        drawn[f"{prefix}force_history"] = partial(of_tests.force_history, comparison, unit)
+        drawn[f"{prefix}hysteresis_loops"] = partial(of_tests.hysteresis_loops, comparison, unit)
         if test.original is not None:
-            drawn[f"{prefix}repair"] = partial(figures.repair_panel, test, test.original, unit)
+            drawn[f"{prefix}repair"] = partial(of_tests.repair_panel, test, test.original, unit)
     if run.profiles is not None:
         drawn["profiles"] = partial(profiles_figure, run.profiles)
     if run.ranking is not None:

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import get_args
 
-import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.base.values import Floats
-from mrwork.dampers.parameters import ParamSpec
-from mrwork.dampers.spec import law_values
+from mrwork.drawing import style
+from mrwork.drawing.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
+from mrwork.drawing.of_fits import add_profile, shown_unit, with_unit
+from mrwork.drawing.of_tests import Comparison
 from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
-from mrwork.report import style
-from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, include_zero, plain_ticks, small_axes
-from mrwork.report.figures import Comparison
 from mrwork.report.html import equation_html, symbol
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
@@ -157,52 +153,12 @@ def relative_error(value: float, error: float | None) -> str:
     return numbers.significant(100 * error / abs(value), 2)
 
 
-def shown_unit(unit: str) -> str:
-    """A unit with no-break spaces and raised powers; empty for a dimensionless quantity."""
-    if unit in {"", "-", "1"}:
-        return ""
-    return unit.replace(" ", "\N{NO-BREAK SPACE}").replace("^2", "²").replace("^3", "³")
-
-
-def with_unit(name: str, unit: str) -> str:
-    """A name for an axis, with its unit in parentheses if it has one."""
-    shown = shown_unit(unit)
-    return f"{name} ({shown})" if shown else name
-
-
 def _align_texts(texts: Sequence[str]) -> list[Markup]:
     """Numbers cut at their decimal points, with as much room behind these as the longest tail takes."""
     parts = [numbers.at_point(text) for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
     form = Markup('{}<span class="tail" style="width:{}ch">{}</span>' if width else "{}")
     return [form.format(head, width, tail) for head, tail in parts]
-
-
-_COMMANDS = 101
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Law:
-    """A parameter that follows the command: values at commands over the tested range, shape (n_commands,)."""
-
-    parameter: ParamSpec
-    commands: Floats
-    values: Floats
-
-
-def laws_of(fit: Fit) -> list[Law]:
-    """The law of each parameter that follows the command, from 0 to 1 where the tested commands are not known."""
-    if fit.spec.current is None:
-        return []
-    commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
-    found = law_values(fit.spec, np.array(fit.theta), commands)
-    return [Law(parameter=parameter, commands=commands, values=values) for parameter, values in found]
-
-
-def add_law(axes: Axes, law: Law) -> None:
-    """Line of a law, with zero in the range of the ordinate unless that would hide how it varies."""
-    axes.plot(law.commands, law.values, color=style.MODEL, linewidth=1.4)
-    include_zero(axes, law.values)
 
 
 _ADVICE: dict[VerdictName, str] = {
@@ -234,15 +190,6 @@ def _sentence(direction: Direction) -> str:
 
 
 _COLUMNS, _HEIGHT = 4, 2.2
-# Top of every panel, relative to the threshold.
-_TOP = 1.8
-_LINE_POINTS = 200
-# From this ratio of its ends on an axis is logarithmic, as it then has at least two powers of ten.
-_DECADES = 30.0
-# Tick labels of at least this number of characters are long; half of one takes this share of the width.
-_LONG, _LABEL_SHARE = 4, 0.08
-# An open side is drawn to 1.5 times the distance at which the ratio reaches 0.9 of its final value.
-_LEVEL, _FURTHER = 0.9, 1.5
 
 
 def _profiles_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
@@ -313,124 +260,8 @@ def profiles_figure(profiles: Profiles) -> Figure:
     return figure
 
 
-def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
-    """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
-    left, right = _span(profile)
-    line, ratio = _line(profile, left, right)
-    inner = [profile.lower is not None, profile.upper is not None]
-    axes.axvspan(
-        profile.lower if profile.lower is not None else left,
-        profile.upper if profile.upper is not None else right,
-        color=style.WINDOW,
-        linewidth=0,
-        zorder=-1,
-    )
-    axes.axhline(threshold, color=style.RESIDUAL, linewidth=1.0, linestyle=style.DASHED)
-    axes.plot(line, ratio, color=style.MODEL, linewidth=1.4)
-    drawn = [
-        (value, each)
-        for value, each in zip(profile.values, profile.ratio, strict=True)
-        if left <= value <= right and each <= _TOP * threshold
-    ]
-    axes.plot(
-        *np.array(drawn).T, linestyle="none", marker="o", markersize=3.5, color=style.MODEL, clip_on=False
-    )
-    axes.axvline(profile.estimate, color=style.DATA, linewidth=0.8)
-    if profile.log and right > _DECADES * left > 0.0:
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(numticks=4))
-        axes.xaxis.set_minor_locator(NullLocator())
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value)))
-    else:
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
-        # A long number centred on the right edge would be cut there.
-        inside = right - _LABEL_SHARE * (right - left)
-        axes.xaxis.set_major_formatter(
-            FuncFormatter(
-                lambda value, _: _tick(value) if value < inside or len(_tick(value)) < _LONG else ""
-            )
-        )
-    axes.set_xlim(left, right)
-    axes.set_ylim(0.0, _TOP * threshold)
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    for closed, way in zip(inner, (-1, 1), strict=True):
-        if not closed:
-            _mark_open(axes, way)
-
-
 def _add_title(axes: Axes, profile: Profile) -> None:
     axes.set_title(with_unit(style.symbol_text(profile.name), profile.unit), loc="left", pad=6)
-
-
-def _tick(value: float) -> str:
-    """A number as a tick label."""
-    text = f"{value:.4g}"
-    if "e" not in text:
-        return numbers.shortest(value)
-    mantissa, _, power = text.partition("e")
-    return mantissa + numbers.power_of_ten(int(power))
-
-
-def _mark_open(axes: Axes, way: int) -> None:
-    """An arrow that leaves the panel on the side where the interval is open."""
-    edge = 1.0 if way > 0 else 0.0
-    axes.annotate(
-        "",
-        xy=(edge, 0.93),
-        xytext=(edge - 0.14 * way, 0.93),
-        xycoords="axes fraction",
-        arrowprops={"arrowstyle": "->", "color": style.RESIDUAL, "linewidth": 1.3},
-    )
-    axes.text(
-        edge - 0.17 * way,
-        0.93,
-        "open",
-        transform=axes.transAxes,
-        ha="right" if way > 0 else "left",
-        va="center",
-        color=style.RESIDUAL,
-        fontsize=style.SMALL_TEXT_SIZE,
-    )
-
-
-def _span(profile: Profile) -> tuple[float, float]:
-    """The ends of the abscissa."""
-    own = np.log if profile.log else np.asarray
-    position = np.asarray(own(np.array(profile.values)))
-    ratio = np.array(profile.ratio)
-    centre = int(profile.values.index(profile.estimate))
-    ends = []
-    for way, limit in ((-1, profile.lower), (1, profile.upper)):
-        side = slice(centre, None, 1) if way > 0 else slice(centre, None, -1)
-        distance, height = np.abs(position[side] - position[centre]), ratio[side]
-        if limit is not None:
-            reach = 1.25 * abs(float(own(np.array(limit))) - position[centre])
-        else:
-            levelled = int(np.argmax(height >= _LEVEL * height.max()))
-            reach = _FURTHER * distance[levelled] or distance[-1]
-        ends.append(float(min(reach, distance[-1]) if limit is None else reach))
-    widest = max(ends)
-    if widest == 0.0:
-        widest = 0.01 if profile.log else 0.01 * abs(profile.estimate) or 1.0
-    low, high = (
-        position[centre] + way * max(end, 0.05 * widest) for way, end in zip((-1, 1), ends, strict=True)
-    )
-    return (float(np.exp(low)), float(np.exp(high))) if profile.log else (float(low), float(high))
-
-
-def _line(profile: Profile, left: float, right: float) -> tuple[Floats, Floats]:
-    """A smooth line through the points, interpolated in the signed root of the ratio."""
-    values, ratio = np.array(profile.values), np.array(profile.ratio)
-    if values.size < 2:
-        return values, ratio
-    position = np.log(values) if profile.log else values
-    signed = np.sqrt(ratio) * np.sign(values - profile.estimate)
-    ends = np.log([left, right]) if profile.log else np.array([left, right])
-    grid = np.linspace(max(ends[0], position[0]), min(ends[1], position[-1]), _LINE_POINTS)
-    from scipy.interpolate import PchipInterpolator
-
-    drawn = np.asarray(PchipInterpolator(position, signed)(grid)) ** 2
-    return np.exp(grid) if profile.log else grid, drawn
 
 
 PROFILES = SectionKind(

@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import format_fixed, rounded_to, significant
 from mrwork.base.values import Floats
-from mrwork.report import style
-from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.report.figures import Comparison
-from mrwork.report.fit.parameters import quarter, shown_unit
+from mrwork.drawing import style
+from mrwork.drawing.canvas import axes_between, name_small_axes, plain_ticks, small_axes
+from mrwork.drawing.of_fits import add_corner, label_corner, shown_unit
+from mrwork.drawing.of_tests import Comparison
+from mrwork.report.fit.parameters import quarter
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
@@ -32,8 +32,6 @@ _RANK_BINS = 16
 _GROUP_COLOURS = (style.MODEL, style.RESIDUAL, style.FAINT_INK, style.PARAMETER_BAND)
 # Of the corner: inches of a panel, cells of a density and their smoothing.
 _SIDE, _EDGE, _BELOW = 1.35, 0.85, 0.65
-_CELLS = 32
-_SMOOTH = 1.2
 
 
 def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
@@ -168,71 +166,6 @@ def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     for (row, column), axes in panels.items():
         label_corner(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
     return figure
-
-
-def add_corner(
-    panels: Mapping[tuple[int, int], Axes],
-    draws: Draws,
-    names: Sequence[str],
-    fitted: Mapping[str, float],
-) -> None:
-    """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
-    values = [draws.chain(name).reshape(-1) for name in names]
-    # Single outliers would compress the rest.
-    spans = [tuple(np.quantile(each, [0.002, 0.998]).tolist()) for each in values]
-    for (row, column), axes in panels.items():
-        if row == column:
-            _density(axes, values[row], spans[row], fitted.get(names[row]))
-        else:
-            at = (fitted.get(names[column]), fitted.get(names[row]))
-            _pair(axes, values[column], values[row], spans[column], spans[row], at)
-
-
-def _density(axes: Axes, values: Floats, span: tuple[float, float], fitted: float | None) -> None:
-    count, edges = np.histogram(values, bins=_CELLS, range=span)
-    axes.stairs(count, edges, fill=True, color=style.BAND_EDGE)
-    if fitted is not None:
-        axes.axvline(fitted, color=style.RESIDUAL, linewidth=1.0)
-    axes.set_xlim(*span)
-    axes.set_ylim(0.0, 1.08 * count.max())
-    axes.yaxis.set_major_locator(NullLocator())
-
-
-def _pair(
-    axes: Axes,
-    first: Floats,
-    second: Floats,
-    across: tuple[float, float],
-    up: tuple[float, float],
-    fitted: tuple[float | None, float | None],
-) -> None:
-    from scipy.ndimage import gaussian_filter
-
-    count, x, y = np.histogram2d(first, second, bins=_CELLS, range=(across, up))
-    smooth = gaussian_filter(count, _SMOOTH)
-    ordered = np.sort(smooth.ravel())[::-1]
-    held = np.cumsum(ordered) / ordered.sum()
-    levels = [float(ordered[np.searchsorted(held, share)]) for share in (0.9, 0.5)]
-    if levels[0] < levels[1] < ordered[0]:
-        centres = (0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
-        colours = ListedColormap([style.BAND, style.BAND_EDGE])
-        axes.contourf(*centres, smooth.T, levels=[*levels, ordered[0] * 1.01], cmap=colours)
-    if fitted[0] is not None and fitted[1] is not None:
-        axes.plot(fitted[0], fitted[1], marker="+", markersize=8, markeredgewidth=1.2, color=style.RESIDUAL)
-    axes.set_xlim(*across)
-    axes.set_ylim(*up)
-
-
-def label_corner(axes: Axes, below: str, left: str) -> None:
-    """Names below and left of axes of a corner, where they are not empty, with few ticks."""
-    axes.grid(False)
-    axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
-    axes.set(xlabel=style.symbol_text(below), ylabel=style.symbol_text(left))
-    for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
-        if name:
-            axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
-    plain_ticks(axes, 4, "x")
-    plain_ticks(axes, 4, "y")
 
 
 def _finish(axes: Axes, name: str, abscissa: str) -> None:

@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
 from mrwork.base.numbers import format_fixed, most_of, percent, probability, shortest, tests_of
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.base.values import Floats
-from mrwork.report import style
-from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.report.figures import Comparison, scattered_samples
+from mrwork.drawing import style
+from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend
+from mrwork.drawing.of_fits import add_residual_points
+from mrwork.drawing.of_tests import Comparison
+from mrwork.drawing.style import DisplayUnit
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
-from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 from mrwork.uncertainty.residual_tests import (
     LAGS,
@@ -32,10 +31,7 @@ from mrwork.uncertainty.residual_tests import (
 
 # Share of the mean square from which on the residuals are called the model's error.
 _MOST = 0.5
-# Of the figures.
-_POINTS = 350
 _QUANTILES = 120
-_BINS = 24
 _LEAST_LAGS = 40
 _LINE_POINTS = 300
 
@@ -301,23 +297,6 @@ def _over_cycle(comparison: Comparison, unit: DisplayUnit) -> Figure:
     axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     legend(axes)
     return figure
-
-
-def add_residual_points(axes: Axes, abscissa: Floats, residual: Floats) -> None:
-    """Points of a residual over an abscissa, both of shape (n,), and its mean in equal bins."""
-    drawn = scattered_samples(abscissa, residual, _POINTS)
-    draw_points(axes, abscissa[drawn], residual[drawn], size=2.6, label="residual")
-    axes.plot(*_means(abscissa, residual), color=style.RESIDUAL, linewidth=1.8, label="mean")
-
-
-def _means(abscissa: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    """Mean residual in equal bins of the abscissa that have samples."""
-    edges = np.linspace(abscissa.min(), abscissa.max(), _BINS + 1)
-    index = np.clip(np.searchsorted(edges, abscissa, side="right") - 1, 0, _BINS - 1)
-    count = np.bincount(index, minlength=_BINS)
-    total = np.bincount(index, weights=residual, minlength=_BINS)
-    filled = count > 0
-    return 0.5 * (edges[:-1] + edges[1:])[filled], total[filled] / count[filled]
 
 
 RESIDUALS = SectionKind(make=lambda _, comparisons: residual_section(comparisons))

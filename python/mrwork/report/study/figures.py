@@ -17,8 +17,8 @@ from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import axis_of
-from mrwork.report import style
-from mrwork.report.canvas import (
+from mrwork.drawing import style
+from mrwork.drawing.canvas import (
     column_axes,
     finish,
     name_rows,
@@ -29,9 +29,9 @@ from mrwork.report.canvas import (
     symmetric,
     vertical_grid,
 )
-from mrwork.report.figures import envelope, strong_part
+from mrwork.drawing.of_tests import envelope, strong_part
+from mrwork.drawing.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
-from mrwork.report.style import DisplayUnit
 from mrwork.study.comparison import (
     StudyComparison,
     chosen_in_words,

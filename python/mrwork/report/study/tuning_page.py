@@ -16,9 +16,9 @@ from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
+from mrwork.drawing import style
+from mrwork.drawing.canvas import column_axes, name_rows, room_for
 from mrwork.errors import escape_text
-from mrwork.report import style
-from mrwork.report.canvas import column_axes, name_rows, room_for
 from mrwork.report.html import page_html
 from mrwork.report.section import Group, Lead, Number, Section, panel
 from mrwork.report.study.figures import HUES, short

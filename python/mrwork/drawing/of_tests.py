@@ -16,13 +16,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.drawing import canvas, style
+from mrwork.drawing.canvas import axes_between, draw_points, finish_signed, legend
+from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
-from mrwork.identification.fit import FitQuality
+from mrwork.identification.fit import Fit, FitQuality
+from mrwork.identification.result import free_run
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import upward_crossings
-from mrwork.report import canvas, style
-from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
-from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.prediction import Prediction
 
 
@@ -46,6 +47,19 @@ class Comparison:
     def residual(self) -> Floats:
         """Measured minus model force [N], shape (n_time,)."""
         return self.test.force - self.model_force
+
+
+def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
+    """The tests of a fit, each with the force that its model gives; simulated where the fit was read from its file."""
+    theta = np.array(fit.theta)
+    tests = [fit.observed(test) for test in tests]
+    forces = fit.forces or tuple(
+        free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
+    )
+    return tuple(
+        Comparison(test=test, model_force=force, quality=quality)
+        for test, force, quality in zip(tests, forces, fit.quality, strict=True)
+    )
 
 
 Simulated = Comparison | Prediction
