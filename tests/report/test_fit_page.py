@@ -27,7 +27,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.report.fit.agreement import amplitude_section
-from mrwork.report.fit.page import fit_page, open_run, write_page
+from mrwork.report.fit.page import fit_page, open_run, write_fit_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
 from mrwork.store.codec import json_document
@@ -167,7 +167,7 @@ def test_a_test_without_one_of_the_levels_is_left_out_of_the_page(whole: Path, t
     stated["coverage"][0]["level"] = 0.7
     (place / "calibration.json").write_text(json.dumps(stated))
     with blank():
-        write_page(*open_run(place))
+        write_fit_page(*open_run(place))
     shown = (place / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
     assert "samples of 1 tests" in " ".join(shown.split())
 
@@ -180,7 +180,7 @@ def test_bands_say_on_which_excitations_they_are_calibrated(whole: Path) -> None
 
 def test_a_page_written_again_is_the_same(whole: Path) -> None:
     before = (whole / "report.html").read_bytes()
-    write_page(*open_run(whole))
+    write_fit_page(*open_run(whole))
     assert (whole / "report.html").read_bytes() == before
 
 
@@ -210,7 +210,7 @@ def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
 def test_progress_of_a_page_counts_its_parts(plain: Path) -> None:
     heard: list[PageProgress] = []
     with blank():
-        write_page(*open_run(plain), on_progress=heard.append)
+        write_fit_page(*open_run(plain), on_progress=heard.append)
     assert [each.done for each in heard] == list(range(heard[0].total))
     assert heard[-1].task == "test synthetic spencer1997"
 
@@ -263,7 +263,7 @@ def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: 
     before = (place / "report.html").read_bytes()
     (place / "profiles.json").write_text('{"model": 3}')
     with pytest.raises(RecordError, match=r"profiles\.json is not a profiles.*run `mrwork profile` again"):
-        write_page(*open_run(place))
+        write_fit_page(*open_run(place))
     assert (place / "report.html").read_bytes() == before
 
 

@@ -129,11 +129,11 @@ class Identification:
             def draw(on_progress: OnDrawn) -> None:
                 # Matplotlib is slow to load and needed for reports only.
                 from mrwork.drawing.of_tests import comparisons_of
-                from mrwork.report.fit.page import write_page
+                from mrwork.report.fit.page import write_fit_page
                 from mrwork.runs.load import StoredRun
 
                 run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
-                write_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
+                write_fit_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
 
             status = drawing(folder, draw, quiet=self.frame.is_quiet)
         else:

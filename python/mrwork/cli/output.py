@@ -129,9 +129,9 @@ def renew_page(folder: Path, *, quiet: bool) -> int:
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
-        from mrwork.report.fit.page import open_run, write_page
+        from mrwork.report.fit.page import open_run, write_fit_page
 
-        write_page(*open_run(folder), on_progress=on_progress)
+        write_fit_page(*open_run(folder), on_progress=on_progress)
 
     try:
         return drawing(folder, draw, quiet=quiet)

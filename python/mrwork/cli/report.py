@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
+import webbrowser
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
-from mrwork.cli.terminal import show
+from mrwork.cli.terminal import note, show
+from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.store.run_folder import FIGURES, REPORT
+from mrwork.store.run_folder import FIGURES, FIT_RUN, read_kind
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -18,22 +23,32 @@ if TYPE_CHECKING:
 
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
-    parser.description = "Draw the page of a run again, with everything that its folder holds."
+    parser.description = (
+        "Draw the page of a run again, with everything that its folder holds: of a fit, a study or a tuning."
+    )
     parser.epilog = examples(
-        "mrwork report out/demo",
+        "mrwork report out/demo --summary",
         "mrwork report out/demo --figures",
     )
     add_run(parser)
     page = parser.group("page")
     page.add_argument(
+        "--summary",
+        action="store_true",
+        help="write the front of the page alone, one screen or sheet of paper, as RUN/summary.html",
+    )
+    page.add_argument("--open", action="store_true", help="open it in the browser")
+    page.add_argument(
         "--figures",
         action="store_true",
-        help="also write every figure as an SVG and a PNG file into RUN/figures; those of each test for every test",
+        help="of a fit: also write every figure as an SVG and a PNG file into RUN/figures; those of each test for "
+        "every test",
     )
     page.add_argument(
         "--all-tests",
         action="store_true",
-        help="draw every test in full; by default up to four tests, of more the best, the median and the worst fit",
+        help="of a fit: draw every test in full; by default up to four tests, of more the best, the median and the "
+        "worst fit",
     )
     end_parser(parser, run)
 
@@ -41,27 +56,50 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
     place = options.run_folder
+    kind, _ = read_kind(place)
+    if kind is not FIT_RUN and (options.figures or options.all_tests):
+        option = "--figures" if options.figures else "--all-tests"
+        raise SettingError(
+            f"{option} is of the tests of a fit, and {place} is of `mrwork {kind.verb}`; leave it out"
+        )
     names: list[str] = []
     tests: list[DamperTest] = []
+    written: list[Path] = []
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
-        from mrwork.report.fit.page import open_run, write_figures, write_page
+        from mrwork.report.fit.page import open_run, write_figures, write_fit_page
+        from mrwork.report.pages import write_page
 
-        opened, comparisons = open_run(place)
-        tests.extend(each.test for each in comparisons)
-        write_page(opened, comparisons, every_test=options.all_tests, on_progress=on_progress)
+        if kind is not FIT_RUN:
+            written.append(write_page(place, summary=options.summary))
+            return
+        opened, compared = open_run(place)
+        tests.extend(each.test for each in compared)
+        drawn = {"every_test": options.all_tests, "summary": options.summary}
+        written.append(write_fit_page(opened, compared, **drawn, on_progress=on_progress))
         if options.figures:
-            names.extend(write_figures(opened, comparisons, on_progress=on_progress))
+            names.extend(write_figures(opened, compared, on_progress=on_progress))
 
     status = drawing(place, draw, quiet=is_quiet(options))
     if status == 0:
         findings = told_findings("report", tests, options)
         if options.json:
-            document = {"out": str(place), "report": str(place / REPORT), "figures": names}
+            document = {"out": str(place), "report": str(written[0]), "figures": names}
             print_json(document | {"findings": findings})
         else:
-            show(f"Report: {place / REPORT}")
+            show(f"Report: {written[0]}")
             if names:
                 show(f"Figures: {2 * len(names)} files in {place / FIGURES}")
+        if options.open:
+            _open(written[0])
     return status
+
+
+def _open(page: Path) -> None:
+    """Open a page in the browser of a desktop; browsers of a terminal would take it over."""
+    desktop = sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    )
+    if not (desktop and webbrowser.open(page.resolve().as_uri())):
+        note(f"no browser was found; open {page} in one")

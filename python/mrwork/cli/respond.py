@@ -151,14 +151,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         # Matplotlib is slow to load.
         from mrwork.report.study.page import study_page
 
-        return study_page(
-            results,
-            histories.read,
-            motion=study.detailed,
-            report=study.report,
-            status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
-            command=command_line(),
-        )
+        return study_page(results, histories.read, command=command_line(), seconds=seconds)
 
     def document(results: StudyResults) -> dict[str, Any]:
         return study_document(results) | design_document(study) | further

@@ -40,7 +40,7 @@ from mrwork.study.comparison import (
     motion_groups,
 )
 from mrwork.study.course import StudyProgress
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyCriteria, StudyResults
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
 from mrwork.study.tables import (
@@ -230,7 +230,7 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
     return _block(heading, change_table(comparison, reference, begun))
 
 
-def _begun_rows(results: StudyCriteria, motion: int | None = None) -> list[int]:
+def _begun_rows(results: StudyResults, motion: int | None = None) -> list[int]:
     """Rows that were simulated, under this motion or any; after Ctrl-C these are not all."""
     runs = {row for row, own in results.runs if motion in (None, own)}
     return sorted(runs)

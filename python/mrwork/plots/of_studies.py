@@ -36,8 +36,7 @@ from mrwork.report.study.figures import (
     strokes,
 )
 from mrwork.report.study.tuning_page import add_front
-from mrwork.study.folder import StoredStudy
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
 if TYPE_CHECKING:
@@ -129,7 +128,7 @@ _MOST_BARS = 60
 
 @figure
 def storey_profiles(
-    result: Responses | StudyResults | StoredStudy,
+    result: Responses | StudyResults,
     ax: Axes | None = None,
     *,
     quantity: str = "peak_drift",
@@ -196,7 +195,7 @@ def storey_profiles(
 
 @figure
 def energies(
-    result: Responses | StudyResults | StoredStudy | History,
+    result: Responses | StudyResults | History,
     ax: Axes | None = None,
     *,
     motion: str | int | None = None,
@@ -254,10 +253,10 @@ class _Run:
 
 
 def _runs(
-    result: Responses | StudyResults | StoredStudy, motion: str | int | None, rows: Sequence[str | int]
+    result: Responses | StudyResults, motion: str | int | None, rows: Sequence[str | int]
 ) -> list[_Run]:
     """The runs of these rows or candidates under a motion that finished."""
-    if isinstance(result, StudyCriteria):
+    if isinstance(result, StudyResults):
         place = chosen(motion, [each.name for each in result.motions], "motion")
         labels = [each.label for each in result.rows]
         numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
@@ -275,7 +274,7 @@ def _runs(
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
     of_row = (
         dict(enumerate(strokes(result)))
-        if isinstance(result, StudyCriteria)
+        if isinstance(result, StudyResults)
         else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
     )
     finished = [
@@ -293,9 +292,9 @@ def _stroke(number: int, count: int) -> Stroke:
     return Stroke(colour=to_hex(style.TONES(number / (count - 1))), pattern="-", width=0.6)
 
 
-def _heights(result: Responses | StudyResults | StoredStudy, axis: str, count: int) -> tuple[str, ...]:
+def _heights(result: Responses | StudyResults, axis: str, count: int) -> tuple[str, ...]:
     """Names of the storeys or floors."""
-    if isinstance(result, StudyCriteria):
+    if isinstance(result, StudyResults):
         return result.floor_names if axis == "floor" else result.storey_names
     return tuple(f"{axis} {number}" for number in range(1, count + 1))
 

@@ -22,7 +22,7 @@ from mrwork.runs.damper_text import force_table, opensees_damper
 from mrwork.runs.load import read_run
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
-from mrwork.study.results import StudyCriteria
+from mrwork.study.results import StudyResults
 from mrwork.tuning.results import TuningResults
 from mrwork.uncertainty.bands.prediction import predict_tests
 
@@ -38,7 +38,7 @@ _OPTIONS: dict[Target, tuple[str, ...]] = {
 
 @checked
 def export(
-    run: str | Path | Fit | StudyCriteria | TuningResults,
+    run: str | Path | Fit | StudyResults | TuningResults,
     to: Target,
     output: str | Path,
     *,
@@ -108,7 +108,7 @@ def export(
 
 
 def exported(
-    run: str | Path | Fit | StudyCriteria | TuningResults,
+    run: str | Path | Fit | StudyResults | TuningResults,
     to: Target,
     *,
     command: str | None,

@@ -34,10 +34,10 @@ from mrwork.uncertainty.posterior.draws import Draws, read_draws
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import RunPlots
-    from mrwork.study.folder import StoredStudy
+    from mrwork.study.results import StudyResults
     from mrwork.tuning.results import TuningResults
 
-RunT = TypeVar("RunT", "StoredRun", "StoredStudy", "TuningResults")
+RunT = TypeVar("RunT", "StoredRun", "StudyResults", "TuningResults")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -90,11 +90,11 @@ def load(run: str | Path, kind: type[RunT], *, trust: bool = False) -> RunT: ...
 @overload
 def load(
     run: str | Path, kind: None = None, *, trust: bool = False
-) -> StoredRun | StoredStudy | TuningResults: ...
+) -> StoredRun | StudyResults | TuningResults: ...
 @checked
 def load(
     run: str | Path, kind: type[Any] | None = None, *, trust: bool = False
-) -> StoredRun | StoredStudy | TuningResults:
+) -> StoredRun | StudyResults | TuningResults:
     """Read back the run folder of any verb.
 
     Parameters
@@ -112,8 +112,8 @@ def load(
     -------
     StoredRun
         Of `mrwork identify` and `demo`: the fit, and what `profile`, `sample`, `calibrate` and `plan` have added.
-    StoredStudy
-        Of `mrwork respond`: criteria and quantities of every run.
+    StudyResults
+        Of `mrwork respond`: what `run_study` has returned, but for the commands of non-causal optima.
     TuningResults
         Of `mrwork tune`: what `mr.tune` has returned.
 
@@ -143,7 +143,7 @@ def load(
     return held
 
 
-def read_run(place: Path) -> Fit | StoredStudy | TuningResults:
+def read_run(place: Path) -> Fit | StudyResults | TuningResults:
     """What the verb has found that wrote the folder at `place`, by the reader of its kind."""
     kind, _ = read_kind(place)
     if kind is FIT_RUN:

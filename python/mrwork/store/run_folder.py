@@ -21,6 +21,8 @@ from mrwork.store.parse import json_value
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
+SUMMARY = "summary.html"
+"""The front of the page alone."""
 FIGURES = "figures"
 FIT = "fit.json"
 # Added to the folder of a fit by later verbs.
@@ -45,6 +47,8 @@ STUDY = "study.toml"
 HISTORIES = "histories"
 CRITERIA_TABLE = "criteria.csv"
 PROFILES_TABLE = "profiles.csv"
+# With [uncertainty]: the criteria of every realisation.
+REALISATIONS = "realisations.npz"
 # With --ensemble: its verdicts and criteria for each set of laws.
 ENSEMBLE = "ensemble.json"
 # Written by a tuning.
@@ -82,8 +86,8 @@ FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
     written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"}),
-    added=ADDITIONS | {FIGURES},
-    redrawn=frozenset({REPORT}),
+    added=ADDITIONS | {FIGURES, SUMMARY},
+    redrawn=frozenset({REPORT, SUMMARY}),
 )
 STUDY_RUN: Final = RunKind(
     verb="respond",
@@ -99,13 +103,18 @@ STUDY_RUN: Final = RunKind(
             PROFILES_TABLE,
             f"{HISTORIES}/*.npz",
             ENSEMBLE,
+            REALISATIONS,
         }
     ),
+    added=frozenset({SUMMARY}),
+    redrawn=frozenset({REPORT, SUMMARY}),
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
     written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}),
+    added=frozenset({SUMMARY}),
+    redrawn=frozenset({REPORT, SUMMARY}),
 )
 
 

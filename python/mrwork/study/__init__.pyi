@@ -2,7 +2,6 @@ from ..runs.study import read_study as read_study
 from ..runs.study import study_of as study_of
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
-from .folder import StoredStudy as StoredStudy
 from .folder import read_results as read_results
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study

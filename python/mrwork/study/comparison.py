@@ -19,7 +19,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
-from mrwork.study.results import StudyCriteria, StudyResults, shares_in_words
+from mrwork.study.results import StudyResults, shares_in_words
 from mrwork.study.study import Kind, uses_in_words
 
 MOST_IN_DETAIL = 8
@@ -37,7 +37,7 @@ class MotionGroup:
     motions: tuple[int, ...]
 
 
-def judged_in_words(results: StudyCriteria) -> str:
+def judged_in_words(results: StudyResults) -> str:
     """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
     uses = [results.motions[motion].use for motion in results.judged_motions]
     if _n_training(results) or "training" in uses:
@@ -45,7 +45,7 @@ def judged_in_words(results: StudyCriteria) -> str:
     return counted(len(uses), "motion")
 
 
-def chosen_in_words(results: StudyCriteria) -> str:
+def chosen_in_words(results: StudyResults) -> str:
     """What the best constant command is chosen on, a sentence; empty without such a row."""
     if results.row_of("best_passive") is None or not results.chosen_on:
         return ""
@@ -54,13 +54,13 @@ def chosen_in_words(results: StudyCriteria) -> str:
     return f"The best constant command is chosen on {on}."
 
 
-def _n_training(results: StudyCriteria) -> int:
+def _n_training(results: StudyResults) -> int:
     """Number of motions that the best constant command is chosen on, if these are not the judged ones."""
     judged = {results.motions[motion].name for motion in results.judged_motions}
     return 0 if judged.issuperset(results.chosen_on) else len(results.chosen_on)
 
 
-def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
+def motion_groups(results: StudyResults) -> tuple[MotionGroup, ...]:
     """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
     judged = results.judged_motions
     members: dict[str, list[int]] = {}
@@ -73,7 +73,7 @@ def motion_groups(results: StudyCriteria) -> tuple[MotionGroup, ...]:
     return tuple(MotionGroup(name=name, motions=tuple(motions)) for name, motions in made)
 
 
-def times_better(results: StudyCriteria, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
+def times_better(results: StudyResults, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
     """Under how many judged motions all these criteria of a row are lower than those of a reference row.
 
     `None` if a run did not finish.
@@ -151,7 +151,7 @@ class StudyComparison(Summarised):
     `tables` are the changes of the compared quantities by name, for each (row, reference).
     """
 
-    results: StudyCriteria
+    results: StudyResults
     ranks: tuple[tuple[Rank, tuple[int, ...]], ...]
     uncontrolled: int | None
     passive: int | None
@@ -293,7 +293,7 @@ def _constant_in_effect(results: StudyResults) -> Iterator[str]:
         runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
         if (
             row.kind != "controller"
-            or not results.devices
+            or not results.dampers
             or not all(run is not None and run.finished for run in runs)
         ):
             continue
@@ -301,7 +301,7 @@ def _constant_in_effect(results: StudyResults) -> Iterator[str]:
             np.array([np.atleast_1d(getattr(run, name)) for run in runs])
             for name in ("mean_current", "rms_current")
         )
-        largest = np.array([device.largest_command for device in results.devices])
+        largest = np.array([device.largest_command for device in results.dampers])
         command = means.mean(axis=0)
         if (rms <= _CONSTANT * largest).all():
             yield (
@@ -339,7 +339,7 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
 
 
 @checked
-def compared(results: StudyCriteria) -> StudyComparison:
+def compared(results: StudyResults) -> StudyComparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row))
@@ -382,7 +382,7 @@ def in_percent(change: float) -> str:
     return in_plain(signed_percent(change))
 
 
-def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, QuantityChange]:
+def _changes(results: StudyResults, row: int, reference: int) -> dict[str, QuantityChange]:
     ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
 
     def change(name: str) -> QuantityChange:

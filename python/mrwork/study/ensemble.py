@@ -12,9 +12,7 @@ import numpy as np
 
 from mrwork.base.summary import Summarised, Summary
 from mrwork.dampers.law_sets import SetsApart, sets_apart
-from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SimulationError
 from mrwork.store.codec import OrNan, Related
 from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
@@ -83,16 +81,9 @@ class Ensemble(Summarised, Related):
 def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
     """The ensemble of the results with each set, whose rows and motions are those of the first."""
     return Ensemble(
-        sets=tuple(_damper_in_words(each.devices[0].spec) if each.devices else "" for each in results),
+        sets=tuple(each.dampers[0].model if each.dampers else "" for each in results),
         verdicts=tuple(_verdicts([compared(each) for each in results])),
     )
-
-
-def _damper_in_words(spec: DamperSpec) -> str:
-    """The model and the laws of the parameters that follow the command."""
-    laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
-    following = {name: law for name, law in laws if law != polynomial_laws()[0]}
-    return f"{spec.name}, {', '.join(f'{name} {law}' for name, law in following.items()) or 'all constant'}"
 
 
 def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
-from mrwork.store.input_file import exists, is_there, make_stored_kind
+from mrwork.store.input_file import exists, finite_numbers, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
@@ -28,6 +29,7 @@ from mrwork.store.run_folder import (
     JOURNAL,
     MANIFEST,
     PROFILES_TABLE,
+    REALISATIONS,
     REPORT,
     RESULTS,
     STUDY,
@@ -46,24 +48,33 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.ensemble import Ensemble
 from mrwork.study.results import (
-    Key,
+    BuildingFacts,
+    DamperFacts,
     MotionFacts,
     RealisationBand,
-    StudyCriteria,
     StudyResults,
     criterion_band,
     score_band,
 )
 from mrwork.study.run_result import (
     FINISHED,
+    HALF_STEP,
+    HISTORY_KIND,
     NOMINAL,
+    DeviceDemand,
     Histories,
+    LabelledRuns,
     OutcomeName,
+    RunHistory,
     RunResult,
     criteria_of_runs,
     kept_quantities,
+    kept_signals,
+    numbered,
+    stem_of_history,
     worst_by_quantity,
 )
+from mrwork.study.run_result import Place as PlaceOfRun
 from mrwork.study.study import Kind, Row, Study, StudyFile
 
 
@@ -173,16 +184,20 @@ def _kept_axes() -> dict[str, str]:
 
 # Every criterion by name; NaN if the run has none, `null` in the file.
 _Criteria = dict[str, OrNan]
+_Quantities = dict[str, tuple[OrNan, ...] | OrNan]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredStepCheck:
-    """A run with half the step in the results file: relative change of each criterion."""
+    """A run with half the step in the results file, and the relative change of each criterion."""
 
     outcome: OutcomeName
     steps: Whole
     largest: OrInfinite | None
     changes: _Criteria
+    criteria: _Criteria
+    energy_error: OrNan
+    quantities: _Quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,8 +207,9 @@ class StoredStudyRun(Related):
     These are the building without dampers, i = 0, and the passive damper with the lowest score.
 
     `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
-    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper. `bands` are those of
-    the criteria over the realisations of [uncertainty]. `quantities` are those of `RunResult`, with `least_stroke`.
+    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper, `demands` are those
+    on each device. `bands` are those of the criteria over the realisations of [uncertainty]. `quantities` are those of
+    `RunResult`, with `least_stroke`.
     """
 
     controller: str
@@ -210,8 +226,9 @@ class StoredStudyRun(Related):
     outside_tested_range: tuple[str, ...] | None
     exceedances: tuple[Exceedance, ...]
     demand: OperatingRange | None
+    demands: tuple[DeviceDemand, ...]
     bands: dict[str, RealisationBand]
-    quantities: dict[str, tuple[OrNan, ...] | OrNan]
+    quantities: _Quantities
 
     def disagreement(self) -> str:
         """First contradiction: missing or unknown names, or a finished run without the value of a criterion."""
@@ -222,6 +239,9 @@ class StoredStudyRun(Related):
             *(("criterion", every, table) for table in tables),
             ("quantity", (*_kept_axes(), _LEAST_STROKE), self.quantities),
         ]
+        if self.step_check is not None:
+            named.append(("criterion", every, self.step_check.criteria))
+            named.append(("quantity", (*_kept_axes(), _LEAST_STROKE), self.step_check.quantities))
         for what, known, stored in named:
             if lacking := [name for name in known if name not in stored]:
                 return f"its run under {self.motion} lacks {lacking[0]} in a table"
@@ -235,12 +255,12 @@ class StoredStudyRun(Related):
         """Whether the run has results."""
         return self.outcome in FINISHED
 
-    @property
-    def result(self) -> RunResult:
-        """The run itself."""
-        numbers = {name: np.array(value)[()] for name, value in self.quantities.items()}
-        least_stroke = numbers.pop(_LEAST_STROKE)
-        return RunResult(outcome=self.outcome, steps=self.steps, numbers=numbers, least_stroke=least_stroke)
+
+def _result(run: StoredStudyRun | StoredStepCheck) -> RunResult:
+    """The run itself."""
+    numbers = {name: np.array(value)[()] for name, value in run.quantities.items()}
+    least_stroke = numbers.pop(_LEAST_STROKE)
+    return RunResult(outcome=run.outcome, steps=run.steps, numbers=numbers, least_stroke=least_stroke)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,12 +293,20 @@ class _Document(Related):
     realisations: Whole
     score_bands: dict[str, RealisationBand]
     findings: tuple[str, ...]
+    building: BuildingFacts | None
+    dampers: tuple[DamperFacts, ...]
+    choices: tuple[str, ...]
+    facts: tuple[tuple[str, str], ...]
+    detailed: Whole
+    with_histories: tuple[Whole, ...]
 
     def disagreement(self) -> str:
         """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
+        if self.detailed >= len(names) or any(row >= len(self.scores) for row in self.with_histories):
+            return "it has no such motion or row for its histories"
         kinds: dict[str, Kind] = {}
         runs: dict[tuple[str, str], StoredStudyRun] = {}
         for run in self.results:
@@ -317,38 +345,14 @@ class _Document(Related):
         return ""
 
 
-_OF_DOCUMENT = ("title", "motions", "command_unit", "building_warnings", "damper_warnings", "chosen_on")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StoredStudy(StudyCriteria):
-    """The results of a study as stored in its folder: criteria and quantities of every run.
-
-    Rows of an interrupted study without a run are among `rows` with the kind "controller". `details` are what
-    the file says of each run beside its quantities: bands, demand on the dampers, changes with half the step.
-    `ensemble` is the study with each set of laws that predicts nearly as well, `None` if run without `--ensemble`.
-    """
-
-    details: Mapping[Key, StoredStudyRun]
-    damper_warnings: tuple[str, ...] = ()
-    ensemble: Ensemble | None = None
-
-    @property
-    def checked(self) -> frozenset[Key] | None:
-        """Runs that were repeated with half the step; `None` if there are none."""
-        return frozenset(key for key, run in self.details.items() if run.step_check is not None) or None
-
-    @arguments.checked
-    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
-        """Relative change of every criterion with half the step; `None` unless both runs finished."""
-        self.check_place(row, motion)
-        run = self.details.get((row, motion))
-        check = None if run is None else run.step_check
-        return None if check is None or check.largest is None else check.changes
+_OF_DOCUMENT = (
+    "title", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
+    "building_warnings", "damper_warnings", "chosen_on",
+)  # fmt: skip
 
 
 @arguments.checked
-def read_results(folder: str | Path) -> StoredStudy:
+def read_results(folder: str | Path) -> StudyResults:
     """Read the results of a study back from its folder, as `mr.load` does.
 
     Raises
@@ -378,25 +382,80 @@ def read_results(folder: str | Path) -> StoredStudy:
         rows[run.controller] = replace(rows[run.controller], kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
+    halved = {key: run.step_check for key, run in runs.items() if run.step_check is not None}
+    steps = (NOMINAL, *([HALF_STEP] if halved else []))
     axes = {
         "row": tuple(labels),
         "motion": tuple(names),
-        "realisation": (NOMINAL,),
+        "realisation": (*steps, *numbered(document.realisations)),
     }
     labelled = criteria_of_runs(axes, command_unit=document.command_unit)
-    for key, run in runs.items():
-        for name, value in {**run.criteria, "energy_error": run.energy_error}.items():
+    both: dict[PlaceOfRun, StoredStudyRun | StoredStepCheck] = {(*key, 0): run for key, run in runs.items()}
+    both |= {(*key, 1): run for key, run in halved.items()}
+    for key, stored in both.items():
+        ended = stored.criteria if stored.outcome in FINISHED else dict.fromkeys(stored.criteria, math.inf)
+        for name, value in {**ended, "energy_error": stored.energy_error}.items():
             labelled.numbers[name][key] = value
-    return StoredStudy(
+    if document.realisations:
+        _read_realisations(place, labelled, document.realisations)
+    return StudyResults(
         rows=tuple(rows.values()),
         labelled=labelled,
-        runs={key: run.result for key, run in runs.items()},
+        runs={key: _result(run) for key, run in runs.items()},
+        halved={key: _result(run) for key, run in halved.items()} or None,
+        demanded={key: run.demands for key, run in runs.items()},
         floor_names=document.floors,
         storey_names=document.storeys,
-        details=runs,
         ensemble=read_document(Ensemble, place / ENSEMBLE, name="ensemble", verb="respond --ensemble"),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
+
+
+_REALISED = make_stored_kind("respond", name="criteria of the realisations")
+
+
+def _read_realisations(place: Path, labelled: LabelledRuns, count: int) -> None:
+    """Fill in the criteria of the realisations, the last ones of their axis; a row without any has NaN."""
+    path = place / REALISATIONS
+    arrays = read_arrays(path, _REALISED)
+    shape = (*labelled.shape[:2], count)
+    for name, values in labelled.numbers.items():
+        if name not in arrays or arrays[name].shape != shape:
+            raise RecordError(f"{path} has no {name} of {shape} runs; {_REALISED.remedy}")
+        values[..., -count:] = arrays[name]
+
+
+def _realisations(results: StudyResults) -> dict[str, bytes]:
+    """The file of the criteria over realisations, if there are any."""
+    if not results.n_realisations:
+        return {}
+    stream = BytesIO()
+    realised = {name: each[..., -results.n_realisations :] for name, each in results.labelled.numbers.items()}
+    np.savez_compressed(stream, **realised)  # type: ignore[arg-type] # none is called allow_pickle
+    return {REALISATIONS: stream.getvalue()}
+
+
+def read_history(place: Path, results: StudyResults, row: int, motion: int) -> RunHistory | None:
+    """The history of a run in the folder of a study, if it is stored."""
+    results.check_place(row, motion)
+    # The rest of the name is that of the row before its command was chosen.
+    path = next((place / HISTORIES).glob(f"{stem_of_history(row, motion)}-*.npz"), None)
+    if path is None or not is_there(path, HISTORY_KIND):
+        return None
+    arrays = read_arrays(path, HISTORY_KIND)
+    try:
+        time = finite_numbers(arrays, "time")
+        numbers = {
+            name: finite_numbers(arrays, name) for name in (*(each.name for each in kept_signals()), "energy")
+        }
+        short = [name for name, each in numbers.items() if each.shape[:1] != time.shape]
+        if time.ndim != 1 or short:
+            raise ValueError(f"{', '.join(short) or 'time'} has another length")
+    except ValueError as reason:
+        raise RecordError(
+            f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
+        ) from None
+    return RunHistory(time=time, numbers=numbers)
 
 
 def write_study(
@@ -422,7 +481,8 @@ def write_study(
         tables[ENSEMBLE] = json_document(further["ensemble"])
     write_folder(
         destination,
-        {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},
+        {STUDY: study_file.content, **_realisations(results)}
+        | {name: text.encode() for name, text in tables.items()},
         manifest=manifest,
         copied={JOURNAL: journal},
         linked={f"{HISTORIES}/{path.name}": path for path in histories.paths()},
@@ -471,6 +531,12 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             if (band := score_band(results, number))
         },
         findings=findings(results),
+        building=results.building,
+        dampers=results.dampers,
+        choices=results.choices,
+        facts=results.facts,
+        detailed=results.detailed,
+        with_histories=results.with_histories,
     )
     content: dict[str, Any] = finite(asdict(document))
     return content
@@ -549,16 +615,19 @@ def _store_run(results: StudyResults, row: int, motion: int, passive: int | None
         outside_tested_range=outside if known else None,
         exceedances=worst_by_quantity(demands),
         demand=covering([each.demand for each in demands]) if demands else None,
+        demands=demands,
         bands={
             entry.name: band
             for entry in criteria()
             if (band := criterion_band(results, row, motion, entry.name))
         },
-        quantities={
-            name: np.asarray(value).tolist()
-            for name, value in {**run.numbers, _LEAST_STROKE: run.least_stroke}.items()
-        },
+        quantities=_quantities_of(run),
     )
+
+
+def _quantities_of(run: RunResult) -> _Quantities:
+    every = {**run.numbers, _LEAST_STROKE: run.least_stroke}
+    return {name: np.asarray(value).tolist() for name, value in every.items()}
 
 
 def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
@@ -571,6 +640,9 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
         steps=half.steps,
         largest=None if changes is None else max(changes.values()),
         changes=_every_criterion(changes),
+        criteria=_every_criterion(results.labelled.criteria((row, motion, 1)) if half.finished else None),
+        energy_error=half.energy_error,
+        quantities=_quantities_of(half),
     )
 
 

@@ -7,15 +7,14 @@ not next to nothing.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
 from mrwork.base import arguments
-from mrwork.base.arguments import NotNegative
+from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, tree_of
 from mrwork.base.numbers import counted, format_rounded, round_to
 from mrwork.base.plotted import plots_of
@@ -27,6 +26,9 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.control.weights.limits import sine_force
+from mrwork.dampers.parameters import polynomial_laws
+from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrInfinite, OrNan
 from mrwork.study.run_result import (
@@ -43,6 +45,7 @@ from mrwork.study.study import Kind, MotionOfStudy, Row
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
     from mrwork.base.plotted import ResponsesPlots
+    from mrwork.study.ensemble import Ensemble
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -100,14 +103,79 @@ class MotionFacts:
         return MotionFacts(**facts, synthetic=motion.synthetic, use=motion.use)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamperFacts:
+    """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges."""
+
+    name: str
+    model: str
+    count: Positive
+    largest_command: NotNegative
+    storey: Whole
+    tested: OperatingRange | None
+
+
+def _damper_in_words(spec: DamperSpec) -> str:
+    """The model and the laws of the parameters that follow the command."""
+    laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
+    following = {name: law for name, law in laws if law != polynomial_laws()[0]}
+    return f"{spec.name}, {', '.join(f'{name} {law}' for name, law in following.items()) or 'all constant'}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildingFacts:
+    """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
+
+    There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
+    """
+
+    name: str
+    masses: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+    periods: tuple[OrInfinite, ...]
+    damping_ratios: tuple[OrNan, ...]
+
+    @staticmethod
+    def of(building: Building) -> BuildingFacts:
+        """Those of a building without dampers."""
+        with np.errstate(divide="ignore"):
+            periods = 1.0 / building.frequencies
+        return BuildingFacts(
+            name=building.name,
+            masses=tuple(np.diag(building.mass).tolist()),
+            stiffnesses=_storey_stiffnesses(building),
+            periods=tuple(periods.tolist()),
+            damping_ratios=tuple(building.damping_ratios.tolist()),
+        )
+
+
+def _storey_stiffnesses(building: Building) -> tuple[float, ...]:
+    """Stiffness of each storey [N/m] of a chain of floors, from the lowest; none where it is no chain."""
+    stiffness, mass = building.stiffness, building.mass
+    # Only the lowest floor of a chain has a spring to the ground.
+    between = -np.diag(stiffness, -1)
+    storeys = np.append(stiffness[0, 0] - between[:1].sum(), between)
+    built = np.diag(storeys + np.append(storeys[1:], 0.0)) - np.diag(between, 1) - np.diag(between, -1)
+    is_chain = np.allclose(
+        built, stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness).max()
+    ) and np.array_equal(mass, np.diag(np.diag(mass)))
+    return tuple(storeys.tolist()) if is_chain and (storeys > 0.0).all() else ()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StudyCriteria(Summarised, ABC):
-    """Criteria of a study, and the ratios, scores and warnings that follow from them.
+class StudyResults(Summarised):
+    """Runs of a study, as far as they are done: those of `run_study`, or read back from its folder.
 
     `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
     are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half
-    the step, if it is checked. `chosen_on` are the names of the motions that the best constant command is chosen on,
-    `building_warnings` sentences on modes of the building without damping or stiffness.
+    the step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the
+    dampers by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
+    `choices` sentences on constant commands that were chosen, `building_warnings` sentences on modes of the building
+    without damping or stiffness, `damper_warnings` on demand outside the tested ranges, on laws out of their range and
+    on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose histories the page
+    shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts nearly as well,
+    `None` if run without ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their motion, of
+    which a folder has the file `results.json` only.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -121,9 +189,18 @@ class StudyCriteria(Summarised, ABC):
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     command_unit: str
-    device_names: tuple[str, ...] = ()
+    building: BuildingFacts | None = None
+    dampers: tuple[DamperFacts, ...] = ()
+    demanded: Mapping[Key, tuple[DeviceDemand, ...]] = field(default_factory=dict)
     chosen_on: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
+    damper_warnings: tuple[str, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    detailed: Whole = 0
+    with_histories: tuple[Whole, ...] = ()
+    ensemble: Ensemble | None = None
+    clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
     @property
     def plot(self) -> ResponsesPlots:
@@ -132,14 +209,14 @@ class StudyCriteria(Summarised, ABC):
         return made
 
     @property
-    @abstractmethod
-    def damper_warnings(self) -> tuple[str, ...]:
-        """Sentences on demand outside the tested ranges of the dampers, and on laws out of their admissible range."""
+    def device_names(self) -> tuple[str, ...]:
+        """Names of the dampers."""
+        return tuple(each.name for each in self.dampers)
 
     @property
-    @abstractmethod
     def checked(self) -> frozenset[Key] | None:
         """Runs that were repeated with half the step; `None` if the step is not to be checked."""
+        return None if self.halved is None else frozenset(self.halved)
 
     @arguments.checked
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
@@ -148,9 +225,32 @@ class StudyCriteria(Summarised, ABC):
         run = self.runs.get((row, motion))
         return self.labelled.criteria((row, motion, 0)) if run is not None and run.finished else None
 
-    @abstractmethod
+    @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
+        whole = self.criteria(row, motion)
+        half = (self.halved or {}).get((row, motion))
+        if whole is None or half is None or not half.finished:
+            return None
+        other = self.labelled.criteria((row, motion, 1))
+        return {name: _relative_change(value, other[name]) for name, value in whole.items()}
+
+    @arguments.checked
+    def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
+        """Demand of a run on each device; none for a run without dampers or that did not finish."""
+        self.check_place(row, motion)
+        return self.demanded.get((row, motion), ())
+
+    @property
+    def n_realisations(self) -> int:
+        """Number of realisations of what is uncertain, beside the nominal one."""
+        return self.labelled.shape[2] - (1 if self.halved is None else 2)
+
+    @property
+    def realised_rows(self) -> list[int]:
+        """The rows that were simulated with realisations."""
+        rows = range(len(self.rows))
+        return [row for row in rows if _values(self, row, self.judged_motions, "energy_error") is not None]
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
@@ -168,7 +268,7 @@ class StudyCriteria(Summarised, ABC):
     def to_xarray(self) -> DataTree:
         """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
 
-        Results that were read from their folder have the quantities of the nominal realisation.
+        Quantities are those of the nominal realisation, and of half the step where it was checked.
 
         Examples
         --------
@@ -206,8 +306,9 @@ class StudyCriteria(Summarised, ABC):
 
     @property
     def complete(self) -> bool:
-        """Whether all runs are done."""
-        return self.done == self.total
+        """Whether all runs are done, those with realisations, too."""
+        wanted = [row for row in self.rows if self.n_realisations and row.kind != "clairvoyant"]
+        return self.done == self.total and len(self.realised_rows) == len(wanted)
 
     @property
     def status(self) -> Literal["finished", "interrupted"]:
@@ -324,71 +425,6 @@ class StudyCriteria(Summarised, ABC):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StudyResults(StudyCriteria):
-    """Runs of a study, as far as they are done.
-
-    `quantities` has the runs with half the step as the second realisation. `facts` are further lines of the page on
-    building, dampers and loop. `devices` are the dampers, with their tested ranges, `device_places` where they stand;
-    `choices` are sentences on constant commands that were chosen; `clairvoyants` the non-causal optima by the index of
-    their motion.
-    """
-
-    facts: tuple[tuple[str, str], ...] = ()
-    devices: tuple[Device, ...] = ()
-    device_places: tuple[DevicePlace, ...] = ()
-    choices: tuple[str, ...] = ()
-    clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
-
-    @property
-    def n_realisations(self) -> int:
-        """Number of realisations of what is uncertain, beside the nominal one."""
-        return self.labelled.shape[2] - (1 if self.halved is None else 2)
-
-    @property
-    def realised_rows(self) -> list[int]:
-        """The rows that were simulated with realisations."""
-        rows = range(len(self.rows))
-        return [row for row in rows if _values(self, row, self.judged_motions, "energy_error") is not None]
-
-    @property
-    def complete(self) -> bool:
-        """Whether all runs are done, those with realisations, too."""
-        wanted = [row for row in self.rows if self.n_realisations and row.kind != "clairvoyant"]
-        return self.done == self.total and len(self.realised_rows) == len(wanted)
-
-    @arguments.checked
-    def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
-        """Demand of a run on each device; none for a run without dampers or that did not finish."""
-        self.check_place(row, motion)
-        run = self.runs.get((row, motion))
-        return () if run is None else demands_of(run, self.devices, self.motions[motion].duration)
-
-    @property
-    def damper_warnings(self) -> tuple[str, ...]:
-        """Sentences on demand outside the tested ranges of the dampers, on laws out of their range, and on size."""
-        demands = {
-            (self.rows[row].label, self.motions[motion].name): self.demands(row, motion)
-            for row, motion in self.runs
-        }
-        return (*damper_warnings(demands), *_weak(self), *_locked_storeys(self))
-
-    @property
-    def checked(self) -> frozenset[Key] | None:
-        """Runs that were repeated with half the step; `None` if the step is not to be checked."""
-        return None if self.halved is None else frozenset(self.halved)
-
-    @arguments.checked
-    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
-        """Relative change of every criterion with half the step; `None` unless both runs finished."""
-        whole = self.criteria(row, motion)
-        half = (self.halved or {}).get((row, motion))
-        if whole is None or half is None or not half.finished:
-            return None
-        other = self.labelled.criteria((row, motion, 1))
-        return {name: _relative_change(value, other[name]) for name, value in whole.items()}
-
-
 def _relative_change(value: float, other: float) -> float:
     if value == other:
         return 0.0
@@ -448,7 +484,7 @@ class StepChange:
     motion: int
     unfinished: tuple[int, ...]
 
-    def in_words(self, results: StudyCriteria) -> str:
+    def in_words(self, results: StudyResults) -> str:
         """The criterion and the motion, and the motions that are not compared."""
         value = ""
         if self.criterion:
@@ -457,14 +493,14 @@ class StepChange:
         return "; ".join(part for part in (value, f"not compared: {others}" if others else "") if part)
 
 
-def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
+def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
     """The largest change of each row that was repeated with half the step."""
     checked = sorted(results.checked or ())
     rows = dict.fromkeys(row for row, _ in checked)
     return tuple(_largest(results, row, [motion for each, motion in checked if each == row]) for row in rows)
 
 
-def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange:
+def _largest(results: StudyResults, row: int, motions: list[int]) -> StepChange:
     largest: list[tuple[float, str, int]] = []
     unfinished = []
     for motion in motions:
@@ -542,6 +578,36 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     )
 
 
+def judged_by_demand(
+    results: StudyResults, devices: Sequence[Device], building: Building, storeys: Sequence[int]
+) -> StudyResults:
+    """Results with the demands on their devices, which stand in these storeys, and with the warnings on them."""
+    motions = results.motions
+    demanded = {key: demands_of(run, devices, motions[key[1]].duration) for key, run in results.runs.items()}
+    results = replace(
+        results,
+        demanded=demanded,
+        building=BuildingFacts.of(building),
+        dampers=tuple(
+            DamperFacts(
+                name=device.name,
+                model=_damper_in_words(device.spec),
+                count=device.count,
+                largest_command=device.largest_command,
+                storey=storey,
+                tested=device.tested,
+            )
+            for device, storey in zip(devices, storeys, strict=True)
+        ),
+    )
+    named = {
+        (results.rows[row].label, motions[motion].name): each for (row, motion), each in demanded.items()
+    }
+    places = [DevicePlace.of(building, storey) for storey in storeys]
+    warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, devices, places))
+    return replace(results, damper_warnings=warnings)
+
+
 def _weak(results: StudyResults) -> Iterator[str]:
     """A sentence on dampers that are too weak for their building."""
     most = max(_reaches(results), key=lambda each: each.share, default=None)
@@ -554,11 +620,15 @@ def _weak(results: StudyResults) -> Iterator[str]:
     )
 
 
-def _locked_storeys(results: StudyResults) -> Iterator[str]:
+def _locked_storeys(
+    results: StudyResults, devices: Sequence[Device], places: Sequence[DevicePlace]
+) -> Iterator[str]:
     """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
     off = results.row_of("passive_off")
-    for device, place in enumerate(results.device_places):
-        stiff = {key: ratio for key in results.runs if (ratio := _stiffness(results, key, device)) > _RIGID}
+    for device, place in enumerate(places):
+        stiff = {
+            key: ratio for key in results.runs if (ratio := _stiffness(results, key, device, place)) > _RIGID
+        }
         at_zero = {key: ratio for key, ratio in stiff.items() if key[0] == off}
         chosen = at_zero or stiff
         if not chosen:
@@ -568,7 +638,7 @@ def _locked_storeys(results: StudyResults) -> Iterator[str]:
         others = [f"{len(labels) - _NAMED} more"] if len(labels) > _NAMED + 1 else labels[_NAMED:]
         named = list_names([*labels[:_NAMED], *others])
         when, remedy = (
-            ("already at i = 0", _fewer(results, device, place, worst[1]))
+            ("already at i = 0", _fewer(results, devices[device], place, worst[1]))
             if at_zero
             else (f"with {named}", "; a smaller largest_command of the law or fewer dampers free it")
         )
@@ -583,25 +653,25 @@ def _locked_storeys(results: StudyResults) -> Iterator[str]:
         )
 
 
-def _stiffness(results: StudyResults, key: tuple[int, int], device: int) -> float:
+def _stiffness(results: StudyResults, key: Key, device: int, place: DevicePlace) -> float:
     """Peak force over peak stroke of a device over the stiffness of its storey; 0 for runs without these."""
     run = results.runs[key]
     commanded = run.finished and results.rows[key[0]].kind in _COMMANDED
     if not commanded or not run.peak_stroke[device] > 0.0:
         return 0.0
-    return float(run.peak_force[device] / run.peak_stroke[device]) / results.device_places[device].stiffness
+    return float(run.peak_force[device] / run.peak_stroke[device]) / place.stiffness
 
 
-def _fewer(results: StudyResults, device: int, place: DevicePlace, motion: int) -> str:
+def _fewer(results: StudyResults, device: Device, place: DevicePlace, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
-    of_study, bare = results.devices[device], results.runs.get((0, motion))
+    bare = results.runs.get((0, motion))
     # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
     if bare is None or not bare.finished or place.storey >= bare.peak_drift.size:
         return ""
     drift = float(bare.peak_drift[place.storey])
     rate = 2.0 * math.pi * place.frequency * drift
-    force = float(np.abs(sine_force(of_study, drift, rate, of_study.largest_command)).max())
-    count = of_study.count * _ADVISED * float(bare.peak_base_shear) / force
+    force = float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
+    count = device.count * _ADVISED * float(bare.peak_base_shear) / force
     if count < 1.0:
         return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
     return (
@@ -615,19 +685,19 @@ def _reaches(results: StudyResults) -> list[_Reach]:
         bare = results.runs.get((0, motion))
         forces = [
             # Passive elements of the building are behind the devices.
-            float(np.sum(run.peak_force[: len(results.devices)]))
+            float(np.sum(run.peak_force[: len(results.dampers)]))
             for (row, other), run in results.runs.items()
             if other == motion and run.finished and results.rows[row].kind in _COMMANDED
         ]
-        if bare is not None and bare.finished and bare.peak_base_shear > 0.0 and results.devices and forces:
+        if bare is not None and bare.finished and bare.peak_base_shear > 0.0 and results.dampers and forces:
             reaches.append(_Reach(motion=motion, force=max(forces), shear=float(bare.peak_base_shear)))
     return reaches
 
 
 def _counts(results: StudyResults, factor: float) -> str:
-    counts = {device.count for device in results.devices}
+    counts = {device.count for device in results.dampers}
     if len(counts) == 1:
-        where = "the" if len(results.devices) == 1 else "each"
+        where = "the" if len(results.dampers) == 1 else "each"
         return f"count = {_round_count(counts.pop() * factor)} in {where} [[damper]]"
     return f"{_round_count(factor)} times the count of each [[damper]]"
 

@@ -28,7 +28,7 @@ from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
 from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
-from mrwork.study.results import DevicePlace, Key, MotionFacts, StudyResults
+from mrwork.study.results import Key, MotionFacts, StudyResults, judged_by_demand
 from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
@@ -159,7 +159,7 @@ def run_study(
         }
         n_realisations = 0 if study.realisations is None else len(study.realisations)
         nominal = {(*key, 0): run for key, run in runs.items()}
-        return StudyResults(
+        made = StudyResults(
             title=study.title,
             rows=rows,
             motions=tuple(map(MotionFacts.of, study.motions)),
@@ -175,15 +175,15 @@ def run_study(
                 weight=bare.total_mass * STANDARD_GRAVITY,
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
-            device_names=study.device_names,
-            devices=study.devices,
-            device_places=tuple(DevicePlace.of(bare, storey) for storey in study.device_storeys),
             choices=tuple(choices),
             command_unit=study.command_unit,
             facts=study.facts,
             clairvoyants=dict(clairvoyants),
             building_warnings=building_warnings,
+            detailed=study.detailed,
+            with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
         )
+        return judged_by_demand(made, study.devices, bare, study.device_storeys)
 
     course = Course(
         _parts(study, threads, halves=check_step),

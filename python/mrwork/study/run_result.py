@@ -134,7 +134,8 @@ def kept_quantities() -> list[Quantity]:
     return [each for each in run_quantities() if each.name not in _LEFT_OUT]
 
 
-def _kept_signals() -> list[Quantity]:
+def kept_signals() -> list[Quantity]:
+    """Signals of a history that a study stores."""
     return [
         each
         for each in history_signals()
@@ -232,7 +233,7 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.damping_energy,
         history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
     )
-    kept = {each.name: _own_columns(history, each, arrangement) for each in _kept_signals()}
+    kept = {each.name: _own_columns(history, each, arrangement) for each in kept_signals()}
     return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})
 
 
@@ -286,7 +287,7 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
 
 
 # Hours of a tall building.
-_KIND = replace(make_stored_kind("respond", name="the history of a run"), largest=4 << 30)
+HISTORY_KIND = replace(make_stored_kind("respond", name="the history of a run"), largest=4 << 30)
 
 
 class Histories:
@@ -308,7 +309,7 @@ class Histories:
             (
                 row,
                 motion,
-            ): f"{row + 1:02d}-{motion + 1:02d}-{_stem_of(each.label)}-{_stem_of(of_study.name)}.npz"
+            ): f"{stem_of_history(row, motion)}-{_stem_of(each.label)}-{_stem_of(of_study.name)}.npz"
             for row, each in enumerate(study.rows)
             for motion, of_study in enumerate(study.motions)
         }
@@ -355,14 +356,16 @@ class Histories:
         for path in paths:
             # It is linked or copied into the folder of the study.
             check_own(path)
-        return next((path for path in paths if path not in self._damaged and is_there(path, _KIND)), None)
+        return next(
+            (path for path in paths if path not in self._damaged and is_there(path, HISTORY_KIND)), None
+        )
 
     def _read(self, path: Path, row: int, motion: int) -> RunHistory:
-        study, arrays = self._study, read_arrays(path, _KIND)
+        study, arrays = self._study, read_arrays(path, HISTORY_KIND)
         try:
             time = finite_numbers(arrays, "time")
             arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
-            shapes = {each.name: _shape_of(each, arrangement) for each in _kept_signals()}
+            shapes = {each.name: _shape_of(each, arrangement) for each in kept_signals()}
             shapes["energy"] = (_N_ENERGIES,)
             numbers = {name: finite_numbers(arrays, name) for name in shapes}
             _check_time(time, study.grounds[motion].duration, study.hardware.sample_time)
@@ -371,7 +374,9 @@ class Histories:
                 if own_shape != expected:
                     raise ValueError(f"{name} has the shape {own_shape} where {expected} was expected")
         except ValueError as reason:
-            raise RecordError(f"{path} is not the history of this run ({reason}); {_KIND.remedy}") from None
+            raise RecordError(
+                f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
+            ) from None
         return RunHistory(time=time, numbers=numbers)
 
 
@@ -383,6 +388,11 @@ def _check_time(time: Floats, duration: float, sample_time: float) -> None:
     # A motion need not end at a sample.
     if not abs(duration / sample_time - time.size) < 2.0:
         raise ValueError(f"it has {time.size} samples every {sample_time:g} s of a motion of {duration:g} s")
+
+
+def stem_of_history(row: int, motion: int) -> str:
+    """First part of the name of the file of a history."""
+    return f"{row + 1:02d}-{motion + 1:02d}"
 
 
 def _stem_of(name: str) -> str:

@@ -35,7 +35,6 @@ from mrwork.study.results import (
     BAND,
     ON_OFF,
     RealisationBand,
-    StudyCriteria,
     StudyResults,
     largest_step_changes,
     ratio_band,
@@ -153,7 +152,7 @@ def ratio_table(results: StudyResults, motion: int, rows: Sequence[int]) -> Tabl
     )
 
 
-def _ratio_columns(results: StudyCriteria, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
+def _ratio_columns(results: StudyResults, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
     """A column for each reference and ratio: its mean over the motions for each row."""
     columns: list[list[float]] = []
     for against in _AGAINST:
@@ -204,7 +203,7 @@ def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
 
 
 def _ratio_table(
-    results: StudyCriteria,
+    results: StudyResults,
     rows: Sequence[int],
     columns: Sequence[Sequence[float]],
     *,
@@ -227,7 +226,7 @@ def _ratio_table(
     )
 
 
-def _over(results: StudyCriteria, against: Kind) -> str:
+def _over(results: StudyResults, against: Kind) -> str:
     """Heading of the ratios to a reference."""
     reference = results.row_of(against)
     if against == "uncontrolled" or reference is None:
@@ -236,7 +235,7 @@ def _over(results: StudyCriteria, against: Kind) -> str:
 
 
 def _best(
-    results: StudyCriteria,
+    results: StudyResults,
     rows: Sequence[int],
     columns: Sequence[Sequence[float]],
     printed: Callable[[float], str] = lambda number: significant(number, 3),
@@ -373,7 +372,7 @@ def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     return band_table(bands, results.n_realisations, note=note)
 
 
-def step_table(results: StudyCriteria, rows: Collection[int]) -> Table:
+def step_table(results: StudyResults, rows: Collection[int]) -> Table:
     """The largest change of a criterion of each row with half the step."""
     return Table(
         label="Largest change of a criterion with half the step",
@@ -448,7 +447,7 @@ def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str
     }
 
 
-def group_table(results: StudyCriteria, rows: Sequence[int]) -> Table:
+def group_table(results: StudyResults, rows: Sequence[int]) -> Table:
     """The score of rows under each group of motions."""
     groups = motion_groups(results)
     return Table(

@@ -38,7 +38,7 @@ from mrwork.report.section import (
 )
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import FIGURES, REPORT
+from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS: tuple[SectionKind, ...] = (BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
@@ -162,7 +162,7 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
     return with_additions(opened.place, fit), comparisons_of(fit, opened.tests)
 
 
-def write_page(
+def write_fit_page(
     run: StoredRun,
     comparisons: Sequence[Comparison],
     *,
@@ -170,10 +170,11 @@ def write_page(
     summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
 ) -> Path:
-    """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete."""
+    """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
     page = fit_page(run, comparisons, every_test=every_test, summary=summary, on_progress=on_progress)
-    write_files(run.place, {REPORT: page.encode()})
-    return run.place / REPORT
+    name = SUMMARY if summary else REPORT
+    write_files(run.place, {name: page.encode()})
+    return run.place / name
 
 
 def _plain(value: object) -> str:

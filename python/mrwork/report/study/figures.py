@@ -39,7 +39,7 @@ from mrwork.study.comparison import (
     motion_groups,
     times_better,
 )
-from mrwork.study.results import StudyCriteria, StudyResults
+from mrwork.study.results import StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
@@ -63,7 +63,7 @@ class Stroke:
     width: float = 1.4
 
 
-def strokes(results: StudyCriteria) -> tuple[Stroke, ...]:
+def strokes(results: StudyResults) -> tuple[Stroke, ...]:
     """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
     references = {
         "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),

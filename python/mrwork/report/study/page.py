@@ -35,7 +35,6 @@ from mrwork.study.results import (
     StudyResults,
     largest_step_changes,
 )
-from mrwork.study.schema import ReportTable
 from mrwork.study.tables import (
     ShownRows,
     bands_of_study,
@@ -127,7 +126,7 @@ def demand_section(results: StudyResults) -> Section | None:
         return (label, *(spans.get(name, NOTHING) for name in columns))
 
     rows = []
-    for device in results.devices:
+    for device in results.dampers:
         rows += [
             row(device.name, covering([each.demand for each in demands if each.device == device.name])),
             row("tested", device.tested),
@@ -219,27 +218,22 @@ def band_section(table: Table, count: int) -> Section | None:
 _NAMED = 4
 # Quantities of the headline; the section of changes has all of them.
 _HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")
-# The table [report] of a study file without one.
-_EVERYTHING = ReportTable()
 
 
 def study_page(
     results: StudyResults,
     histories: ReadHistory,
     *,
-    motion: int,
-    report: ReportTable = _EVERYTHING,
-    status: tuple[str, str, str] = ("Runs", "", ""),
     command: str = "",
+    seconds: float | None = None,
     summary: bool = False,
 ) -> str:
     """The page of a study, HTML with embedded styles and figures.
 
-    `motion` is the index of the motion of the time histories, `report` the table [report] of the study. `status` is
-    heading, value and note of the last number of the headline, `command` the command line.
+    `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
     """
-    comparison = compared(results)
-    shown = shown_rows(comparison, report.select_drawn([row.label for row in results.rows]))
+    comparison, motion = compared(results), results.detailed
+    shown = shown_rows(comparison, results.with_histories)
     sections = [
         _comparison_section(comparison, shown),
         spread_section(comparison, shown),
@@ -253,6 +247,7 @@ def study_page(
         step_section(results, shown),
         motion_section(results),
     ]
+    took = "" if seconds is None else f"in {seconds:.3g} s"
     lead = Lead(
         eyebrow="Response of a building with MR dampers",
         title=results.title,
@@ -263,7 +258,10 @@ def study_page(
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
         "continue.",
-        numbers=(*_headline(comparison), Number(title=status[0], value=status[1], note=status[2])),
+        numbers=(
+            *_headline(comparison),
+            Number(title="Runs", value=f"{results.done} of {results.total}", note=took),
+        ),
         cautions=(*results.warnings(), *([] if results.balanced else [OFF_BALANCE])),
         advice=(shown.in_words,) if shown.in_words else (),
     )

@@ -1,0 +1,73 @@
+"""The page of any run folder, drawn again from what the folder holds."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from mrwork.base.arguments import checked
+from mrwork.report.fit.page import open_run, write_fit_page
+from mrwork.report.section import OnDrawn, ignore_progress
+from mrwork.report.study.page import study_page
+from mrwork.report.study.tuning_page import tuning_page
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, read_kind
+from mrwork.study.folder import read_history, read_results
+from mrwork.tuning.results import read_tuning
+
+
+@checked
+def write_page(
+    run: str | Path,
+    *,
+    summary: bool = False,
+    every_test: bool = False,
+    on_progress: OnDrawn = ignore_progress,
+) -> Path:
+    """Draw the page of a run folder of any verb, and write it into the folder.
+
+    Parameters
+    ----------
+    run
+        The folder, as of `load`.
+    summary
+        Write the front of the page alone, as ``summary.html``, beside ``report.html``.
+    every_test
+        Draw every test of a fit in full, and not the best, the median and the worst of many.
+    on_progress
+        Called with the progress.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    RecordError
+        Where it is no run folder, or one of its files is damaged.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.report.write_page("out/demo", summary=True)  # doctest: +SKIP
+    PosixPath('out/demo/summary.html')
+    """
+    place = Path(run)
+    kind, stated = read_kind(place)
+    command = stated.get("command", "")
+    if kind is FIT_RUN:
+        return write_fit_page(
+            *open_run(place), every_test=every_test, summary=summary, on_progress=on_progress
+        )
+    if kind is STUDY_RUN:
+        results = read_results(place)
+        seconds = stated.get("seconds")
+        page = study_page(
+            results, partial(read_history, place, results), command=command, seconds=seconds, summary=summary
+        )
+    else:
+        page = tuning_page(read_tuning(place), command=command, summary=summary)
+    name = SUMMARY if summary else REPORT
+    write_files(place, {name: page.encode()})
+    return place / name
