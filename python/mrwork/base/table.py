@@ -200,7 +200,9 @@ def escape(text: str) -> str:
 
 
 def breakable(name: str) -> str:
-    """HTML of a name that may be broken after an underscore, but not between a number and its unit."""
+    """HTML of a name that may be broken after an underscore, but not between number and unit; of markup, itself."""
+    if hasattr(name, "__html__"):
+        return escape(name)
     return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
 
 

@@ -47,7 +47,6 @@ from mrwork.study.tables import (
     bands_of_study,
     change_table,
     group_table,
-    ratio_table,
     spread_table,
     step_table,
     value_table,
@@ -237,14 +236,9 @@ def _begun_rows(results: StudyResults, motion: int | None = None) -> list[int]:
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
-    """Criteria under one motion, and their ratios to those without dampers and of the dampers without a command."""
+    """Criteria under one motion."""
     rows, name = _begun_rows(results, motion), results.motions[motion].name
-    if not rows:
-        return []
-    lines = _block(f"{name}: criteria", value_table(results, (motion,), rows))
-    if results.row_of("passive_off") in rows:
-        lines += _block(f"{name}: ratios", ratio_table(results, motion, rows))
-    return lines
+    return _block(f"{name}: criteria", value_table(results, (motion,), rows)) if rows else []
 
 
 def _score_lines(comparison: StudyComparison) -> list[str]:
@@ -259,7 +253,7 @@ def _score_lines(comparison: StudyComparison) -> list[str]:
             "Least to most: of single motions. Better: motions with less peak drift, less peak acceleration, or both, "
             f"than {results.rows[against].label}. {chosen_in_words(results)}".rstrip(),
         )
-    heading = f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:"
+    heading = f"Score (peak and RMS drift and acceleration over those at i = 0), mean over {judged_in_words(results)}:"
     lines = _block(heading, spread_table(comparison, [row for row in ranked if row in begun]), *below)
     if motion_groups(results):
         lines += _block("Score under groups of motions:", group_table(results, ranked))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Literal, cast
 
@@ -186,6 +186,23 @@ def legend(axes: Axes, columns: int = 3) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0 + _LEGEND_GAP / height), ncols=columns)
 
 
+def coinciding(lines: Mapping[str, Floats]) -> str:
+    """A sentence on lines of a panel, by their labels, that lie on each other: to a two-hundredth of the range."""
+    if not lines:
+        return ""
+    close = 0.005 * max(float(np.abs(each).max()) for each in lines.values())
+    names = list(lines)
+    groups: list[list[str]] = []
+    for name in names:
+        own = next((group for group in groups if np.abs(lines[group[0]] - lines[name]).max() <= close), None)
+        if own is None:
+            groups.append([name])
+        else:
+            own.append(name)
+    said = [f"{', '.join(group[:-1])} and {group[-1]} coincide" for group in groups if len(group) > 1]
+    return f"{'; '.join(said)}." if said else ""
+
+
 def draw_points(
     axes: Axes,
     abscissa: ArrayLike,
@@ -244,8 +261,10 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     body = places.sub(lambda element: _DIGITS_BEYOND.sub("", element.group()), body)
     body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{identifier}-", body)
     title = f"{identifier}-title"
+    # The colours of a picture cannot follow the page, nor may those beside it.
+    body, kind = (body, ' class="light"') if "<image" in body else (style.in_variables(body), "")
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img"{kind} '
         f'viewBox="{view_box.group(1) if view_box else "0 0 360 270"}" aria-labelledby="{title}">'
         f'<title id="{title}">{escape(description)}</title>{body}</svg>'
     )

@@ -1,7 +1,6 @@
 """The style of figures and pages: colours, the font that ships with matplotlib, sizes, and the units of axes.
 
-Data are grey, the model is blue and the residual rust. The three differ in lightness as well as in
-hue, so that colour-blind readers and grey-scale prints can distinguish them.
+Data are grey, the model is blue and the residual rust.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib
 from matplotlib import font_manager
@@ -68,17 +67,56 @@ def subset_name(weight: int) -> str:
     return f"figures-{weight}.woff"
 
 
-INK = "#1b2329"
-FAINT_INK = "#56636d"
-RULE = "#d5dade"
-DATA = "#8b979f"
-MODEL = "#0a5a96"
-RESIDUAL = "#b0502a"
-WINDOW = "#eef2f5"
-# The prediction band is light and wide, the parameter band dark and narrow.
-BAND = "#d9e6f0"
-BAND_EDGE = "#8fb3cf"
-PARAMETER_BAND = "#e0913a"
+PALETTE: Final = {
+    "page": ("#ffffff", "#14191d"),
+    "ink": ("#1b2329", "#e6eaed"),
+    "faint-ink": ("#56636d", "#a3b0b9"),
+    "rule": ("#d5dade", "#333d45"),
+    "window": ("#eef2f5", "#20282e"),
+    "alert-tint": ("#fbf1ec", "#33231b"),
+    "data": ("#7a868e", "#87939b"),
+    "model": ("#0a5a96", "#5aa9e6"),
+    "residual": ("#b0502a", "#e08a5f"),
+    "green": ("#559e79", "#b6f3b6"),
+    "orange": ("#db7931", "#ffe700"),
+    "violet": ("#b45cd6", "#7949ce"),
+    "brown": ("#551800", "#ce000c"),
+    "plum": ("#240049", "#925561"),
+    # The prediction band is light and wide, the parameter band dark and narrow.
+    "band": ("#d9e6f0", "#1c3247"),
+    "band-edge": ("#8fb3cf", "#4d7ea5"),
+}
+"""Colours by name, on a light and on a dark page.
+
+Those of curves, from `data` to `plum` and the ink, are 12 apart (CIEDE2000) from each other to eyes of all kinds, and
+have the contrast 3:1 to the page (`tests/report/test_look.py`).
+"""
+
+PAGE, INK, FAINT_INK, RULE, WINDOW, _, DATA, MODEL, RESIDUAL, *_HUES, PLUM, BAND, BAND_EDGE = (
+    light for light, _ in PALETTE.values()
+)
+HUES = (MODEL, RESIDUAL, *_HUES)
+"""Colours of laws; one more law has that of the data."""
+PARAMETER_BAND = HUES[3]
+
+
+def variables() -> str:
+    """CSS that names the colours, dark ones where the reader's system is dark; paper is light."""
+    light, dark = ("".join(f"--{name}: {both[place]};" for name, both in PALETTE.items()) for place in (0, 1))
+    return f":root, .light {{{light}}}\n@media screen and (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
+
+
+def in_variables(svg: str) -> str:
+    """A drawing with the names of its colours instead of the colours, so that it follows the page."""
+    return _COLOUR.sub(
+        lambda colour: f"var(--{_NAMES[colour[0]]})" if colour[0] in _NAMES else colour[0], svg
+    )
+
+
+_NAMES = {light: name for name, (light, _) in PALETTE.items()}
+_COLOUR = re.compile(r"(?<=: )#[0-9a-f]{6}(?=[;\"])")
+
+
 # From light to dark, for quantities and for tests in their order.
 TONES = LinearSegmentedColormap.from_list("mrwork", [BAND_EDGE, MODEL, INK])
 

@@ -19,23 +19,22 @@ from mrwork.dampers.design.sizing import SizeFront
 from mrwork.drawing import style
 from mrwork.drawing.canvas import draw_points, vertical_grid
 from mrwork.drawing.of_fits import with_unit
-from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
-from mrwork.plots import of_time
-from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
-from mrwork.report.study.figures import (
+from mrwork.drawing.of_studies import (
     ENERGY_PARTS,
-    HUES,
     Stroke,
     add_energies,
     add_energy_bars,
+    add_front,
     add_height_line,
     energy_parts,
     name_heights,
     strokes,
 )
-from mrwork.report.study.tuning_page import add_front
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
+from mrwork.plots import of_time
+from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
@@ -112,7 +111,7 @@ def spectra(
         return over_axis(title, "period", over, columns).to_pandas()
     axes, values = axes_for(ax), getattr(spectrum, quantity)
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
-    colour = HUES[len(axes.get_lines()) % len(HUES)]
+    colour = style.HUES[len(axes.get_lines()) % len(style.HUES)]
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
     axes.set_xlabel("Period (s)")
     axes.set_ylabel(f"{quantity.replace('_', '-').capitalize()} ({unit.symbol})")
@@ -188,7 +187,7 @@ def storey_profiles(
     axes.set_xlim(left=0.0)
     axes.set_xlabel(with_unit(quantity.replace("_", " ").capitalize(), unit.symbol))
     name_heights(axes, names)
-    if len(runs) <= len(HUES):
+    if len(runs) <= len(style.HUES):
         add_key(axes)
     return axes
 
@@ -287,8 +286,8 @@ def _runs(
 
 def _stroke(number: int, count: int) -> Stroke:
     """A hue for each of a few candidates; of many a tone, and thin lines."""
-    if count <= len(HUES):
-        return Stroke(colour=HUES[number], pattern="-")
+    if count <= len(style.HUES):
+        return Stroke(colour=style.HUES[number], pattern="-")
     return Stroke(colour=to_hex(style.TONES(number / (count - 1))), pattern="-", width=0.6)
 
 

@@ -106,17 +106,8 @@ def write_study_page(template: Path, path: Path, **content: Any) -> None:
 
 def _styles() -> str:
     """The style sheet of every page."""
-    colours = {
-        "ink": style.INK,
-        "faint-ink": style.FAINT_INK,
-        "rule": style.RULE,
-        "accent": style.MODEL,
-        "alert": style.RESIDUAL,
-        "panel": style.WINDOW,
-        "fonts": ", ".join(f'"{name}"' for name in style.PAGE_FONTS) + ", sans-serif",
-    }
-    variables = "".join(f"--{name}: {value};" for name, value in colours.items())
-    return f"{style.font_faces()}:root {{{variables}}}\n{_resource('report.css')}"
+    fonts = ", ".join(f'"{name}"' for name in style.PAGE_FONTS)
+    return f"{style.font_faces()}{style.variables()}:root {{--fonts: {fonts}, sans-serif;}}\n{_resource('report.css')}"
 
 
 def _resource(name: str) -> str:

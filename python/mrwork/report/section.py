@@ -120,11 +120,37 @@ class Lead:
     synthetic: bool = False
     banner: str = ""
     numbers: tuple[Number, ...] = ()
-    facts: tuple[tuple[str, str], ...] = ()
     panels: tuple[Panel, ...] = ()
     table: Table | None = None
     cautions: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
+
+
+# Characters beyond which a caution of the front ends at its first colon or semicolon.
+_LONG = 150
+
+
+def first_sentences(warnings: Sequence[str], most: int) -> tuple[str, ...]:
+    """Warnings as short sentences for the front of a page, which has a section with all of them in full."""
+    said = []
+    for warning in warnings[:most]:
+        ends = [place for mark in (": ", "; ") if (place := warning.find(mark)) > 0]
+        shown = warning[: min(ends)] if ends and len(warning) > _LONG else warning.removesuffix(".")
+        said.append(f"{shown[:1].upper()}{shown[1:]}.")
+    more = len(warnings) - most
+    return (*said, *([f"{more} more in the section on warnings."] if more > 0 else []))
+
+
+def warning_section(warnings: Sequence[str]) -> Section | None:
+    """All warnings in full, `None` without any."""
+    if not warnings:
+        return None
+    return Section(
+        anchor="warnings",
+        title="Warnings",
+        summary=f"{len(warnings)} before you use this.",
+        groups=(Group(points=tuple(warnings)),),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

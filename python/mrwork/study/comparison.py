@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted, format_fixed, in_plain
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
@@ -288,38 +289,112 @@ def findings(results: StudyResults) -> tuple[str, ...]:
 
 
 def _constant_in_effect(results: StudyResults) -> Iterator[str]:
-    """A sentence for each law whose command is constant under all motions: mean square and squared mean agree."""
+    """A sentence for each law whose command is constant under all motions."""
     for number, row in enumerate(results.rows):
-        runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
-        if (
-            row.kind != "controller"
-            or not results.dampers
-            or not all(run is not None and run.finished for run in runs)
-        ):
+        command = constant_command(results, number) if row.kind == "controller" else None
+        if command is None:
             continue
-        means, rms = (
-            np.array([np.atleast_1d(getattr(run, name)) for run in runs])
-            for name in ("mean_current", "rms_current")
-        )
-        largest = np.array([device.largest_command for device in results.dampers])
-        command = means.mean(axis=0)
-        if (rms <= _CONSTANT * largest).all():
+        if not command.any():
             yield (
                 f"{row.label} sends no command under any motion: it is passive-off (i = 0) in effect, for it "
                 "asks for no force beyond that of the dampers."
             )
-        elif (np.square(rms) - np.square(means) <= _CONSTANT * np.square(rms)).all() and (
-            np.abs(means - command) <= _CONSTANT * largest
-        ).all():
-            on = (command >= (1.0 - _CONSTANT) * largest).all()
-            shown = ", ".join(
-                f"{each:.3g} {results.command_unit}" for each in dict.fromkeys(command.tolist())
-            )
+        elif is_largest(results, command):
             yield (
                 f"{row.label} sends the same command throughout, under every motion: it is passive-on in effect."
-                if on
-                else f"{row.label} sends the same command throughout, {shown}: it is a passive damper in effect."
             )
+        else:
+            yield (
+                f"{row.label} sends the same command throughout, {_commands_in_words(results, command)}: it is a "
+                "passive damper in effect."
+            )
+
+
+def _commands_in_words(results: StudyResults, command: Floats) -> str:
+    return ", ".join(f"{each:.3g} {results.command_unit}" for each in dict.fromkeys(command.tolist()))
+
+
+def constant_command(results: StudyResults, row: int) -> Floats | None:
+    """The command that a row sends to each damper throughout, under all motions, zero if it sends none.
+
+    `None` where it is not constant, to a hundredth, or not known: mean square and squared mean agree.
+    """
+    runs = [results.runs.get((row, motion)) for motion in range(len(results.motions))]
+    if not (results.dampers and all(run is not None and run.finished for run in runs)):
+        return None
+    means, rms = (
+        np.array([np.atleast_1d(getattr(run, name)) for run in runs])
+        for name in ("mean_current", "rms_current")
+    )
+    largest = np.array([device.largest_command for device in results.dampers])
+    command = means.mean(axis=0)
+    if (rms <= _CONSTANT * largest).all():
+        return np.zeros(len(largest))
+    steady = (np.square(rms) - np.square(means) <= _CONSTANT * np.square(rms)).all()
+    return command if steady and (np.abs(means - command) <= _CONSTANT * largest).all() else None
+
+
+def is_largest(results: StudyResults, command: Floats) -> bool:
+    """Whether a constant command is the largest of each damper."""
+    return all(
+        each >= (1.0 - _CONSTANT) * device.largest_command
+        for each, device in zip(command.tolist(), results.dampers, strict=True)
+    )
+
+
+def verdicts(comparison: StudyComparison) -> dict[int, str]:
+    """What each control law is worth beside the best passive damper, in words; without one, beside no dampers."""
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
+    return {row: _verdict(comparison, row) for row in laws}
+
+
+def _verdict(comparison: StudyComparison, row: int) -> str:
+    results = comparison.results
+    judged = results.judged_motions
+    ended = [motion for motion in judged if row not in results.finished_rows(motion)]
+    if ended:
+        more = f" and {len(ended) - 1} more" if len(ended) > 1 else ""
+        return f"did not finish under {results.motions[ended[0]].name}{more}"
+    command = constant_command(results, row)
+    if command is not None:
+        if not command.any():
+            return "idle: sends no command"
+        if is_largest(results, command):
+            return "coincides with passive-on"
+        return f"a constant command in effect, {_commands_in_words(results, command)}"
+    reference = comparison.uncontrolled if comparison.passive is None else comparison.passive
+    if reference is None:
+        return "no reference to compare with"
+    counts = [times_better(results, row, reference, names) for names in (BOTH[:1], BOTH[1:], BOTH)]
+    if None in counts:
+        return f"{results.rows[reference].label} did not finish under every motion"
+    drift, acceleration, both = (count or 0 for count in counts)
+    against = "" if comparison.passive is not None else " against no dampers"
+    if both == len(judged):
+        on = f" on all {len(judged)} motions" if len(judged) > 1 else ""
+        text = f"better in both peaks{on}"
+    elif len(judged) == 1:
+        text = f"{'better' if drift else 'worse'} in drift, {'better' if acceleration else 'worse'} in acceleration"
+    else:
+        parts = (_on(drift, len(judged), "drift"), _on(acceleration, len(judged), "acceleration"))
+        text = f"{', '.join(parts)} of {len(judged)} motions"
+    tied = comparison.passive is not None and _is_tied(results, row, reference)
+    return f"{text}{against}{'; equal within the spread' if tied else ''}"
+
+
+def _on(better: int, count: int, what: str) -> str:
+    """Text such as "better in drift on 9", of what is more often the case."""
+    word, number = ("better", better) if 2 * better >= count else ("worse", count - better)
+    return f"{word} in {what} on {number}"
+
+
+def _is_tied(results: StudyResults, row: int, reference: int) -> bool:
+    """Whether the scores of two rows are not told apart by the motions."""
+    scores = [
+        [results.score_under(each, (motion,)) for motion in results.judged_motions]
+        for each in (row, reference)
+    ]
+    return len(scores[0]) > 1 and bool(ties_in_words("", scores[0], {"": scores[1]}))
 
 
 def _ties(comparison: StudyComparison) -> tuple[str, ...]:

@@ -7,9 +7,8 @@ every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import astuple, dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -40,7 +39,6 @@ from mrwork.study.results import (
     ratio_band,
     score_band,
 )
-from mrwork.study.study import Kind
 
 MOST_LISTED = 60
 """Most rows of a table."""
@@ -119,48 +117,6 @@ _VALUES = (
     ("command_travel", "", 1.0),
     ("switching_rate", "1/s", 1.0),
 )
-_RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
-_AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
-_DECIMALS = 3
-
-
-def overview_table(comparison: StudyComparison, shown: Collection[int]) -> Table:
-    """The score, and the mean of each ratio over the motions, the rows of each rank together."""
-    results, order = comparison.results, _by_rank(comparison, shown)
-    headings = _headings(comparison, order)
-    columns = [[results.score(row) for row in order], *_ratio_columns(results, order, results.judged_motions)]
-    return _ratio_table(
-        results,
-        order,
-        columns,
-        label=f"Score and mean ratios over {judged_in_words(results)}",
-        first=("Score",),
-        headings=headings,
-        note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
-        "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
-        "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
-        "and the best of each column is bold in each."
-        + "".join(f" {rank.note}" for rank in RANKS if rank.note and rank.title in headings.values()),
-    )
-
-
-def ratio_table(results: StudyResults, motion: int, rows: Sequence[int]) -> Table:
-    """The ratios under one motion."""
-    columns = _ratio_columns(results, rows, (motion,))
-    return _ratio_table(
-        results, rows, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
-    )
-
-
-def _ratio_columns(results: StudyResults, rows: Sequence[int], motions: Sequence[int]) -> list[list[float]]:
-    """A column for each reference and ratio: its mean over the motions for each row."""
-    columns: list[list[float]] = []
-    for against in _AGAINST:
-        ratios = [[results.ratios(row, motion, against) for motion in motions] for row in rows]
-        columns += [
-            [float(np.mean([each[name] for each in of_row])) for of_row in ratios] for name in _RATIOS
-        ]
-    return columns
 
 
 def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[int]) -> Table:
@@ -202,38 +158,6 @@ def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     }
 
 
-def _ratio_table(
-    results: StudyResults,
-    rows: Sequence[int],
-    columns: Sequence[Sequence[float]],
-    *,
-    label: str,
-    first: tuple[str, ...],
-    note: str,
-    headings: Mapping[int, str] = MappingProxyType({}),
-) -> Table:
-    return Table(
-        label=label,
-        columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
-        rows=tuple(
-            (results.rows[row].label, *(format_fixed(column[place], _DECIMALS) for column in columns))
-            for place, row in enumerate(rows)
-        ),
-        over=(("", 1 + len(first)), *((_over(results, against), len(_RATIOS)) for against in _AGAINST)),
-        strong=_best(results, rows, columns),
-        headings=headings,
-        note=note,
-    )
-
-
-def _over(results: StudyResults, against: Kind) -> str:
-    """Heading of the ratios to a reference."""
-    reference = results.row_of(against)
-    if against == "uncontrolled" or reference is None:
-        return "over no dampers" if against == "uncontrolled" else "over i = 0"
-    return f"over {results.rows[reference].label}"
-
-
 def _best(
     results: StudyResults,
     rows: Sequence[int],
@@ -250,40 +174,6 @@ def _best(
                 least = printed(min(known))
                 strong |= {(place, cell) for place in candidates if printed(column[place]) == least}
     return frozenset(strong)
-
-
-def leading_table(comparison: StudyComparison, row: int) -> Table:
-    """The changes of one row, quantity by quantity, against each reference."""
-    results = comparison.results
-    references = [each for each in comparison.references if each != row]
-    several = len(results.judged_motions) > 1
-    heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
-    cells: list[tuple[str, ...]] = []
-    alarming = set()
-    for line, entry in enumerate(compared_quantities()):
-        cell: list[str] = [entry.title]
-        for reference in references:
-            change = comparison.changes(row, reference)[entry.name]
-            numbers = (change.mean, change.largest) if several else (change.mean,)
-            alarming |= {
-                (line, len(cell) + place)
-                for place, number in enumerate(numbers)
-                if rounds_to_increase(number)
-            }
-            cell += [signed_percent(number) for number in numbers]
-            if several:
-                cell.append(change.motion or NOTHING)
-        cells.append(tuple(cell))
-    return Table(
-        label=f"Changes of {results.rows[row].label}",
-        columns=("", *(head for _ in references for head in heads)),
-        rows=tuple(cells),
-        words=tuple(len(heads) * (number + 1) for number in range(len(references))) if several else (),
-        over=(("", 1), *((f"Against {results.rows[each].label}", len(heads)) for each in references)),
-        alarming=frozenset(alarming),
-        note="Negative changes are improvements; increases are coloured."
-        + (f" Mean over {judged_in_words(results)}, and the largest change under one." if several else ""),
-    )
 
 
 def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:

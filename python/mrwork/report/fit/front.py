@@ -28,7 +28,7 @@ from mrwork.identification.result import FitSpread, rms
 from mrwork.records import DamperTest
 from mrwork.report.fit.agreement import loop_panel
 from mrwork.report.fit.coverage import coverage_summary
-from mrwork.report.section import Lead, Number, Panel, panel
+from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
 
@@ -47,7 +47,6 @@ _BANNER = {
 }
 # Sentences, parameters with a law, and tests that the front shows.
 _CAUTIONS, _LAWS, _NAMED = 3, 6, 3
-_LONG = 150
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +124,7 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     names = [each.test.name for each in comparisons]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     if not banner and fit.warnings:
-        banner = _sentence(fit.warnings[0])
+        (banner,) = first_sentences(fit.warnings[:1], 1)
     height = LOW if fit.spec.following else SMALL_HEIGHT
     unit = of_tests.common_force_unit([*comparisons, *evidence.drawn])
     return Lead(
@@ -280,30 +279,16 @@ def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Compari
         else {each.name: each.verdict for each in fit.identifiability.verdicts}
     )
     doubtful = [name for name, verdict in judged.items() if verdict not in ("identifiable", "negligible")]
-    said = [
-        *map(_sentence, fit.warnings[0 if fit.status in _BANNER else 1 :]),
-        *(
-            [
-                f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
-            ]
-            if doubtful
-            else []
-        ),
-        f"Not beyond the tested ranges: {fit.tested.in_words}.",
-    ]
+    said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
     if evidence.drawn is comparisons and len(comparisons) == 1:
-        said.insert(0, "One test cannot show how the damper behaves under another motion or command.")
+        said.append("One test cannot show how the damper behaves under another motion or command.")
+    if doubtful:
+        said.append(
+            f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
+        )
     if any(each.test.synthetic for each in comparisons):
         said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
-    more = len(said) - _CAUTIONS
-    return (*said[:_CAUTIONS], *([f"{more} more in the section on warnings."] if more > 0 else []))
-
-
-def _sentence(warning: str) -> str:
-    """A warning as a sentence, where it is long up to its first colon or semicolon."""
-    ends = [place for mark in (": ", "; ") if (place := warning.find(mark)) > 0]
-    shown = warning[: min(ends)] if ends and len(warning) > _LONG else warning.removesuffix(".")
-    return f"{shown[:1].upper()}{shown[1:]}."
+    return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(said, _CAUTIONS))
 
 
 def _advice(run: StoredRun) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ from mrwork.report.section import (
     Section,
     SectionKind,
     ignore_progress,
+    warning_section,
 )
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.output_file import write_files
@@ -81,14 +82,8 @@ def fit_page(
         made.append((kind, kind.make(run, comparisons)))
     tests = tests_section(run.fit, comparisons, every_test=every_test, further=further, before=before)
     absent = [kind.absent for kind, section in made if section is None and kind.absent is not None]
-    warnings = Section(
-        anchor="warnings",
-        title="Warnings",
-        summary=f"{len(run.fit.warnings)} before you use this fit.",
-        groups=(Group(points=run.fit.warnings),),
-    )
     sections = [
-        warnings if run.fit.warnings else None,
+        warning_section(run.fit.warnings),
         tests,
         parameters_section(run.fit),
         *(section for _, section in made),

@@ -29,7 +29,6 @@ _ENDED: dict[DrawsStatus, str] = {
 _POINTS = 120
 _GROUPS = 4
 _RANK_BINS = 16
-_GROUP_COLOURS = (style.MODEL, style.RESIDUAL, style.FAINT_INK, style.PARAMETER_BAND)
 # Of the corner: inches of a panel, cells of a density and their smoothing.
 _SIDE, _EDGE, _BELOW = 1.35, 0.85, 0.65
 
@@ -140,7 +139,7 @@ def rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
     figure, axes = small_axes(labelled=True)
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)
-    for group, colour in zip(groups, _GROUP_COLOURS, strict=True):
+    for group, colour in zip(groups, style.HUES, strict=False):
         count, edges = np.histogram(group, bins=_RANK_BINS, range=(0.0, 1.0))
         axes.stairs(count * _RANK_BINS / group.size, edges, color=colour, linewidth=1.1, baseline=None)
     axes.set_xlim(0.0, 1.0)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import cycle
-from typing import Any
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +13,6 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.responses import axis_of
 from mrwork.drawing import style
 from mrwork.drawing.canvas import (
     column_axes,
@@ -28,6 +24,14 @@ from mrwork.drawing.canvas import (
     small_axes,
     symmetric,
     vertical_grid,
+)
+from mrwork.drawing.of_studies import (
+    Stroke,
+    add_energies,
+    add_energy_bars,
+    energy_parts,
+    short,
+    strokes,
 )
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.drawing.style import DisplayUnit
@@ -48,53 +52,6 @@ _LEFT_OF_NAMES = 0.95
 _KEY_LINE = 0.178
 _KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
-HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
-"""Colours of rows; they differ in lightness, too, as those of `style` do."""
-_PATTERNS = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)))
-_DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stroke:
-    """Colour, pattern and width [pt] of the lines of a row."""
-
-    colour: str
-    pattern: str | tuple[int, tuple[float, ...]]
-    width: float = 1.4
-
-
-def strokes(results: StudyResults) -> tuple[Stroke, ...]:
-    """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
-    references = {
-        "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
-        "passive_off": Stroke(colour=style.INK, pattern=_DASHED, width=1.3),
-    }
-    others = cycle(Stroke(colour=hue, pattern=pattern) for pattern in _PATTERNS for hue in HUES)
-    return tuple(references.get(row.kind) or next(others) for row in results.rows)
-
-
-@style.drawn_in_style()
-def profile_figure(results: StudyResults, motion: int, quantity: str, rows: Collection[int]) -> Figure:
-    """A quantity of storeys or floors, peak drift or acceleration, over the height, a line for each of the rows."""
-    drift = axis_of(quantity) == "storey"
-    names = results.storey_names if drift else results.floor_names
-    factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    shown = [row for row in results.finished_rows(motion) if row in rows]
-    key_lines = (len(shown) + 1) // 2
-    figure, axes = column_axes(
-        left=_LEFT_OF_NAMES,
-        top=0.12 + _KEY_LINE * key_lines,
-        height=2.1 + _KEY_LINE * key_lines + min(0.19 * len(names), 4.0),
-    )
-    of_row = strokes(results)
-    for row in shown:
-        values = getattr(results.runs[row, motion], quantity) * factor
-        add_height_line(axes, values, of_row[row], results.rows[row].label)
-    axes.set_xlim(left=0.0)
-    axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
-    name_heights(axes, names)
-    _key(axes)
-    return figure
 
 
 @style.drawn_in_style()
@@ -111,51 +68,6 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     return figure
 
 
-ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.RULE}
-"""Where the input energy is at the end of a motion, with the tones."""
-
-
-def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
-    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J]."""
-    devices = np.sum(numbers["device_energy"]) + np.sum(numbers.get("element_energy", 0.0))
-    moving = numbers["kinetic_energy"] + numbers["strain_energy"]
-    return float(devices), float(numbers["damping_energy"]), float(moving)
-
-
-def add_energy_bars(axes: Axes, names: Sequence[str], parts: Sequence[Sequence[float]]) -> None:
-    """A bar for each of the names, the first at the bottom, of its `ENERGY_PARTS` [J] one behind the other."""
-    ends = np.cumsum(np.reshape(parts, (len(names), len(ENERGY_PARTS))), axis=1)
-    for number, (label, tone) in enumerate(ENERGY_PARTS.items()):
-        starts = ends[:, number - 1] if number else np.zeros(len(names))
-        amounts = [each[number] for each in parts]
-        axes.barh(range(len(names)), amounts, left=starts, height=0.62, color=tone, label=label)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_xlim(0.0, 1.02 * float(ends[:, -1].max(initial=0.0)) or 1.0)
-
-
-def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> None:
-    """Line of a quantity of storeys or floors, shape (n,), over their numbers from 1."""
-    axes.plot(
-        values,
-        np.arange(1, len(values) + 1),
-        color=stroke.colour,
-        linestyle=stroke.pattern,
-        linewidth=stroke.width,
-        marker="o",
-        markersize=3.2,
-        label=label,
-    )
-
-
-def name_heights(axes: Axes, names: Sequence[str]) -> None:
-    """Names of storeys or floors at their numbers on the ordinate."""
-    # Of many floors only every second, fifth or tenth is labelled.
-    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
-    places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
-    axes.set_yticks(places, [short(names[n - 1], 13) for n in places])
-    axes.set_ylim(0.6, len(names) + 0.4)
-
-
 def _key(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(
@@ -169,11 +81,6 @@ def _key(axes: Axes) -> None:
         labelspacing=0.22,
         fontsize=_KEY_FONT,
     )
-
-
-def short(text: str, most: int) -> str:
-    """A label of at most `most` characters."""
-    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 _BINS = 700
@@ -245,17 +152,6 @@ def energy_history_figure(history: RunHistory) -> Figure:
     add_energies(axes, history.time, given, (devices, damping, kinetic + strain))
     name_small_axes(axes, "Energy (J)", "Time (s)")
     return figure
-
-
-def add_energies(axes: Axes, time: Floats, given: Floats, parts: Sequence[Floats]) -> None:
-    """Line of the energy that was given, cumulative over time, above its `ENERGY_PARTS`, stacked [J]."""
-    every = slice(None, None, max(1, len(time) // _SMALL_BINS))
-    time, shown = time[every], [each[every] for each in parts]
-    axes.stackplot(time, *shown, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
-    axes.plot(time, given[every], color=style.INK, linewidth=0.9, label="Input")
-    # An actuator may supply energy; the energy that it takes up is then negative.
-    axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((shown[0] + shown[1]).max()), 1e-9))
-    axes.margins(x=0.0)
 
 
 ReadHistory = Callable[[int, int], RunHistory | None]

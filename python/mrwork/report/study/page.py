@@ -6,78 +6,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrwork.base.numbers import MINUS, NOTHING, format_fixed, significant
+from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
-from mrwork.closed_loop.evaluation import criterion, ratio
+from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
 from mrwork.report.html import page_html
-from mrwork.report.section import Group, Lead, Number, Section, panel
+from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (
     ReadHistory,
     device_section,
     energy_figure,
     history_section,
     motion_section,
-    profile_figure,
     spread_section,
 )
-from mrwork.study.comparison import (
-    ADD_BEST_PASSIVE,
-    MOST_IN_DETAIL,
-    StudyComparison,
-    compared,
-    findings,
-    judged_in_words,
-    signed_percent,
-)
+from mrwork.report.study.front import study_lead
+from mrwork.study.comparison import ADD_BEST_PASSIVE, StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import (
     OFF_BALANCE,
     StudyResults,
     largest_step_changes,
 )
-from mrwork.study.tables import (
-    ShownRows,
-    bands_of_study,
-    change_table,
-    leading_table,
-    overview_table,
-    ratio_table,
-    shown_rows,
-    step_table,
-    value_table,
-)
-
-_QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
-
-
-def profile_section(results: StudyResults, detailed: int, shown: ShownRows) -> Section:
-    """Section of peak drift and acceleration over the height, for the detailed motion and, if few, for the others."""
-    others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
-    order = [detailed, *(number for number in others if number != detailed)]
-    groups = tuple(
-        Group(
-            title=results.motions[motion].name,
-            synthetic=results.motions[motion].synthetic,
-            panels=tuple(
-                panel(
-                    f"profile-{motion}-{quantity.replace('_', '-')}",
-                    title,
-                    profile_figure(results, motion, quantity, shown.drawn),
-                    f"{title} of each storey or floor under {results.motions[motion].name}, for {len(shown.drawn)} "
-                    "arrangements",
-                )
-                for quantity, title in _QUANTITIES
-            ),
-        )
-        for motion in order
-        if results.finished_rows(motion)
-    )
-    return Section(
-        anchor="profiles",
-        title="Storey profiles",
-        summary=f"peak drift and absolute acceleration over the height, for {_drawn_in_words(results, shown)}.",
-        groups=groups,
-    )
+from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
 
 
 def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
@@ -233,39 +183,27 @@ def study_page(
     `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
     """
     comparison, motion = compared(results), results.detailed
+    lead = study_lead(comparison)
+    if summary:
+        return page_html(lead, [], summary=True)
     shown = shown_rows(comparison, results.with_histories)
+    took = [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
+    first = [row for row in (comparison.leading, comparison.passive) if row is not None]
     sections = [
-        _comparison_section(comparison, shown),
+        warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
+        _change_section(comparison, shown),
         spread_section(comparison, shown),
-        _criteria_section(comparison, shown),
-        profile_section(results, motion, shown),
+        _criteria_section(results, shown),
         history_section(results, histories, motion, shown.with_histories),
-        device_section(results, histories, motion, shown.with_histories),
+        device_section(results, histories, motion, first),
+        energy_section(results, motion, shown),
         band_section(bands_of_study(results, shown.listed), results.n_realisations),
         demand_section(results),
-        energy_section(results, motion, shown),
         step_section(results, shown),
         motion_section(results),
+        provenance_section([*results.facts, *took], command),
     ]
-    took = "" if seconds is None else f"in {seconds:.3g} s"
-    lead = Lead(
-        eyebrow="Response of a building with MR dampers",
-        title=results.title,
-        subject=_subject(results),
-        synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=_leading_in_words(comparison),
-        banner=""
-        if results.complete
-        else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
-        "continue.",
-        numbers=(
-            *_headline(comparison),
-            Number(title="Runs", value=f"{results.done} of {results.total}", note=took),
-        ),
-        cautions=(*results.warnings(), *([] if results.balanced else [OFF_BALANCE])),
-        advice=(shown.in_words,) if shown.in_words else (),
-    )
-    return page_html(lead, [*sections, provenance_section(results.facts, command)], summary=summary)
+    return page_html(lead, sections)
 
 
 def provenance_section(facts: Sequence[tuple[str, str]], command: str) -> Section:
@@ -274,87 +212,34 @@ def provenance_section(facts: Sequence[tuple[str, str]], command: str) -> Sectio
     return Section(anchor="provenance", title="Provenance", groups=(Group(facts=said),))
 
 
-def _subject(results: StudyResults) -> str:
-    """The first motions by their names, and how many more there are."""
-    names = [motion.name for motion in results.motions]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"Under {', '.join(names[:_NAMED])}{more}"
-
-
-def _comparison_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
+def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
+    """Changes of every quantity against the best constant command and the building without dampers, and findings."""
     if comparison.leading is None:
         return None
-    results, leading = comparison.results, comparison.leading
-    words = [text.replace(" -", f" {MINUS}") for text in comparison.in_words(leading)]
+    results = comparison.results
     lacking = (ADD_BEST_PASSIVE,) if comparison.lacks_best_passive else ()
     groups = [
-        Group(title=comparison.heading(leading), table=leading_table(comparison, leading)),
-        *(
-            Group(
-                title=f"{'Every arrangement' if len(shown.listed) == len(results.rows) else 'Arrangements'} against "
-                f"{results.rows[reference].label}",
-                prose=lacking if reference == comparison.passive else (),
-                table=change_table(comparison, reference, shown.listed),
-            )
-            for reference in comparison.references
-        ),
-    ]
-    return Section(anchor="changes", title="Changes", summary=" ".join(words), groups=tuple(groups))
-
-
-def _criteria_section(comparison: StudyComparison, shown: ShownRows) -> Section:
-    results = comparison.results
-    assert isinstance(results, StudyResults)
-    judged, count, rows = judged_in_words(results), len(results.motions), shown.listed
-    groups = []
-    if count > 1:
-        groups.append(Group(title=f"Score and ratios over {judged}", table=overview_table(comparison, rows)))
-    if sentences := findings(results):
-        groups.append(Group(prose=sentences))
-    if count > MOST_IN_DETAIL:
-        groups.append(
-            Group(
-                title=f"Criteria, median of {judged}",
-                table=value_table(results, results.judged_motions, rows),
-                prose=(f"The criteria of all {count} motions are in `criteria.csv` and `results.json`.",),
-            )
+        Group(
+            title=f"Against {results.rows[reference].label}",
+            prose=lacking if reference == comparison.passive else (),
+            table=change_table(comparison, reference, shown.listed),
         )
-    for number, motion in enumerate(results.motions if count <= MOST_IN_DETAIL else ()):
-        ratios = ratio_table(results, number, rows)
-        groups += [
-            Group(title=motion.name, synthetic=motion.synthetic, table=ratios),
-            Group(table=value_table(results, (number,), rows)),
-        ]
+        for reference in reversed(comparison.references)
+    ]
     return Section(
-        anchor="criteria", title="Criteria", summary=comparison.scores_in_words(), groups=tuple(groups)
+        anchor="changes",
+        title="Changes of every quantity",
+        summary=f"{comparison.heading(comparison.leading)}.",
+        groups=(*groups, Group(points=findings(results), prose=(shown.in_words,) if shown.in_words else ())),
     )
 
 
-def _headline(comparison: StudyComparison) -> list[Number]:
-    """Changes of the leading row against the building without dampers, and below against the best passive damper."""
-    results, row = comparison.results, comparison.leading
-    if row is None or comparison.uncontrolled is None:
-        return [
-            Number(title="Arrangements", value=format_fixed(len(results.rows), 0)),
-            Number(title="Ground motions", value=format_fixed(len(results.motions), 0)),
-        ]
-    bare = comparison.changes(row, comparison.uncontrolled)
-    passive = {} if comparison.passive in (None, row) else comparison.changes(row, comparison.passive)
-    return [
-        Number(
-            title=criterion(name).title,
-            value=signed_percent(bare[name].mean),
-            unit="%",
-            worse=bare[name].worse,
-            note=f"{signed_percent(passive[name].mean)} % against the best passive damper" if passive else "",
-            note_worse=bool(passive) and passive[name].worse,
-        )
-        for name in _HEADLINE
-    ]
-
-
-def _leading_in_words(comparison: StudyComparison) -> str:
-    if comparison.leading is None or comparison.uncontrolled is None:
-        return ""
-    label = comparison.results.rows[comparison.uncontrolled].label
-    return f"{comparison.heading(comparison.leading)}, against {label}:"
+def _criteria_section(results: StudyResults, shown: ShownRows) -> Section:
+    judged = results.judged_motions
+    median = f", median of {judged_in_words(results)}" if len(judged) > 1 else ""
+    return Section(
+        anchor="criteria",
+        title="Criteria",
+        summary=f"in their units{median}; those of every motion are in `criteria.csv`.",
+        groups=(Group(table=value_table(results, judged, shown.listed)),),
+    )

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from operator import itemgetter
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -18,10 +15,10 @@ from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, name_rows, room_for
+from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
 from mrwork.report.html import page_html
 from mrwork.report.section import Group, Lead, Number, Section, panel
-from mrwork.report.study.figures import HUES, short
 from mrwork.report.study.page import band_section, provenance_section
 from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
@@ -70,7 +67,7 @@ def course_figure(laws: Sequence[LawResult]) -> Figure:
             [point.candidates for point in each.trace],
             [point.least for point in each.trace],
             where="post",
-            color=HUES[number % len(HUES)],
+            color=style.HUES[number % len(style.HUES)],
             label=short(each.label, _LONGEST),
         )
     axes.set_xlabel("Candidates")
@@ -87,20 +84,6 @@ def front_figure(front: Front) -> Figure:
     add_front(axes, front)
     axes.legend(loc="upper right")
     return figure
-
-
-def add_front(axes: Axes, front: Front) -> None:
-    """Points of a front over its first two objectives, joined on the training motions."""
-    first, second = front.objectives[:2]
-    for label, colour, marker, points in (
-        ("training", style.FAINT_INK, "o-", [each.train for each in front.points]),
-        ("test", style.MODEL, "o", [each.test for each in front.points if each.test is not None]),
-    ):
-        if points:
-            drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
-            axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
-    axes.set_xlabel(f"{criterion(first).title} over i = 0")
-    axes.set_ylabel(f"{criterion(second).title} over i = 0")
 
 
 _DECIMALS = 3

@@ -1,0 +1,125 @@
+"""Drawing of what a study or a tuning has: lines of rows, profiles over the height, energies, and a Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, repeat
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mrwork.base.values import Floats
+from mrwork.closed_loop.evaluation import criterion
+from mrwork.drawing import style
+from mrwork.study.results import StudyResults
+from mrwork.tuning.results import Front
+
+_SMALL_BINS = 350
+_DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
+ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.RULE}
+"""Where the input energy is at the end of a motion, with the tones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """Colour, pattern and width [pt] of the lines of a row."""
+
+    colour: str
+    pattern: str | tuple[int, tuple[float, ...]] = "-"
+    width: float = 1.4
+
+
+def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> tuple[Stroke, ...]:
+    """The stroke of each row: dark tones and grey for references, a hue for each of six others, thin grey for more.
+
+    Of the others those in `coloured` have hues, in its order; by default the first.
+    """
+    references = {
+        "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
+        "passive_off": Stroke(colour=style.PLUM, pattern=_DASHED, width=1.3),
+        "best_passive": Stroke(colour=style.INK, width=1.6),
+    }
+    rows = range(len(results.rows)) if coloured is None else coloured
+    others = [row for row in rows if results.rows[row].kind not in references]
+    hues = chain(map(Stroke, style.HUES), repeat(_OTHER))
+    own = dict(zip(others, hues, strict=False))
+    return tuple(
+        references.get(row.kind) or own.get(number, _OTHER) for number, row in enumerate(results.rows)
+    )
+
+
+_OTHER = Stroke(colour=style.DATA, width=0.6)
+
+
+def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
+    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J]."""
+    devices = np.sum(numbers["device_energy"]) + np.sum(numbers.get("element_energy", 0.0))
+    moving = numbers["kinetic_energy"] + numbers["strain_energy"]
+    return float(devices), float(numbers["damping_energy"]), float(moving)
+
+
+def add_energy_bars(axes: Axes, names: Sequence[str], parts: Sequence[Sequence[float]]) -> None:
+    """A bar for each of the names, the first at the bottom, of its `ENERGY_PARTS` [J] one behind the other."""
+    ends = np.cumsum(np.reshape(parts, (len(names), len(ENERGY_PARTS))), axis=1)
+    for number, (label, tone) in enumerate(ENERGY_PARTS.items()):
+        starts = ends[:, number - 1] if number else np.zeros(len(names))
+        amounts = [each[number] for each in parts]
+        axes.barh(range(len(names)), amounts, left=starts, height=0.62, color=tone, label=label)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlim(0.0, 1.02 * float(ends[:, -1].max(initial=0.0)) or 1.0)
+
+
+def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> None:
+    """Line of a quantity of storeys or floors, shape (n,), over their numbers from 1."""
+    axes.plot(
+        values,
+        np.arange(1, len(values) + 1),
+        color=stroke.colour,
+        linestyle=stroke.pattern,
+        linewidth=stroke.width,
+        marker="o",
+        markersize=3.2,
+        label=label,
+    )
+
+
+def name_heights(axes: Axes, names: Sequence[str], *, numbers: bool = False) -> None:
+    """Names of storeys or floors at their numbers on the ordinate, or these numbers alone."""
+    # Of many floors only every second, fifth or tenth is labelled.
+    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
+    places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
+    axes.set_yticks(places, [str(n) if numbers else short(names[n - 1], 13) for n in places])
+    axes.set_ylim(0.6, len(names) + 0.4)
+
+
+def short(text: str, most: int) -> str:
+    """A label of at most `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def add_energies(axes: Axes, time: Floats, given: Floats, parts: Sequence[Floats]) -> None:
+    """Line of the energy that was given, cumulative over time, above its `ENERGY_PARTS`, stacked [J]."""
+    every = slice(None, None, max(1, len(time) // _SMALL_BINS))
+    time, shown = time[every], [each[every] for each in parts]
+    axes.stackplot(time, *shown, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
+    axes.plot(time, given[every], color=style.INK, linewidth=0.9, label="Input")
+    # An actuator may supply energy; the energy that it takes up is then negative.
+    axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((shown[0] + shown[1]).max()), 1e-9))
+    axes.margins(x=0.0)
+
+
+def add_front(axes: Axes, front: Front) -> None:
+    """Points of a front over its first two objectives, joined on the training motions."""
+    first, second = front.objectives[:2]
+    for label, colour, marker, points in (
+        ("training", style.FAINT_INK, "o-", [each.train for each in front.points]),
+        ("test", style.MODEL, "o", [each.test for each in front.points if each.test is not None]),
+    ):
+        if points:
+            drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
+            axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
+    axes.set_xlabel(f"{criterion(first).title} over i = 0")
+    axes.set_ylabel(f"{criterion(second).title} over i = 0")

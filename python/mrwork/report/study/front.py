@@ -1,0 +1,347 @@
+"""The front of a study's page: the building, its peaks over the height, and what each law is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+
+from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
+from mrwork.base.summary import list_names
+from mrwork.base.table import Table
+from mrwork.base.values import Floats
+from mrwork.closed_loop.responses import axis_of
+from mrwork.drawing import style
+from mrwork.drawing.canvas import coinciding, name_small_axes, small_axes
+from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, short, strokes
+from mrwork.report.section import Lead, Panel, first_sentences, panel
+from mrwork.study.comparison import (
+    ADD_BEST_PASSIVE,
+    BOTH,
+    LAWS,
+    StudyComparison,
+    judged_in_words,
+    signed_percent,
+    times_better,
+    verdicts,
+)
+from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
+
+# Laws with colours and rows in the table; cautions; modes and motions that are named.
+_LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 3
+_HEIGHT = 1.9
+_QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
+
+
+def study_lead(comparison: StudyComparison) -> Lead:
+    """The front of the page of a study."""
+    results = comparison.results
+    drawn = _drawn_rows(comparison)
+    warnings = results.warnings()
+    return Lead(
+        eyebrow="Response of a building with MR dampers",
+        title=results.title,
+        subject=_subject(results),
+        synthetic=any(motion.synthetic for motion in results.motions),
+        verdict=_verdict(comparison),
+        banner=""
+        if results.complete
+        else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
+        "continue.",
+        panels=(*_building_panel(results), *_profile_panels(results, drawn)),
+        table=_table(comparison, drawn),
+        cautions=first_sentences(
+            [*([] if results.balanced else [OFF_BALANCE]), *warnings, *_few_motions(results)], _CAUTIONS
+        ),
+        advice=_advice(comparison),
+    )
+
+
+def _subject(results: StudyResults) -> str:
+    """The building in a line, and the motions."""
+    uses = judged_in_words(results)
+    names = f"{uses}: {list_names([motion.name for motion in results.motions], _NAMED)}"
+    facts = results.building
+    if facts is None:
+        return f"Under {names}"
+    periods = [significant(each, 3) for each in facts.periods[:_MODES] if np.isfinite(each)]
+    ratios = {format_fixed(100.0 * each, 1) for each in facts.damping_ratios[:_MODES] if np.isfinite(each)}
+    storeys = (
+        counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
+    )
+    damping = (
+        f", damping {' to '.join(sorted(ratios, key=float)[:: max(len(ratios) - 1, 1)])} %" if ratios else ""
+    )
+    mass = significant(1e-3 * sum(facts.masses), 3)
+    return f"{storeys}, {mass} t, periods {', '.join(periods)} s{damping}; under {names}"
+
+
+def _few_motions(results: StudyResults) -> Iterator[str]:
+    count = len(results.judged_motions)
+    if count < 3:
+        yield f"{'One motion says' if count == 1 else f'{count} motions say'} little about the next."
+
+
+def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
+    """Relative changes of both peaks under each judged motion."""
+    results = comparison.results
+    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
+    return {name: np.array([each[name] for each in ratios]) - 1.0 for name in BOTH}
+
+
+def _verdict(comparison: StudyComparison) -> str:
+    """Whether a law beats the best constant command in both peaks, by how much, and under how many motions."""
+    results, passive = comparison.results, comparison.passive
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
+    if comparison.lacks_best_passive:
+        return ADD_BEST_PASSIVE
+    if not laws or passive is None:
+        if comparison.leading is None or comparison.uncontrolled is None:
+            return f"{counted(len(results.rows), 'arrangement')} under {judged_in_words(results)}."
+        changes = _changes_of(comparison, comparison.leading, comparison.uncontrolled)
+        label = results.rows[comparison.leading].label
+        return f"No control law is compared. {label} against no dampers: {_in_words(changes)}."
+    over = f" on average over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
+    constant = results.rows[passive].label
+    every = {row: _changes_of(comparison, row, passive) for row in laws}
+    winners = [
+        row
+        for row, changes in every.items()
+        if all(float(each.mean()) < -0.0005 for each in changes.values())
+    ]
+    if winners:
+        row = winners[0]
+        both = times_better(results, row, passive)
+        motions = len(results.judged_motions)
+        on = f", both under {both} of {motions}" if motions > 1 else ""
+        return (
+            f"{results.rows[row].label} lowers both peaks against {constant}{over}: "
+            f"{_in_words(every[row])}{_realised(results, row, passive)}{on}."
+        )
+    row = laws[0]
+    return (
+        f"No law lowers both peaks against {constant}{over}. {results.rows[row].label}, the law with the lowest score: "
+        f"{_in_words(every[row])}{_realised(results, row, passive)}."
+    )
+
+
+def _in_words(changes: dict[str, Floats]) -> str:
+    """Both changes, with the range over the motions."""
+    if not all(np.isfinite(each).all() for each in changes.values()):
+        return "a run did not finish"
+    parts = []
+    for name, each in changes.items():
+        ends = f" ({signed_percent(each.min())} to {signed_percent(each.max())} %)" if each.size > 1 else ""
+        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(each.mean()))} %{ends}")
+    return ", ".join(parts)
+
+
+def _realised(results: StudyResults, row: int, reference: int) -> str:
+    """The band of the change of the peak drift over realisations, if there are any."""
+    band = ratio_band(results, row, reference, BOTH[0])
+    if band is None:
+        return ""
+    ends = f"{signed_percent(band.lower - 1.0)} to {signed_percent(band.upper - 1.0)} %"
+    return f"; drift {ends} in 90 % of {results.n_realisations} realisations"
+
+
+def _drawn_rows(comparison: StudyComparison) -> list[int]:
+    """The first laws and the references: those with a line in the table; more rows are drawn in grey."""
+    results = comparison.results
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
+    others = [
+        row for rank, rows in comparison.ranks if rank.name in ("actuator", "other_device") for row in rows
+    ]
+    off = results.row_of("passive_off") if len(laws) < _LAWS - 1 else None
+    references = [row for row in (comparison.passive, off, comparison.uncontrolled) if row is not None]
+    return list(dict.fromkeys([*[*laws, *others][:_LAWS], *references]))
+
+
+def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
+    """A row for each drawn arrangement with its line: score, changes of both peaks, and the verdict."""
+    results, said = comparison.results, verdicts(comparison)
+    of_row = strokes(results, drawn)
+    kinds = {"best_passive": "the reference", "passive_off": "dampers without a command", "uncontrolled": ""}
+    # The best constant command first.
+    references = comparison.references[::-1]
+
+    def cells(row: int) -> tuple[str, ...]:
+        changes = [
+            NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
+            for reference in references
+            for name in BOTH
+        ]
+        name = _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 32))
+        return (
+            name,
+            format_fixed(results.score(row), 3),
+            *changes,
+            said.get(row, kinds.get(results.rows[row].kind, "")),
+        )
+
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
+    more = len(laws) - len(set(laws) & set(drawn))
+    pairs = [(f"Against {short(results.rows[reference].label, 24)} (%)", 2) for reference in references]
+    return Table(
+        label="What each law is worth",
+        columns=("", "Score", *(("Drift", "Acc.") * len(references)), "Verdict"),
+        rows=tuple(map(cells, drawn)),
+        words=(2 + 2 * len(references),),
+        over=(("", 2), *pairs, ("", 1)) if references else (),
+        note=f"{counted(more, 'more law')} below, in grey above." if more > 0 else "",
+    )
+
+
+def _line(stroke: Stroke) -> Markup:
+    """The line of a row as the figures draw it."""
+    dashes = (
+        "" if isinstance(stroke.pattern, str) else " ".join(f"{3 * each:g}" for each in stroke.pattern[1])
+    )
+    line = (
+        f'<svg class="line" viewBox="0 0 26 8" aria-hidden="true"><path d="M 1 4 H 25" style="stroke: {stroke.colour}; '
+        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {dashes or "none"}"/></svg>'
+    )
+    return Markup(style.in_variables(line))
+
+
+def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
+    """Peaks over the height, means over the judged motions; the range over these of the first row is shaded."""
+    for quantity, title in _QUANTITIES:
+        values = {
+            row: each
+            for row in range(len(results.rows))
+            if (each := _peaks(results, row, quantity)) is not None
+        }
+        if not values:
+            continue
+        of_row = strokes(results, drawn)
+        figure = _profile_figure(results, quantity, values, drawn, of_row)
+        several = len(results.judged_motions) > 1
+        first = next((row for row in drawn if row in values), None)
+        shaded = several and first is not None and quantity == BOTH[0]
+        note = (
+            f"Means; shaded, the range of {results.rows[first].label}. "
+            if shaded and first is not None
+            else ""
+        )
+        lines = {results.rows[row].label: values[row].mean(axis=0) for row in drawn if row in values}
+        yield panel(
+            f"front-{quantity.replace('_', '-')}",
+            title,
+            figure,
+            f"{title} of each storey or floor for {len(values)} arrangements, mean over {judged_in_words(results)}",
+            f"{note}{coinciding(lines)}".strip(),
+        )
+
+
+def _peaks(results: StudyResults, row: int, quantity: str) -> Floats | None:
+    """Peaks under each judged motion, shape (n_motions, n_heights); `None` unless all runs finished."""
+    runs = [results.runs.get((row, motion)) for motion in results.judged_motions]
+    if not all(run is not None and run.finished for run in runs):
+        return None
+    return np.array([getattr(run, quantity) for run in runs])
+
+
+@style.drawn_in_style()
+def _profile_figure(
+    results: StudyResults,
+    quantity: str,
+    values: dict[int, Floats],
+    drawn: Sequence[int],
+    of_row: Sequence[Stroke],
+) -> Figure:
+    drift = axis_of(quantity) == "storey"
+    names = results.storey_names if drift else results.floor_names
+    factor, unit = (1e3, "mm") if drift else (1.0, "m/s²")
+    figure, axes = small_axes(labelled=True, height=_HEIGHT)
+    order = [*(row for row in values if row not in drawn), *reversed([row for row in drawn if row in values])]
+    for row in order:
+        add_height_line(axes, factor * values[row].mean(axis=0), of_row[row], results.rows[row].label)
+    first = next((row for row in drawn if row in values), None)
+    if first is not None and len(values[first]) > 1:
+        heights = np.arange(1, len(names) + 1)
+        low, high = factor * values[first].min(axis=0), factor * values[first].max(axis=0)
+        axes.fill_betweenx(heights, low, high, color=style.BAND, linewidth=0.0, zorder=0.5)
+    name_heights(axes, names, numbers=True)
+    axes.set_xlim(left=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    name_small_axes(axes, "Storey" if drift else "Floor", f"{'Drift' if drift else 'Acceleration'} ({unit})")
+    return figure
+
+
+def _building_panel(results: StudyResults) -> Iterator[Panel]:
+    facts = results.building
+    if facts is None or not facts.stiffnesses or len(facts.stiffnesses) > _MOST_DRAWN:
+        return
+    dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
+    yield panel(
+        "front-building",
+        "Building",
+        _building_figure(results, facts),
+        f"{facts.name}: {len(facts.masses)} floors with masses and stiffnesses of the storeys; dampers: "
+        f"{', '.join(dampers) or 'none'}",
+        f"Dampers: {list_names(dampers, 4)}" if dampers else "No dampers",
+    )
+
+
+_MOST_DRAWN = 20
+
+
+@style.drawn_in_style()
+def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
+    """Floors with their masses, storeys with their stiffnesses, dampers as braces in their storeys."""
+    figure, axes = small_axes(labelled=True, height=_HEIGHT)
+    axes.set_position((0.02, 0.02, 0.96, 0.94))
+    axes.set_axis_off()
+    n_storeys = len(facts.stiffnesses)
+    left, right = 0.0, 1.0
+    every = max(1, -(-n_storeys // 8))
+    for number in range(n_storeys):
+        for side in (left, right):
+            axes.plot([side, side], [number, number + 1], color=style.INK, linewidth=1.3)
+        axes.add_patch(
+            Rectangle((left, number + 0.94), right - left, 0.12, facecolor=style.FAINT_INK, linewidth=0)
+        )
+        if number % every == 0:
+            label = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
+            label(right + 0.08, number + 1.0, f"{significant(1e-3 * facts.masses[number], 3)} t")
+            stiffness = f"{significant(1e-6 * facts.stiffnesses[number], 3)} kN/mm"
+            label(left - 0.08, number + 0.5, stiffness, ha="right")
+    for damper in results.dampers:
+        bottom = damper.storey
+        axes.plot([left, right], [bottom, bottom + 0.94], color=style.MODEL, linewidth=1.6)
+        middle = Rectangle(
+            (0.36, bottom + 0.34), 0.28, 0.26, facecolor=style.PAGE, edgecolor=style.MODEL, zorder=3
+        )
+        axes.add_patch(middle)
+        count = f"{format_fixed(damper.count, 0)} ×"
+        if damper.count > 1:
+            axes.text(
+                0.5, bottom + 0.47, count, ha="center", va="center", fontsize=style.SMALL_TEXT_SIZE, zorder=4
+            )
+    axes.plot([left - 0.25, right + 0.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
+    axes.set_xlim(-1.1, 1.9)
+    axes.set_ylim(-0.15, n_storeys + 0.3)
+    return figure
+
+
+def _advice(comparison: StudyComparison) -> tuple[str, ...]:
+    results = comparison.results
+    said = []
+    if results.checked is None:
+        said.append("`mrwork respond STUDY --check-step`: whether half the step changes a number.")
+    if len(results.judged_motions) < 5:
+        said.append(
+            "More `[[motion]]` tables: a law is worth what it does under motions that did not make it."
+        )
+    if not results.n_realisations:
+        said.append(
+            "`[uncertainty]` in the study: the same with dampers and a building that are not known exactly."
+        )
+    said.append("`mrwork tune STUDY`: settings of the laws from training motions, judged on test motions.")
+    return tuple(said[:_ADVICE])
