@@ -109,8 +109,8 @@ class Lead:
     """The front of a page, one screen: may the result be used, where not, and what next.
 
     `verdict` is the answer in a sentence, `numbers` what it rests on, at most four; `cautions` say where the result
-    does not hold, `advice` what to do next. Of `panels` at most eight small ones fit, in rows of four. A `banner` is
-    above all: the result is not that of a finished run.
+    does not hold, `advice` what to do next. Of `panels` at most eight small ones fit, in rows of four, or a `wide` one
+    of the width of two. A `banner` is above all: the result is not that of a finished run.
     """
 
     eyebrow: str
@@ -121,6 +121,7 @@ class Lead:
     banner: str = ""
     numbers: tuple[Number, ...] = ()
     panels: tuple[Panel, ...] = ()
+    wide: bool = False
     table: Table | None = None
     cautions: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()

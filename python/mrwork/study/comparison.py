@@ -377,9 +377,20 @@ def _verdict(comparison: StudyComparison, row: int) -> str:
         text = f"{'better' if drift else 'worse'} in drift, {'better' if acceleration else 'worse'} in acceleration"
     else:
         parts = (_on(drift, len(judged), "drift"), _on(acceleration, len(judged), "acceleration"))
-        text = f"{', '.join(parts)} of {len(judged)} motions"
+        text = f"{', '.join(parts)} of {len(judged)}"
     tied = comparison.passive is not None and _is_tied(results, row, reference)
     return f"{text}{against}{'; equal within the spread' if tied else ''}"
+
+
+def peaks_in_words(changes: Mapping[str, Floats]) -> str:
+    """Mean change of each peak, with the range over the motions, shape (n_motions,)."""
+    if not all(np.isfinite(each).all() for each in changes.values()):
+        return "a run did not finish"
+    parts = []
+    for name, each in changes.items():
+        ends = f" ({signed_percent(each.min())} to {signed_percent(each.max())} %)" if each.size > 1 else ""
+        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(each.mean()))} %{ends}")
+    return ", ".join(parts)
 
 
 def _on(better: int, count: int, what: str) -> str:

@@ -26,6 +26,7 @@ from mrwork.study.comparison import (
     LAWS,
     StudyComparison,
     judged_in_words,
+    peaks_in_words,
     signed_percent,
     times_better,
     verdicts,
@@ -105,7 +106,7 @@ def _verdict(comparison: StudyComparison) -> str:
             return f"{counted(len(results.rows), 'arrangement')} under {judged_in_words(results)}."
         changes = _changes_of(comparison, comparison.leading, comparison.uncontrolled)
         label = results.rows[comparison.leading].label
-        return f"No control law is compared. {label} against no dampers: {_in_words(changes)}."
+        return f"No control law is compared. {label} against no dampers: {peaks_in_words(changes)}."
     over = f" on average over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
     constant = results.rows[passive].label
     every = {row: _changes_of(comparison, row, passive) for row in laws}
@@ -121,24 +122,13 @@ def _verdict(comparison: StudyComparison) -> str:
         on = f", both under {both} of {motions}" if motions > 1 else ""
         return (
             f"{results.rows[row].label} lowers both peaks against {constant}{over}: "
-            f"{_in_words(every[row])}{_realised(results, row, passive)}{on}."
+            f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{on}."
         )
     row = laws[0]
     return (
         f"No law lowers both peaks against {constant}{over}. {results.rows[row].label}, the law with the lowest score: "
-        f"{_in_words(every[row])}{_realised(results, row, passive)}."
+        f"{peaks_in_words(every[row])}{_realised(results, row, passive)}."
     )
-
-
-def _in_words(changes: dict[str, Floats]) -> str:
-    """Both changes, with the range over the motions."""
-    if not all(np.isfinite(each).all() for each in changes.values()):
-        return "a run did not finish"
-    parts = []
-    for name, each in changes.items():
-        ends = f" ({signed_percent(each.min())} to {signed_percent(each.max())} %)" if each.size > 1 else ""
-        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(each.mean()))} %{ends}")
-    return ", ".join(parts)
 
 
 def _realised(results: StudyResults, row: int, reference: int) -> str:
@@ -234,7 +224,7 @@ def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Pan
             f"front-{quantity.replace('_', '-')}",
             title,
             figure,
-            f"{title} of each storey or floor for {len(values)} arrangements, mean over {judged_in_words(results)}",
+            f"{title} of each storey or floor, {len(values)} arrangements, mean over {judged_in_words(results)}",
             f"{note}{coinciding(lines)}".strip(),
         )
 

@@ -6,11 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
 from mrwork.base.table import Table
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.drawing import style
@@ -18,14 +20,16 @@ from mrwork.drawing.canvas import column_axes, name_rows, room_for
 from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
 from mrwork.report.html import page_html
-from mrwork.report.section import Group, Lead, Number, Section, panel
+from mrwork.report.section import Group, Lead, Panel, Section, first_sentences, panel, warning_section
 from mrwork.report.study.page import band_section, provenance_section
+from mrwork.study.comparison import BOTH, peaks_in_words
 from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
     LawResult,
     TuningResults,
     motions_in_words,
+    settings_in_words,
     speed_in_words,
 )
 
@@ -91,8 +95,12 @@ _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
 
 
 def tuning_page(results: TuningResults, *, command: str = "", summary: bool = False) -> str:
-    """The page of a tuning: HTML with embedded styles and figures."""
+    """The page of a tuning: HTML with embedded styles and figures; a `summary` is its front alone."""
+    lead = _lead(results)
+    if summary:
+        return page_html(lead, [], summary=True)
     sections = [
+        warning_section(results.warnings),
         _score_section(results),
         _settings_section(results),
         band_section(
@@ -111,48 +119,122 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
         _demand_section(results),
         _motion_section(results),
         _search_section(results),
+        provenance_section(results.facts, command),
     ]
-    on = motions_in_words(results)
+    return page_html(lead, sections)
+
+
+# Rows of the table, and sentences.
+_ROWS, _CAUTIONS = 8, 2
+
+
+def _lead(results: TuningResults) -> Lead:
+    """The front: whether a tuned law beats the best constant command on motions that it was not tuned on."""
     laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
-    lead = Lead(
+    few = len(results.testing)
+    cautions = list(results.warnings)
+    if not few:
+        cautions.insert(
+            0, "Nothing was held out: the laws are judged on the motions that they were tuned on."
+        )
+    elif few < _FEW:
+        cautions.append(
+            f"{'One test motion says' if few == 1 else f'{few} test motions say'} little about the next."
+        )
+    ranked = results.ranked
+    shown = ranked[:_ROWS]
+    panels: tuple[Panel, ...] = ()
+    if ranked:
+        figure = score_figure(shown)
+        said = "Score of each law on training and test motions, with the middle half and the range over the motions"
+        panels = (panel("front-scores", "Scores with their spread over motions", figure, said),)
+    return Lead(
         eyebrow="Control laws tuned on training motions",
         title=results.title,
-        subject=f"{laws} on {on if results.testing else 'the motions that they are judged by'}",
-        verdict=_leading(results),
+        subject=f"{laws} on {motions_in_words(results)}",
+        verdict=_verdict(results),
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
-        numbers=(
-            Number(
-                title="Candidates",
-                value=format_fixed(sum(each.candidates for each in results.laws), 0),
-                note=speed_in_words(results),
-            ),
+        panels=panels,
+        wide=True,
+        table=_law_table(results, shown) if ranked else None,
+        cautions=first_sentences(cautions, _CAUTIONS),
+        advice=(
+            "`mrwork respond chosen.toml`, in this folder: the study with these settings, on every motion.",
+            "`robust = true` in `[[tune]]`: settings for dampers and a building that are not known exactly."
+            if not results.realisations
+            else 'Further `[[motion]]` tables with `use = "test"`: motions that the tuning has not seen.',
         ),
-        cautions=tuple(results.warnings),
     )
-    return page_html(lead, [*sections, provenance_section(results.facts, command)], summary=summary)
 
 
-def _leading(results: TuningResults) -> str:
-    """The law with the lowest score, beside the reference with the lowest."""
+_FEW = 3
+
+
+def _verdict(results: TuningResults) -> str:
+    """The law with the lowest score beside the best constant command, by both peaks under each motion."""
     laws = [each for each in results.ranked if each in results.laws]
-    references = [each for each in results.ranked if each in results.references]
-    if not laws or not references:
-        return ""
-    law, reference = laws[0], references[0]
-    on = "test" if results.testing else "training"
-    text = (
-        f"On the {on} motions {law.label} has the score {law.judged.score:.3f}, and {reference.label}, the best "
-        f"reference, {reference.judged.score:.3f}."
-    )
-    if law.better is not None:
-        both, motions = law.better.both, law.better.motions
-        negated = "not " if motions == 1 and not both else ""
-        under = f" under {both} of {motions} motions" if motions > 1 else ""
-        text += (
-            f" Both its peak drift and its peak acceleration are {negated}below those of the best constant "
-            f"command{under}."
+    constant = next((each for each in results.references if each.better is None), None)
+    if not laws or constant is None:
+        return (
+            "No law was tuned."
+            if not laws
+            else f"{laws[0].label} has the lowest score, {laws[0].judged.score:.3f}."
         )
-    return text
+    count = len(results.testing)
+    on = (
+        f"{count} unseen motion{'' if count == 1 else 's'}"
+        if count
+        else "the training motions, all of them seen,"
+    )
+    winners = [
+        each for each in laws if all(change.mean() < 0.0 for change in _changes(each, constant).values())
+    ]
+    law = (winners or laws)[0]
+    both = law.better
+    under = f", both under {both.both} of {both.motions}" if both is not None and both.motions > 1 else ""
+    changes = peaks_in_words(_changes(law, constant))
+    if winners:
+        return f"On {on} {law.label} lowers both peaks against {constant.label}: {changes}{under}."
+    return (
+        f"On {on} no law lowers both peaks on average against {constant.label}. {law.label}, the law with the lowest "
+        f"score: {changes}{under}."
+    )
+
+
+def _changes(law: LawResult, constant: LawResult) -> dict[str, Floats]:
+    """Relative changes of both peaks against the constant command, under each motion."""
+    pairs = list(zip(law.judged.motions, constant.judged.motions, strict=False))
+    return {
+        name: np.array([one.criteria[name] / other.criteria[name] for one, other in pairs] or [math.nan])
+        - 1.0
+        for name in BOTH
+    }
+
+
+def _law_table(results: TuningResults, shown: Sequence[LawResult]) -> Table:
+    more = len(results.ranked) - len(shown)
+    return Table(
+        label="Tuned laws and references",
+        columns=("", "Training", "Test", *(criterion(name).short for name in BOTH), "Better", "Settings"),
+        rows=tuple(
+            (
+                short(each.label, _LONGEST),
+                format_fixed(each.train.score, _DECIMALS),
+                format_fixed(None if each.test is None else each.test.score, _DECIMALS),
+                *(format_fixed(each.judged.criteria.get(name, math.nan), _DECIMALS) for name in BOTH),
+                NOTHING if each.better is None else each.better.in_words,
+                short(settings_in_words(each.settings, results.command_unit), _SETTINGS),
+            )
+            for each in shown
+        ),
+        over=(("", 1), ("Score over i = 0", 2), ("Mean ratio over i = 0", 2), ("", 2)),
+        words=(6,),
+        note="Better: motions with both peaks below those of the best constant command."
+        + (f" {more} more below." if more else ""),
+    )
+
+
+_SETTINGS = 60
 
 
 def _score_section(results: TuningResults) -> Section:
@@ -199,17 +281,11 @@ def _score_section(results: TuningResults) -> Section:
         "Better: under how many motions both peak drift and peak acceleration are below those of the best constant "
         "command, which is chosen on the training motions.",
     )
-    figure = panel(
-        "scores",
-        "Scores with their spread over motions",
-        score_figure(ranked),
-        "Score of each law on the training and the test motions, with the middle half and the range over the motions",
-    )
     return Section(
         anchor="scores",
         title="Scores",
         summary=f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else "",
-        groups=(Group(table=table, prose=results.findings), Group(panels=(figure,))),
+        groups=(Group(table=table, prose=results.findings),),
     )
 
 
@@ -342,15 +418,21 @@ def _motion_section(results: TuningResults) -> Section | None:
     return Section(anchor="motions", title="Every motion", groups=tuple(groups)) if groups else None
 
 
-def _search_section(results: TuningResults) -> Section | None:
+def _search_section(results: TuningResults) -> Section:
     laws = [each for each in results.laws if len(each.trace) > 1]
-    if not laws:
-        return None
-    figure = panel(
-        "searches",
-        "Course of the searches",
-        course_figure(laws),
-        "Least objective of each law over the number of candidates",
-        "First candidates, then generations of the search. A candidate that exceeds a limit has a higher objective.",
+    count = sum(each.candidates for each in results.laws)
+    panels = (
+        panel(
+            "searches",
+            "Course of the searches",
+            course_figure(laws),
+            "Least objective of each law over the number of candidates",
+            "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
+        ),
     )
-    return Section(anchor="searches", title="Searches", groups=(Group(panels=(figure,)),))
+    return Section(
+        anchor="searches",
+        title="Searches",
+        summary=f"{format_fixed(count, 0)} candidates; {speed_in_words(results)}.",
+        groups=(Group(panels=panels if laws else ()),),
+    )
