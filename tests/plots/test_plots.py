@@ -46,7 +46,7 @@ class Drawn:
 
 
 MODEL = ("Fit", "StoredRun", "Prediction")
-RUNS = ("Responses", "StudyResults", "StoredStudy")
+RUNS = ("Responses", "StudyResults")
 FORCE, BOTH = ("time", "force"), (("time", "force"), ("time", "model_force"))
 SPECTRUM = (("period", "pseudo_acceleration"),)
 DRAWN = [

@@ -19,7 +19,7 @@ from mrwork.cli.door import whole_parser
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RunKind
 
 COMMANDS = subcommands(whole_parser())
-TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StoredStudy, "tune": mr.TuningResults}
+TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.TuningResults}
 RECORD = ("synthetic:spencer1997", "--every", 40)
 FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
 SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 40)
@@ -125,7 +125,7 @@ def test_a_comparison_of_models_is_the_run_of_the_chosen_one(runs: Path) -> None
 
 def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Path, inputs: Path) -> None:
     found, results = (
-        mr.load(runs / "respond", mr.StoredStudy),
+        mr.load(runs / "respond", mr.StudyResults),
         mr.run_study(mr.read_study(inputs / "small.toml")),
     )
     kept, computed = found.to_xarray(), results.to_xarray()
@@ -173,7 +173,7 @@ def test_a_damaged_file_is_refused_with_the_verb_that_writes_it(
 
 
 def test_a_reader_of_one_kind_names_the_kind_that_came(runs: Path, refused: Refused) -> None:
-    for kind in (mr.StoredRun, mr.StoredStudy, mr.TuningResults):
+    for kind in (mr.StoredRun, mr.StudyResults, mr.TuningResults):
         for verb, own in TYPES.items():
             if own is not kind:
                 refused(mr.load, runs / verb, kind)
@@ -184,7 +184,7 @@ def test_a_reader_of_one_kind_names_the_kind_that_came(runs: Path, refused: Refu
         refused(mr.tuning.read_tuning, runs / verb)
 
 
-@pytest.mark.parametrize("verb", sorted({*verbs_with("run_folder")} - {"export"}))
+@pytest.mark.parametrize("verb", sorted({*verbs_with("run_folder")} - {"export", "report"}))
 def test_a_verb_that_takes_a_fit_refuses_other_runs_by_their_verb(verb: str, runs: Path) -> None:
     for other in ("respond", "tune"):
         ended = mrwork(verb, runs / other, *additions(verb))

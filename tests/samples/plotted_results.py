@@ -22,11 +22,8 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import Multistart
 from mrwork.identification.fit_file import write_run
 from mrwork.records.reading import Reading
-from mrwork.store.codec import json_document
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.run_folder import RESULTS as RESULTS_FILE
-from mrwork.study.folder import study_document
 from mrwork.tuning import Front, FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 
@@ -140,14 +137,6 @@ def responses() -> mr.Responses:
     return mr.simulate_loop(frame, list(devices(rd1005(), of=frame)), law, motions, histories=True)
 
 
-@cache
-def stored_study() -> mr.StoredStudy:
-    """The results of a study, read back."""
-    folder = Path(tempfile.mkdtemp())
-    (folder / RESULTS_FILE).write_text(json_document(study_document(study_samples.results())))
-    return mr.study.read_results(folder)
-
-
 def history() -> mr.closed_loop.History:
     histories = responses().histories
     assert histories is not None
@@ -203,7 +192,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "History": history,
     "Responses": responses,
     "StudyResults": study_samples.results,
-    "StoredStudy": stored_study,
     "GroundMotion": motion,
     "ResponseSpectrum": lambda: mr.response_spectrum(motion(), np.linspace(0.1, 2.0, 20)),
     "Front": front,

@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.study import StudyResults
-from mrwork.study.results import MotionFacts
+from mrwork.study.results import DamperFacts, MotionFacts
 from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
@@ -140,10 +140,17 @@ def results() -> StudyResults:
         labelled=labelled_criteria(ROWS, MOTIONS, runs),
         floor_names=("floor 1", "floor 2", "roof"),
         storey_names=("storey 1", "storey 2", "storey 3"),
-        device_names=("damper 1", "damper 1, opposed"),
+        dampers=tuple(map(damper_facts, ("damper 1", "damper 1, opposed"))),
         command_unit="A",
         facts=(("Building", "three storeys"),),
+        detailed=1,
+        with_histories=(0, 1, 2, 3, 4),
     )
+
+
+def damper_facts(name: str, count: float = 1.0, storey: int = 0) -> DamperFacts:
+    """Facts of dampers of 2 A with no known tests."""
+    return DamperFacts(name=name, model="dahl", count=count, largest_command=2.0, storey=storey, tested=None)
 
 
 Runs = Mapping[tuple[int, int], RunResult]
@@ -172,11 +179,12 @@ def with_runs(
     rows: tuple[Row, ...] | None = None,
     motions: tuple[MotionFacts, ...] | None = None,
 ) -> StudyResults:
-    """A study with other runs, and with those of half the step."""
+    """A study with other runs, and with those of half the step; the last motion and every row have histories."""
     rows, motions = rows or results.rows, motions or results.motions
     runs = results.runs if runs is None else runs
     labelled = labelled_criteria(rows, motions, runs, halved)
-    return replace(results, rows=rows, motions=motions, runs=runs, halved=halved, labelled=labelled)
+    shown = {"detailed": len(motions) - 1, "with_histories": tuple(range(len(rows)))}
+    return replace(results, rows=rows, motions=motions, runs=runs, halved=halved, labelled=labelled, **shown)
 
 
 def histories(row: int, motion: int) -> RunHistory:

@@ -70,7 +70,7 @@ def test_the_row_is_ranked_apart_and_resumes_to_the_bit(tmp_path: Path) -> None:
     document = study_document(whole)
     assert document["clairvoyant"][0]["score"] == found.score
     assert "not certified" in document["clairvoyant"][0]["statement"]
-    page = study_page(whole, lambda row, motion: None, motion=0)
+    page = study_page(whole, lambda row, motion: None)
     assert "Non-causal, not certified" in page
 
     with pytest.raises(Interrupted) as stopped:

@@ -19,8 +19,8 @@ from mrwork.report.study.page import study_page
 from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.folder import study_document
+from mrwork.study.results import judged_by_demand
 from mrwork.study.run_result import demands_of
-from mrwork.study.schema import ReportTable
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\
@@ -199,10 +199,7 @@ def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
         )
         for name in results.device_names
     )
-    results = replace(results, devices=devices)
-    page = study_page(
-        results, study_samples.histories, motion=0, report=ReportTable(controllers=("Passive-off",))
-    )
+    page = study_page(judged_by_demand(results, devices, building, (0, 0)), study_samples.histories)
     assert "Demand on the dampers" in page
     assert "outside the tested range in stroke." in page
     assert "tested to 1 mm" in page
@@ -231,6 +228,5 @@ def test_the_command_line_says_it_from_a_run_folder(tmp_path: Path) -> None:
     assert "mm/s, tested to 1 mm/s" in text
     stored = mr.study.read_results(out)
     assert any("tested to 1 mm/s" in each for each in stored.warnings())
-    assert stored.details[1, 0].outside_tested_range is not None
-    assert "velocity" in stored.details[1, 0].outside_tested_range
+    assert "velocity" in stored.demands(1, 0)[0].outside.names
     assert "tested to 1 mm/s" in (out / "report.html").read_text()

@@ -142,14 +142,14 @@ def test_an_ensemble_says_which_verdict_changes_and_is_read_back(apart: Path, tm
     assert {name: found[name] for name in found if name not in of_study} == {
         name: plain[name] for name in plain if name not in of_study
     }
-    ensemble = mr.load(tmp_path / "run", mr.StoredStudy).ensemble
+    ensemble = mr.load(tmp_path / "run", mr.StudyResults).ensemble
     assert ensemble is not None
     assert json.loads(json_document(asdict(ensemble))) == found["ensemble"]
     assert len(ensemble.sets) == 3
     drift = next(each for each in ensemble.verdicts if each.subject.startswith("Peak drift"))
     assert len(set(drift.values)) == 3
     assert any(each.changes for each in ensemble.verdicts)
-    assert mr.load(tmp_path / "plain", mr.StoredStudy).ensemble is None
+    assert mr.load(tmp_path / "plain", mr.StudyResults).ensemble is None
     # Without the option the runs stay in the journal, from which they come back.
     respond(apart, "--out", str(tmp_path / "run"), "--resume")
     assert (

@@ -16,11 +16,11 @@ from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
 from mrwork.study.comparison import judged_in_words
-from mrwork.study.folder import StoredStudy, study_document
+from mrwork.study.folder import study_document
 from mrwork.study.results import largest_step_changes
 
 
-def read_back(results: StudyResults, folder: Path) -> StoredStudy:
+def read_back(results: StudyResults, folder: Path) -> StudyResults:
     (folder / RESULTS).write_text(json_document(study_document(results)), encoding="utf-8")
     return read_results(folder)
 

@@ -12,7 +12,7 @@ forces = mr.simulate(fit.spec, fit.theta, mr.synthetic_test("spencer1997"))
 run = mr.load("demo")
 if isinstance(run, mr.StoredRun):
     found = f"a fit of {run.fit.fit_percent:.1f} %"
-elif isinstance(run, mr.StoredStudy):
+elif isinstance(run, mr.StudyResults):
     found = f"a study with {len(run.rows)} rows"
 else:
     found = f"a tuning of {len(run.laws)} laws"

@@ -342,13 +342,8 @@ def is_largest(results: StudyResults, command: Floats) -> bool:
     )
 
 
-def verdicts(comparison: StudyComparison) -> dict[int, str]:
-    """What each control law is worth beside the best passive damper, in words; without one, beside no dampers."""
-    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
-    return {row: _verdict(comparison, row) for row in laws}
-
-
-def _verdict(comparison: StudyComparison, row: int) -> str:
+def verdict(comparison: StudyComparison, row: int) -> str:
+    """What a control law is worth beside the best passive damper, in words; without one, beside no dampers."""
     results = comparison.results
     judged = results.judged_motions
     ended = [motion for motion in judged if row not in results.finished_rows(motion)]

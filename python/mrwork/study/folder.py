@@ -305,8 +305,6 @@ class _Document(Related):
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
-        if self.detailed >= len(names) or any(row >= len(self.scores) for row in self.with_histories):
-            return "it has no such motion or row for its histories"
         kinds: dict[str, Kind] = {}
         runs: dict[tuple[str, str], StoredStudyRun] = {}
         for run in self.results:
@@ -321,6 +319,8 @@ class _Document(Related):
                 return f"it has two runs of {where}"
             if strange := self._misshapen_quantity(run):
                 return f"its run of {where} has {strange} of another length than the axis"
+        if self.detailed >= len(names) or any(row >= len(self.scores) for row in self.with_histories):
+            return "it has no such motion or row for its histories"
         return self._gap(names, runs) if self.complete else ""
 
     def _misshapen_quantity(self, run: StoredStudyRun) -> str:

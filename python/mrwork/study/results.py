@@ -286,6 +286,7 @@ class StudyResults(Summarised):
         """
         return self.labelled.to_pandas()
 
+    @arguments.checked
     def check_place(self, row: int, motion: int) -> None:
         """Refuse a row or a motion that the study has not."""
         if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
@@ -321,19 +322,23 @@ class StudyResults(Summarised):
         test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
         return test or tuple(range(len(self.motions)))
 
+    @arguments.checked
     def finished_rows(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
         runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
         return [row for row, run in runs if run is not None and run.finished]
 
+    @arguments.checked
     def row_of(self, kind: Kind) -> int | None:
         """The first row of a kind, if there is one."""
         return next((number for number, row in enumerate(self.rows) if row.kind == kind), None)
 
+    @arguments.checked
     def ratios(self, row: int, motion: int, against: Kind) -> dict[str, float]:
         """Ratio of every criterion to that of the first row of a kind; NaN if there is no such row."""
         return self.ratios_to(row, motion, self.row_of(against))
 
+    @arguments.checked
     def ratios_to(self, row: int, motion: int, reference: int | None) -> dict[str, float]:
         """Ratio of every criterion to that of a reference row; NaN if there is none or a run did not finish."""
         above = self.criteria(row, motion)
@@ -347,10 +352,12 @@ class StudyResults(Summarised):
             for name, other in named.items()
         }
 
+    @arguments.checked
     def score(self, row: int) -> float:
         """Mean over `judged_motions` of the criteria over those at i = 0; NaN unless all these runs finished."""
         return self.score_under(row, self.judged_motions)
 
+    @arguments.checked
     def score_under(self, row: int, motions: Sequence[int]) -> float:
         """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
         reference = self.row_of("passive_off")
@@ -366,6 +373,7 @@ class StudyResults(Summarised):
     def _criteria(self, row: int, motion: int) -> dict[str, Floats]:
         return {name: np.asarray(self.labelled.numbers[name][row, motion, 0]) for name in SCORE}
 
+    @arguments.checked
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
         """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
         chosen = self.judged_motions if motions is None else motions

@@ -29,9 +29,10 @@ from mrwork.study.comparison import (
     peaks_in_words,
     signed_percent,
     times_better,
-    verdicts,
+    verdict,
 )
 from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
+from mrwork.study.tables import MOST_DRAWN
 
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 3
@@ -154,8 +155,9 @@ def _drawn_rows(comparison: StudyComparison) -> list[int]:
 
 def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     """A row for each drawn arrangement with its line: score, changes of both peaks, and the verdict."""
-    results, said = comparison.results, verdicts(comparison)
+    results = comparison.results
     of_row = strokes(results, drawn)
+    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     kinds = {"best_passive": "the reference", "passive_off": "dampers without a command", "uncontrolled": ""}
     # The best constant command first.
     references = comparison.references[::-1]
@@ -171,10 +173,9 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
             name,
             format_fixed(results.score(row), 3),
             *changes,
-            said.get(row, kinds.get(results.rows[row].kind, "")),
+            verdict(comparison, row) if row in laws else kinds.get(results.rows[row].kind, ""),
         )
 
-    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     more = len(laws) - len(set(laws) & set(drawn))
     pairs = [(f"Against {short(results.rows[reference].label, 24)} (%)", 2) for reference in references]
     return Table(
@@ -202,10 +203,9 @@ def _line(stroke: Stroke) -> Markup:
 def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
     """Peaks over the height, means over the judged motions; the range over these of the first row is shaded."""
     for quantity, title in _QUANTITIES:
+        rows = dict.fromkeys([*drawn, *range(len(results.rows))])
         values = {
-            row: each
-            for row in range(len(results.rows))
-            if (each := _peaks(results, row, quantity)) is not None
+            row: each for row in [*rows][:MOST_DRAWN] if (each := _peaks(results, row, quantity)) is not None
         }
         if not values:
             continue

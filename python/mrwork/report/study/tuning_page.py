@@ -33,7 +33,7 @@ from mrwork.tuning.results import (
     speed_in_words,
 )
 
-_LINE = 0.36
+_LINE = 0.26
 _BELOW, _ABOVE = 0.55, 0.55
 _LONGEST = 30
 
