@@ -168,7 +168,7 @@ def test_intervals_take_the_place_of_standard_errors_everywhere(run: Path, tmp_p
     stored = json.loads((place / "fit.json").read_text())["intervals"]
     assert (stored["kind"], stored["level"]) == ("profile", 0.95)
     page = (place / "report.html").read_text()
-    parameters = page[page.index("<h2>Parameters</h2>") : page.index("<h2>Agreement</h2>")]
+    parameters = page[page.index('<section id="parameters"') :].partition("</table>")[0]
     assert "95 % profile interval" in parameters
     assert "Standard error" not in parameters
     judged = {each["name"]: each["verdict"] for each in document["profiles"]}

@@ -85,7 +85,8 @@ def page_rows(page: str, heading: str) -> dict[str, list[str]]:
     table = page[page.index(heading) :].partition("</table>")[0]
     rows = (re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table))
     cells = ([unescape(re.sub("<.*?>", "", cell)) for cell in row] for row in rows)
-    return {row[0] if row[0] == "Parameter" else row[1]: row for row in cells}
+    # A symbol and a name stand in the first cell.
+    return {row[0].split()[-1]: row for row in cells}
 
 
 def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
@@ -107,7 +108,7 @@ def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
     assert all(f"  {verdict}" in line for line, verdict in words.items())
     page = (place / "report.html").read_text()
     on_page = page_rows(page, "Parameters</h2>")
-    place_of_verdict = on_page["Parameter"].index("Verdict") + 1  # a symbol and a name below one heading
+    place_of_verdict = on_page["Parameter"].index("Verdict")
     assert {name: on_page[name][place_of_verdict] for name in verdicts} == verdicts
     # No other verdict stands on the page.
     assert page.count(">Verdict<") == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,22 +22,28 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import print_json, told_findings
+from mrwork.cli.output import is_quiet, print_json, renew_page, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.law_sets import SetsApart
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.dampers.tested_range import Exceedance, worst_of
+from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, read_others
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
+from mrwork.store.output_folder import adding
+from mrwork.store.run_folder import HELD_OUT
 from mrwork.uncertainty.bands.band import score
-from mrwork.uncertainty.bands.calibration_files import read_calibration
+from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
+from mrwork.uncertainty.bands.held_out import HeldOutTest, write_held_out
 from mrwork.uncertainty.bands.prediction import Prediction, with_others
 
+# Level of the band whose coverage is kept with a test.
+_STORED_LEVEL = 0.9
 _AS_FITTED = "as in the identification"
 
 _COLUMNS = (
@@ -57,8 +64,9 @@ def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen. Where --law auto has found other sets of "
-        "laws that predict nearly as well, within 1 point, a sentence says how far they are apart where the tests end."
+        "Tests with the motion and command of a fitted one are named as seen; the others stand on the page of RUN. "
+        "Where --law auto has found other sets of laws that predict nearly as well, within 1 point, a sentence says how "
+        "far they are apart where the tests end."
     )
     parser.epilog = examples(
         "mrwork predict out/rig rig --level 0.9",
@@ -84,13 +92,15 @@ def add_options(parser: CommandParser) -> None:
         "calibrate RUN",
         metavar="SHARE",
     )
-    end_parser(parser, run, quiet="")
+    end_parser(parser, run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how the forces compare."""
     fit = read_fit(options.run_folder)
     calibration = None if options.level is None else read_calibration(options.run_folder, fit)
+    # Tests of a calibration are not kept for test, whether its bands are printed or not.
+    calibrated = calibration or stored_calibration(options.run_folder, fit)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     known: list[Likeness] = []
@@ -100,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     others = read_others(Path(options.run_folder), fit) or ()
     apart: list[tuple[str, SetsApart]] = []
+    held_out: list[tuple[HeldOutTest, Prediction]] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     _, tests = read_tests(options, "test", fit)
@@ -137,10 +148,12 @@ def run(options: argparse.Namespace) -> int:
         )
         known += [] if seen is None else [seen]
         conditions += [] if condition is None else [condition]
+        used = None if calibrated is None else calibrated.knows(test)
+        inside = None
         if calibration is not None:
             band = calibration.band(prediction, options.level)
             scored = score(band, test.force[test.counted])
-            used = calibration.knows(test)
+            inside = scored.coverage if options.level == _STORED_LEVEL else None
             calibrated_on += [] if used is None else [used]
             rows[-1]["coverage_percent"] = 100.0 * scored.coverage
             rows[-1]["mean_width_n"] = scored.width
@@ -152,6 +165,15 @@ def run(options: argparse.Namespace) -> int:
                 "basis": band.basis,
                 "calibrated_on": None if used is None else asdict(used),
             }
+        if seen is None and used is None:
+            own = HeldOutTest(
+                name=test.name,
+                fit_percent=quality.fit_percent,
+                rmse_n=quality.rmse_n,
+                outside=outside.names,
+                inside=inside,
+            )
+            held_out.append((own, prediction))
     warnings = [
         *missing_warnings(fit.nuisances, nuisances),
         *prediction_warning(spec, tests),
@@ -162,6 +184,11 @@ def run(options: argparse.Namespace) -> int:
     unseen = [row for row in rows if row["seen"] is None]
     spread_unseen = _spread(unseen) if unseen and len(unseen) < len(rows) else None
     basis = None if calibration is None else calibration.basis
+    stored = (
+        _store(options, fit, held_out)
+        if options.substep_factor == 1 and nuisances == fit.nuisances
+        else False
+    )
     if options.json:
         document: dict[str, Any] = {
             "model": fit.model,
@@ -173,6 +200,7 @@ def run(options: argparse.Namespace) -> int:
         document |= {"sets_apart": _apart_in_words(apart)} if apart else {}
         document |= {"spread": asdict(spread)} if spread is not None else {}
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
+        document |= {"stored": str(options.run_folder / HELD_OUT)} if stored else {}
         print_json(document | ({"basis": basis} if basis else {}))
         return 0
     show("\n".join(text_table((*_COLUMNS, *(_BAND_COLUMNS if basis else ())), rows).lines()))
@@ -196,6 +224,18 @@ def run(options: argparse.Namespace) -> int:
     if calibrated_on:
         show(f"Used for the calibration of the bands: {likenesses_in_words(calibrated_on)}.")
     return 0
+
+
+def _store(options: argparse.Namespace, fit: Fit, held_out: list[tuple[HeldOutTest, Prediction]]) -> bool:
+    """Keep what the fit predicts of tests that it has not seen, for its page; whether it was kept."""
+    place = options.run_folder
+    if not held_out or not os.access(place, os.W_OK):
+        return False
+    tests, predictions = zip(*held_out, strict=True)
+    with adding(place, HELD_OUT):
+        write_held_out(place, fit, tests, predictions)
+    renew_page(place, quiet=is_quiet(options))
+    return True
 
 
 def _spread(rows: list[dict[str, Any]]) -> FitSpread:

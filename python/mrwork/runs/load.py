@@ -26,6 +26,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
+from mrwork.uncertainty.bands.held_out import HeldOutTests, read_held_out
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
@@ -47,7 +48,8 @@ class StoredRun(Summarised):
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
     `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
-    `mrwork identify --law auto`, and `others` the fits of sets of laws that predict nearly as well.
+    `mrwork identify --law auto`, `others` the fits of sets of laws that predict nearly as well, and `held_out` the
+    tests that `mrwork predict` has predicted and neither the fit nor its calibration has seen.
     """
 
     _made_by: ClassVar[str] = "mr.load(run)"
@@ -61,6 +63,7 @@ class StoredRun(Summarised):
     ranking: Ranking | None = None
     laws: LawTable | None = None
     others: tuple[Fit, ...] | None = None
+    held_out: HeldOutTests | None = None
 
     @property
     def calibration(self) -> Calibration | None:
@@ -180,6 +183,7 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
         ranking=ranking,
         laws=laws,
         others=read_others(place, fit),
+        held_out=read_held_out(place, fit),
     )
 
 

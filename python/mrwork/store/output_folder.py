@@ -41,6 +41,7 @@ from mrwork.store.output_file import DISK_FULL, Lock, explain_failure, is_lock, 
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
+    HELD_OUT,
     HISTORIES,
     JOURNAL,
     MANIFEST,
@@ -285,7 +286,7 @@ def _entries_of(names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
 
 
-_ADDITIONS = (CHAIN, CALIBRATION, PROFILES, PLAN)
+_ADDITIONS = (CHAIN, CALIBRATION, PROFILES, PLAN, HELD_OUT)
 # An addition holds the lock of the folder for an instant, in which another may come.
 _TRIES, _PAUSE = 20, 0.01
 _NO_LEAVE = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})

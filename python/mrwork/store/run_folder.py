@@ -33,7 +33,22 @@ PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
-ADDITIONS = frozenset({CHAIN, f"{CHAIN}.part", DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS})
+HELD_OUT = "held_out.json"
+HELD_OUT_FORCES = "held_out.npz"
+ADDITIONS = frozenset(
+    {
+        CHAIN,
+        f"{CHAIN}.part",
+        DRAWS,
+        PROFILES,
+        PLAN,
+        CALIBRATION,
+        FOLDS,
+        PREDICTIONS,
+        HELD_OUT,
+        HELD_OUT_FORCES,
+    }
+)
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"

@@ -30,6 +30,7 @@ from mrwork.report.fit.agreement import loop_panel
 from mrwork.report.fit.coverage import coverage_summary
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.held_out import median_place
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
 
 _STATUS = {
@@ -56,18 +57,19 @@ class _Evidence:
     title: str
     opening: str
     drawn: Sequence[Simulated]
-    percents: Sequence[float]
+    spread: FitSpread
     remark: str = ""
 
-    @property
-    def spread(self) -> FitSpread:
-        """Median and worst."""
-        return FitSpread.of([each.test.name for each in self.drawn], self.percents)
+    @staticmethod
+    def of(title: str, opening: str, drawn: Sequence[Simulated], remark: str = "") -> _Evidence:
+        """Predictions of tests that are all to be had."""
+        spread = FitSpread.of([each.test.name for each in drawn], [fit_of(each) for each in drawn])
+        return _Evidence(title=title, opening=opening, drawn=drawn, spread=spread, remark=remark)
 
     @property
     def in_words(self) -> str:
         """The verdict, a sentence or two."""
-        spread, count = self.spread, len(self.drawn)
+        spread, count = self.spread, self.spread.n_tests
         said = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
             said += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
@@ -76,14 +78,23 @@ class _Evidence:
 
 def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
     """The best evidence that a run has: tests that it has not seen, else those of the fit."""
-    own = _Evidence(
+    own = _Evidence.of(
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(comparisons))} that it was fitted to,",
         drawn=comparisons,
-        percents=[each.quality.fit_percent for each in comparisons],
         remark="How well it predicts others is not known.",
     )
     bands, laws, ranking = run.bands, run.laws, run.ranking
+    if run.held_out is not None:
+        outside = sum(bool(each.outside) for each in run.held_out.tests)
+        beyond = f"{outside} of them beyond the tested ranges." if outside else ""
+        return _Evidence(
+            title="Kept for test",
+            opening=f"Predicts {_tests(len(run.held_out.tests))} kept for test",
+            drawn=run.held_out.drawn,
+            spread=run.held_out.spread,
+            remark=beyond,
+        )
     if bands is not None and bands.predictions:
         count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
         openings = {
@@ -91,14 +102,10 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
             LATER_CYCLES: "Predicts later cycles of its test, fitted on the earlier ones,",
         }
         left_out = f"Fits to the other tests predict {count}, {held_out},"
-        return _Evidence(
+        return _Evidence.of(
             title="Calibration" if held_out in openings else "Left out",
             opening=openings.get(held_out, left_out),
             drawn=bands.predictions,
-            percents=[
-                100.0 * (1.0 - rms(each.residual) / float(np.std(each.measured)))
-                for each in bands.predictions
-            ],
         )
     chosen = None
     if laws is not None:
@@ -111,6 +118,13 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
             own, opening=f"{left_out}{chosen[0]} chosen by it, so expect less. {own.opening}", remark=""
         )
     return own
+
+
+def fit_of(drawn: Simulated) -> float:
+    """Fit of a test by a model [%]."""
+    if isinstance(drawn, Comparison):
+        return drawn.quality.fit_percent
+    return 100.0 * (1.0 - rms(drawn.residual) / float(np.std(drawn.measured)))
 
 
 def _tests(count: int) -> str:
@@ -191,15 +205,18 @@ def _reason(fit: Fit) -> str:
 
 def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
-    order = np.argsort(evidence.percents, kind="stable").tolist()
-    count = len(order)
-    chosen = [(order[0], "Worst"), (order[(count - 1) // 2], "Median")] if count > 1 else [(0, ""), (0, "")]
+    count = evidence.spread.n_tests
+    # Of tests kept for test only these two are stored, the worst first.
+    order = np.argsort([fit_of(each) for each in evidence.drawn], kind="stable").tolist()
+    chosen = [(order[0], "Worst"), (order[median_place(len(order))], "Median")]
+    if count == 1:
+        chosen = [(0, ""), (0, "")]
     motions: tuple[Motion, ...] = ("velocity", "velocity") if count > 1 else ("displacement", "velocity")
     for (number, role), over in zip(chosen, motions, strict=True):
         drawn = evidence.drawn[number]
         (figure,) = of_tests.small_loops([drawn], unit, over=over, height=height)
         title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
-        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, evidence.percents[number], title)
+        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, fit_of(drawn), title)
 
 
 def _law_panels(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Panel]:

@@ -131,11 +131,14 @@ def write_bands(
     write_files(place, contents)
 
 
+def stored_calibration(place: Path, fit: Fit) -> Calibration | None:
+    """The calibration of the run folder of a fit at `place`, if it has one."""
+    return read_addition(Calibration, place / CALIBRATION, fit, name="calibration", verb=f"calibrate {place}")
+
+
 def read_calibration(place: Path, fit: Fit) -> Calibration:
     """The calibration of the run folder of a fit at `place`."""
-    calibration = read_addition(
-        Calibration, place / CALIBRATION, fit, name="calibration", verb=f"calibrate {place}"
-    )
+    calibration = stored_calibration(place, fit)
     if calibration is None:
         raise RecordError(
             f"{place} has no calibrated bands; run `mrwork calibrate {place}` with tests the fit has not seen"
@@ -166,15 +169,17 @@ def _channels(test: DamperTest) -> tuple[str, ...]:
     return (*_CHANNELS, *varying)
 
 
-def read_predictions(place: Path) -> tuple[Prediction, ...]:
-    """The predictions of the run folder at `place`; none where there are none."""
-    path = place / PREDICTIONS
-    kind = make_stored_kind(f"calibrate {place}", name="the predictions")
+def read_predictions(
+    place: Path, name: str = PREDICTIONS, *, of: str = "calibrate"
+) -> tuple[Prediction, ...]:
+    """The predictions in a file of the run folder at `place`, which this verb has written; none without the file."""
+    path = place / name
+    kind = make_stored_kind(f"{of} {place}", name="the predictions")
     if not is_there(path, kind):
         return ()
     arrays = read_arrays(path, kind)
     text = str(arrays.get("facts", "null"))
-    verb = f"calibrate {place}"
+    verb = f"{of} {place}"
     stated = record_of(
         tuple[_Facts, ...],
         parse_document(text, origin=str(path), verb=verb),
