@@ -111,7 +111,7 @@ def test_the_page_can_be_read_aloud(two_tests: str) -> None:
     described = [text for path, text in page.texts if path[-2:] == ("svg", "title")]
     assert len(drawings) == len(described) == 2 * 4 + 3 + 1 + 2
     assert all(attributes["role"] == "img" for attributes in drawings)
-    assert sum("10mm1Hz0x5A" in text and "fit 9" in text for text in described) == 6
+    assert sum("10mm1Hz0x5A" in text and "fit 9" in text for text in described) == 5
     assert all("scope" in attributes for tag, attributes in page.elements if tag == "th")
 
 

@@ -22,6 +22,7 @@ _VERBS = {
     "init": "write a sample: a rig's test records, or a study file",
     "models": "list the damper models, or show one in full",
     "check": "check test records without fitting",
+    "characterise": "from a folder of test records to a damper and its page",
     "identify": "identify a damper model from test records",
     "profile": "compute intervals of the parameters of a fit by profile likelihood",
     "sample": "sample the posterior of the parameters of a fit",
@@ -92,6 +93,7 @@ test records, and simulates buildings with such dampers.
 Try in an empty folder:
   mrwork demo
   mrwork init rig rig
+  mrwork characterise rig --out out/damper
   mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig
   mrwork init study study.toml
   mrwork respond study.toml

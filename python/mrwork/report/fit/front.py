@@ -131,6 +131,11 @@ def _tests(count: int) -> str:
     return "one test" if count == 1 else f"{count} tests"
 
 
+def verdict_of(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
+    """How well a run predicts, in a sentence or two."""
+    return _evidence(run, comparisons).in_words
+
+
 def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     """The front of the page of a run, whose fit is `comparisons`."""
     fit = run.fit

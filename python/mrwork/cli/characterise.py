@@ -1,0 +1,311 @@
+"""`mrwork characterise`: from a folder of test records to a damper, by the verbs that exist, one after another."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from mrwork.base.numbers import counted, duration_in_words
+from mrwork.base.summary import list_names
+from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.numbers import named_path
+from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.output import is_quiet, print_json, reading_line
+from mrwork.cli.terminal import note, show
+from mrwork.errors import RecordError, escape_text
+from mrwork.identification.fit_file import read_fit
+from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
+from mrwork.records.columns import COMMAND
+from mrwork.records.reading import Reading
+from mrwork.records.rig_table import (
+    TABLE_NAME,
+    UNKNOWN,
+    ListedTest,
+    files_not_read,
+    is_test_table,
+    records_in,
+)
+from mrwork.store.input_file import is_folder
+from mrwork.store.run_folder import CALIBRATION, HELD_OUT
+from mrwork.store.unfinished import is_complete
+
+# Families that differ in kind: with a state, without one, and friction in series with a spring.
+_MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
+# Seconds of a choice of laws: of its start, of each model, and of each model per second that 64 candidates of it take.
+_START, _OF_MODEL, _PER_BATCH, _BATCH = 2.0, 1.2, 180.0, 64
+# Share of that time which the steps after it take, and seconds of the page.
+_LATER, _PAGE = 0.05, 3.0
+_NAMED = 3
+
+
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "From a folder of test records to a damper: read its table of tests, or make it and decide which motions are "
+        "kept for test; choose the model and its current laws; calibrate on the tests set aside; predict those kept "
+        "for test; write the page and its front. Where a person must be asked, it says what, and ends with status 2."
+    )
+    parser.epilog = examples("mrwork characterise rig --out out/damper")
+    parser.add_argument(
+        "folder", type=named_path, metavar="FOLDER", help="folder of the test records of one damper"
+    )
+    parser.group("model").add_argument(
+        "--model",
+        default=_MODELS,
+        metavar="NAMES",
+        help=f"damper models to choose among, as A,B,C; default {_MODELS}",
+    )
+    add_seed(parser, "the search")
+    add_threads(parser)
+    add_out(parser, "run folder, default out/FOLDER")
+    end_parser(
+        parser, run, resume="go on with a run that was interrupted; steps that are complete are not repeated"
+    )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Steps:
+    """The steps in their order, and the time that they are expected to take [s]."""
+
+    options: argparse.Namespace
+    total: int
+    left: float = 0.0
+    done: list[dict[str, Any]] = field(default_factory=list)
+
+    def step(self, what: str, work: Callable[[], int], seconds: float) -> int:
+        """Do a step that is expected to take so long; return its exit status."""
+        about = f", about {duration_in_words(max(self.left, 1.0))} left" if self.left else ""
+        if not is_quiet(self.options):
+            note(f"step {len(self.done) + 1} of {self.total}: {what}{about}")
+        began = time.perf_counter()
+        status = work()
+        took = time.perf_counter() - began
+        self.done.append({"step": what, "seconds": took})
+        self.left = max(self.left - seconds, 0.0)
+        return status
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do every step that is not done yet; print the verdict and where everything is."""
+    place = options.out or Path("out") / options.folder.resolve().name
+    rows, asked = _table(options.folder)
+    if asked:
+        if options.json:
+            print_json({"ask": asked, "table": str(options.folder / TABLE_NAME)})
+        note(asked)
+        return 2
+    table = str(options.folder)
+    uses = {use: sum(row.use == use for row in rows) for use in ("fit", "calibration", "test")}
+    if not uses["fit"]:
+        raise RecordError(
+            f"{options.folder / TABLE_NAME}: no row has the use fit; set it for the tests to be fitted"
+        )
+    steps = _Steps(options=options, total=2 + bool(uses["calibration"]) + bool(uses["test"]))
+    if not is_quiet(options):
+        note(
+            f"{uses['fit']} tests are fitted, {uses['calibration']} calibrate, {uses['test']} are kept for test"
+        )
+    steps.left, several = _expected(options, rows)
+    common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
+    threads = ["--threads", str(options.threads)]
+    if not (options.resume and is_complete(place)):
+        given = [
+            table,
+            "--model",
+            options.model,
+            "--out",
+            str(place),
+            "--seed",
+            str(options.seed),
+            *threads,
+            *common,
+        ]
+        given += ["--law", "auto"] if several else []
+        given += ["--replace"] if options.replace else []
+        given += ["--resume"] if options.resume else []
+        status = steps.step("choosing model and laws", lambda: _verb("identify", given), steps.left - _PAGE)
+        if status:
+            return status
+    else:
+        _check_same(place, rows)
+        steps.total -= 1
+    later = _LATER * steps.left
+    if uses["calibration"] and not (options.resume and (place / CALIBRATION).is_file()):
+        given = [str(place), table, *threads, *common]
+        if status := steps.step("calibrating the bands", lambda: _verb("calibrate", given), later):
+            return status
+    if uses["test"] and not (options.resume and (place / HELD_OUT).is_file()):
+        given = [str(place), table, *common, *(["--level", "0.9"] if uses["calibration"] else [])]
+        if status := steps.step("predicting the tests kept for test", lambda: _verb("predict", given), later):
+            return status
+    given = [str(place), "--summary", *common]
+    if status := steps.step("writing the summary", lambda: _verb("report", given), _PAGE):
+        return status
+    return _end(options, place, uses, steps)
+
+
+def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: _Steps) -> int:
+    from mrwork.report.fit.front import verdict_of
+    from mrwork.report.fit.page import open_run
+    from mrwork.store.run_folder import REPORT, SUMMARY
+
+    opened, compared = open_run(place)
+    fit, said = opened.fit, verdict_of(opened, compared)
+    laws = (
+        {}
+        if fit.spec.current is None
+        else dict(zip(fit.spec.without_laws.names, fit.spec.current.laws, strict=True))
+    )
+    following = {name: laws[name] for name in fit.spec.following}
+    if options.json:
+        held_out = opened.held_out
+        print_json(
+            {
+                "out": str(place),
+                "summary": str(place / SUMMARY),
+                "report": str(place / REPORT),
+                "model": fit.model,
+                "laws": following,
+                "verdict": said,
+                "uses": uses,
+                "held_out": None
+                if held_out is None
+                else {
+                    "median_percent": held_out.spread.median_percent,
+                    "worst_percent": held_out.spread.worst_percent,
+                    "worst_test": held_out.spread.worst_test,
+                },
+                "warnings": list(fit.warnings),
+                "steps": steps.done,
+            }
+        )
+        return 0
+    show(
+        f"{fit.spec.title}; {', '.join(f'{name} {law}' for name, law in following.items()) or 'constant parameters'}"
+    )
+    show(said)
+    if not uses["test"]:
+        show(
+            "No test was kept for test: set the use of some rows of "
+            f"{options.folder / TABLE_NAME} to test, and run the command again with --replace."
+        )
+    for warning in fit.warnings:
+        show(f"warning: {warning}")
+    show(f"Summary: {place / SUMMARY}")
+    show(f"Report: {place / REPORT}")
+    return 0
+
+
+def _verb(name: str, arguments: Sequence[str]) -> int:
+    """Run a verb whose result is in the run folder; its object on stdout is left out."""
+    from mrwork.cli.door import parser
+
+    words = [name, *arguments]
+    options = parser(words).parse_args(words)
+    with redirect_stdout(StringIO()):
+        return int(options.run(options))
+
+
+def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
+    """The rows of the table of a folder, which is made where there is none; and what a person must be asked."""
+    if not is_folder(folder):
+        raise RecordError(f"{folder} is no folder; give the folder of the test records of one damper")
+    path = folder / TABLE_NAME
+    if is_test_table(path):
+        return read_test_table(path), ""
+    files = records_in(folder)
+    for sentence in files_not_read([folder]).values():
+        note(sentence)
+    rows = guess_tests(files)
+    used = [row for row in rows if row.use is not None]
+    if not used:
+        raise RecordError(
+            f"{folder}: none of {counted(len(rows), 'file')} can be read as a test; {rows[0].doubt}"
+        )
+    if any(COMMAND in row.columns for row in used):
+        # A command that only some of the tests state is a question about the others.
+        rows = tuple(
+            row if row.use is None else replace(row, columns={COMMAND: UNKNOWN, **row.columns})
+            for row in rows
+        )
+    rows = _with_uses(rows)
+    write_test_table(path, rows)
+    for row in rows:
+        if row.doubt:
+            note(f"{escape_text(row.file)}: {row.doubt}")
+    note(f"written: {path}, {counted(len(rows), 'file')}; its uses may be changed before the next run")
+    asked = [row for row in rows if _is_open(row)]
+    if not asked:
+        return rows, ""
+    names = list_names([Path(row.file).name for row in asked], _NAMED)
+    entries = dict.fromkeys(key for row in asked for key, entry in row.columns.items() if UNKNOWN in entry)
+    return rows, (
+        f"{path} has an open question, the {list_names([*entries])} of {names}: fill in each ? with a column and its "
+        "unit, or a number with its unit, or set the use of what is no test to unused, and run the command again"
+    )
+
+
+def _is_open(row: ListedTest) -> bool:
+    return any(UNKNOWN in entry for entry in row.columns.values())
+
+
+def _with_uses(rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
+    """Rows whose tests are fitted, set aside or kept by their motions, as far as they can be read."""
+    # The tests of prediction bands load SciPy.
+    from mrwork.uncertainty.bands.held_out import uses_of
+
+    read = [row for row in rows if row.use is not None and not _is_open(row)]
+    uses = dict(zip([row.file for row in read], uses_of(_read(read)), strict=True)) if read else {}
+    return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
+
+
+def _read(rows: Sequence[ListedTest]) -> tuple[DamperTest, ...]:
+    reading = Reading(
+        files=tuple(row.file for row in rows),
+        columns_of={row.file: row.columns for row in rows if row.columns},
+        folder=str(Path.cwd()),
+    )
+    with reading_line(quiet=not sys.stderr.isatty()) as on_read:
+        return reading.tests(on_read=on_read)
+
+
+def _expected(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[float, bool]:
+    """Seconds that all steps will take, from a trial of the model on the fitted tests; and whether commands differ."""
+    import numpy as np
+
+    from mrwork.dampers.spec import damper
+    from mrwork.identification.objective import Objective
+    from mrwork.identification.problem import Problem
+    from mrwork.identification.settings import FitSettings
+
+    tests = _read([row for row in rows if row.use == "fit"])
+    commands = {test.command_in_words for test in tests if test.commands}
+    models = options.model.split(",")
+    spec = damper("normalised_bouc_wen")
+    objective: Objective = Problem.of(spec, tests, FitSettings(), threads=options.threads).objective
+    spread = np.random.default_rng(0).uniform(0.9, 1.1, (_BATCH, len(spec.names)))
+    objective(spec.nominal * spread[:2])
+    began = time.perf_counter()
+    objective(spec.nominal * spread)
+    batch = time.perf_counter() - began
+    several = len(commands) > 1
+    choice = _START + len(models) * (_OF_MODEL + _PER_BATCH * batch * (1.0 if several else 0.3))
+    return choice * (1.0 + _LATER) + _PAGE, several
+
+
+def _check_same(place: Path, rows: Sequence[ListedTest]) -> None:
+    """Refuse to go on with a run that was fitted to other tests."""
+    fitted = {Path(name).name for name in read_fit(place).provenance.inputs}
+    wanted = {Path(row.file).name for row in rows if row.use == "fit"}
+    if fitted != wanted:
+        raise RecordError(
+            f"{place} was fitted to {counted(len(fitted), 'other test')} than the table names; give another --out, or "
+            "--replace instead of --resume"
+        )
