@@ -112,10 +112,11 @@ def run(options: argparse.Namespace) -> int:
         note(
             f"{uses['fit']} tests are fitted, {uses['calibration']} calibrate, {uses['test']} are kept for test"
         )
-    steps.left, several = _expected(options, rows)
+    fitted = options.resume and is_complete(place)
+    steps.left, several = (_PAGE, False) if fitted else _expected(options, rows)
     common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
     threads = ["--threads", str(options.threads)]
-    if not (options.resume and is_complete(place)):
+    if not fitted:
         given = [
             table,
             "--model",

@@ -36,6 +36,7 @@ from mrwork.records.rig_table import (
     ListedTest,
     Use,
     check_given_once,
+    facts_of,
     files_not_read,
     listed_tests,
 )
@@ -176,6 +177,10 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
     check_given_once(rows)
     for sentence in files_not_read(options.files).values():
         note(sentence)
+    facts = facts_of(rows)
+    several = [name for name in ("damper", "serial") if "," in facts.get(name, "")]
+    if several:
+        note(f"warning: the table names several dampers ({facts[several[0]]}), which one fit takes for one")
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
@@ -186,6 +191,7 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
         every=options.every,
         repairs=dict(_repair(option) for option in options.repair),
         settle=options.settle,
+        facts=facts,
         keep_velocity=options.keep_velocity or (fit is not None and fit.keeps_velocity),
     )
 

@@ -21,6 +21,7 @@ from mrwork.store.run_folder import STUDY_RUN
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
+    from mrwork.report.html import Page
     from mrwork.store.journal import Journal
     from mrwork.study.course import StudyProgress
     from mrwork.study.ensemble import Ensemble
@@ -147,7 +148,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             raise Interrupted(results, "study with other sets of laws") from interrupt
         return results
 
-    def page(results: StudyResults, seconds: float) -> str:
+    def page(results: StudyResults, seconds: float) -> Page:
         # Matplotlib is slow to load.
         from mrwork.report.study.page import study_page
 

@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
@@ -53,6 +53,9 @@ from mrwork.study.tables import (
 )
 from mrwork.tuning.results import TuningResults
 
+if TYPE_CHECKING:
+    from mrwork.report.html import Page
+
 Results = TypeVar("Results", StudyResults, TuningResults)
 
 # Seconds until progress is shown; seconds beyond which the expected time is told.
@@ -67,7 +70,7 @@ class StudyVerb(Generic[Results]):
     """
 
     compute: Callable[[Journal, ProgressLine[Any]], Results]
-    page: Callable[[Results, float], str]
+    page: Callable[[Results, float], Page]
     write: Callable[..., None]
     document: Callable[[Results], dict[str, Any]]
     text: Callable[[Results, bool, bool], str]
@@ -156,7 +159,7 @@ def run_on_study(
                 frame.destination,
                 results,
                 study_file=study.file,
-                page=page,
+                page={} if page is None else page.contents(REPORT),
                 manifest=manifest,
                 journal=journal.path,
             )

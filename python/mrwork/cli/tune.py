@@ -21,6 +21,7 @@ from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
+    from mrwork.report.html import Page
     from mrwork.store.journal import Journal
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
@@ -92,7 +93,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
             study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
         )
 
-    def page(results: TuningResults, _: float) -> str:
+    def page(results: TuningResults, _: float) -> Page:
         # Matplotlib is slow to load.
         from mrwork.report.study.tuning_page import tuning_page
 

@@ -15,12 +15,14 @@ from typing import Literal, cast
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike
 
 from mrwork.base.numbers import shortest
+from mrwork.base.table import csv_text
 from mrwork.base.values import Floats
 from mrwork.drawing import style
 from mrwork.errors import escaped_lines
@@ -268,6 +270,32 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
         f'viewBox="{view_box.group(1) if view_box else "0 0 360 270"}" aria-labelledby="{title}">'
         f'<title id="{title}">{escape(description)}</title>{body}</svg>'
     )
+
+
+def drawn_data(figure: Figure) -> str:
+    """What a figure shows as the text of a CSV file: a row for each point of its lines, bars and filled ranges."""
+    rows = [("panel", "x axis", "y axis", "curve", "x", "y", "y upper")]
+    for number, axes in enumerate(figure.axes, start=1):
+        head = (axes.get_title(loc="left") or str(number), axes.get_xlabel(), axes.get_ylabel())
+        drawn: list[tuple[str, Floats, Floats, Floats | None]] = []
+        for line in axes.get_lines():
+            # Lines across the axes, such as those at zero, are none of the data.
+            if line.get_transform() == axes.transData:
+                x, y = (np.ravel(np.asarray(each, dtype=np.float64)) for each in line.get_data())
+                drawn.append((str(line.get_label()), x, y, None))
+        for bars in axes.containers:
+            if isinstance(bars, BarContainer):
+                boxes = np.array([bar.get_bbox().get_points() for bar in bars.patches]).reshape(-1, 2, 2)
+                middle = boxes[:, :, 0].mean(axis=1)
+                drawn.append((str(bars.get_label()), middle, boxes[:, 0, 1], boxes[:, 1, 1]))
+        for label, x, y, upper in drawn:
+            label = "" if label.startswith("_") else label
+            tops = [""] * x.size if upper is None else [f"{each:.6g}" for each in upper]
+            rows += [
+                (*head, label, f"{one:.6g}", f"{two:.6g}", top)
+                for one, two, top in zip(x, y, tops, strict=True)
+            ]
+    return csv_text(rows)
 
 
 def _save_svg(figure: Figure, *, font_type: str) -> str:

@@ -111,8 +111,8 @@ class Reading:
 
     `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
     `columns_of` are those of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
-    `settle` in seconds; `keep_velocity` is as in `read_damper_test`. Relative `files` are relative to `folder`, or to
-    the current folder.
+    `settle` in seconds; `keep_velocity` is as in `read_damper_test`; `facts` are those of the specimen. Relative
+    `files` are relative to `folder`, or to the current folder.
     """
 
     files: tuple[str, ...]
@@ -125,6 +125,7 @@ class Reading:
     settle: float | None = None
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     keep_velocity: bool = False
+    facts: Mapping[str, str] = field(default_factory=dict)
 
     def as_record(self) -> dict[str, Any]:
         """Plain values, for `fit.json`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,13 +42,15 @@ UNKNOWN: Final = "?"
 _MOST_NAMED: Final = 8
 _DOUBT: Final = "doubt"
 _SPECIFIED: Final = (*REQUIRED, "velocity", COMMAND)
-_HEADER: Final = ("file", "use", *_SPECIFIED, _DOUBT)
+FACTS: Final = ("damper", "serial", "date", "operator", "temperature")
+"""Columns that say which specimen was tested, when, by whom and how warm it was; a temperature has its unit."""
+_HEADER: Final = ("file", "use", *_SPECIFIED, *FACTS, _DOUBT)
 
 
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ListedTest(Summarised):
-    """A row of a table of tests: a file, its use, its `columns` as in `read_damper_test`, and what is in doubt.
+    """A row of a table of tests: a file, its use, its `columns` as in `read_damper_test`, facts, and what is in doubt.
 
     A row that is not used has the use `None`.
     """
@@ -55,7 +58,27 @@ class ListedTest(Summarised):
     file: str
     use: Use | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
+    facts: Mapping[str, str] = field(default_factory=dict)
     doubt: str = ""
+
+
+def facts_of(rows: Iterable[ListedTest]) -> dict[str, str]:
+    """Facts on the tests of a run by their names: several values in a row, of dates and temperatures the range."""
+    found: dict[str, str] = {}
+    every = list(rows)
+    for name in FACTS:
+        values = list(dict.fromkeys(row.facts[name] for row in every if name in row.facts))
+        if name == "temperature":
+            values.sort(key=lambda value: float(value.split()[0]))
+        elif name == "date":
+            values.sort()
+        if values:
+            ends = f"{values[0]} to {values[-1]}"
+            found[name] = ends if name in _SORTED and len(values) > 1 else list_names(values)
+    return found
+
+
+_SORTED: Final = ("date", "temperature")
 
 
 def listed_tests(
@@ -156,7 +179,8 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     The column `file` is required; paths are relative to the folder of the table. `use` is fit, calibration, test or
     unused; empty is unused. `time`, `displacement`, `force` and `velocity` name the columns of the record as
     ``COLUMN:UNIT``, `command` a number with its unit (``0.5 A``) or ``COLUMN:UNIT``; where they are empty or absent,
-    the record and its name tell. `doubt` is not read.
+    the record and its name tell. `damper`, `serial`, `date`, `operator` and `temperature` (``23 C``) are facts for the
+    page. `doubt` is not read.
 
     Raises
     ------
@@ -219,12 +243,14 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     place = Path(path)
     check_output(place, replace=False, otherwise="delete it")
     check_given_once(rows)
-    lines: list[Sequence[str]] = [_HEADER]
+    told = [name for name in FACTS if any(name in row.facts for row in rows)]
+    lines: list[Sequence[str]] = [("file", "use", *_SPECIFIED, *told, _DOUBT)]
     for row in rows:
         file, folder = Path(row.file).resolve(), place.parent.resolve()
         name = file.relative_to(folder) if file.is_relative_to(folder) else file
         entries = (row.columns.get(key, "") for key in _SPECIFIED)
-        lines.append((name.as_posix(), row.use or UNUSED, *entries, row.doubt))
+        facts = (row.facts.get(key, "") for key in told)
+        lines.append((name.as_posix(), row.use or UNUSED, *entries, *facts, row.doubt))
     with replacing(place) as stream:
         stream.write(csv_text(lines).encode())
 
@@ -244,9 +270,24 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
                     f"the {key} of '{entries['file']}' is '{specification}'; fill it in, or set the use to {UNUSED}"
                 )
             check_specification(key, specification)
+    facts = {key: entries[key] for key in FACTS if key in entries}
+    if "temperature" in facts:
+        facts["temperature"] = _temperature(facts["temperature"])
     return ListedTest(
-        file=str(folder / entries["file"]), use=use, columns=columns, doubt=entries.get(_DOUBT, "")
+        file=str(folder / entries["file"]),
+        use=use,
+        columns=columns,
+        facts=facts,
+        doubt=entries.get(_DOUBT, ""),
     )
+
+
+def _temperature(text: str) -> str:
+    """A temperature with its unit, such as "23 °C"."""
+    match = re.fullmatch(r"(-?\d+(?:\.\d+)?)\s*(?:°|deg)?\s*([CFK])", text.strip())
+    if match is None:
+        raise SettingError(f"the temperature is '{text}'; give a number with its unit, as 23 C")
+    return f"{match[1]} {'' if match[2] == 'K' else '°'}{match[2]}"
 
 
 def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -18,6 +18,7 @@ from mrwork.drawing import style
 from mrwork.errors import escaped_lines
 from mrwork.report.section import Lead, Section
 from mrwork.store.output_file import replacing
+from mrwork.store.run_folder import DATA
 
 _FUNCTIONS = frozenset(
     ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
@@ -88,13 +89,24 @@ def _name(name: str) -> str:
     return escape(name)
 
 
-def page_html(lead: Lead, sections: Sequence[Section | None], *, summary: bool = False) -> str:
-    """A page: its front and, unless it is to be a `summary`, its sections, without those that are `None`.
+class Page(str):
+    """HTML of a page; `files` are the CSV files beside it, with what its figures draw, by their paths."""
 
-    Control characters are shown as escapes.
-    """
-    shown = [] if summary else [section for section in sections if section is not None]
-    return escaped_lines(_environment().get_template("page.html.j2").render(lead=lead, sections=shown))
+    files: Mapping[str, bytes]
+
+    def contents(self, name: str) -> dict[str, bytes]:
+        """What is to be written for it, by paths: the page with this name, and its files."""
+        return {name: self.encode(), **self.files}
+
+
+def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:
+    """A page: its front, and its sections without those that are `None`; control characters are shown as escapes."""
+    shown = [section for section in sections if section is not None]
+    page = Page(escaped_lines(_environment().get_template("page.html.j2").render(lead=lead, sections=shown)))
+    groups = [group for section in shown for group in section.groups]
+    panels = [*lead.panels, *(panel for group in groups for panel in group.panels)]
+    page.files = {f"{DATA}/{panel.name}": panel.data.encode() for panel in panels if panel.data}
+    return page
 
 
 def write_study_page(template: Path, path: Path, **content: Any) -> None:

@@ -69,5 +69,5 @@ def write_page(
     else:
         page = tuning_page(read_tuning(place), command=command, summary=summary)
     name = SUMMARY if summary else REPORT
-    write_files(place, {name: page.encode()})
+    write_files(place, page.contents(name))
     return place / name

@@ -14,7 +14,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
-from mrwork.drawing.canvas import inline_svg
+from mrwork.drawing.canvas import drawn_data, inline_svg
 from mrwork.drawing.of_tests import Comparison
 from mrwork.runs.load import StoredRun
 
@@ -56,12 +56,17 @@ _PIXELS_PER_INCH = 78
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Summarised):
-    """One figure of the page with the lines above and below it, and its natural width [px]."""
+    """One figure of the page with the lines above and below it, and its natural width [px].
+
+    `data` is what it draws as CSV, for the file `name` beside the page.
+    """
 
     title: str
     svg: Markup
     note: str = ""
     width: int = 0
+    name: str = ""
+    data: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +172,14 @@ def panel(identifier: str, title: str, figure: Figure, description: str, note: s
     """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
     svg = inline_svg(figure, identifier=identifier, description=description)
     width = round(_PIXELS_PER_INCH * figure.get_figwidth())
-    return Panel(title=title, svg=Markup(svg), note=note, width=width)
+    return Panel(
+        title=title,
+        svg=Markup(svg),
+        note=note,
+        width=width,
+        name=f"{identifier}.csv",
+        data=drawn_data(figure),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

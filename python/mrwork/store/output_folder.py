@@ -204,8 +204,8 @@ class FolderOfRun:
 
     def additions(self) -> list[str]:
         """Files that were added to those of the verb."""
-        written = {*self._read_digests(), *self.kind.redrawn, MANIFEST}
-        return [name for name in self.files() if name not in written]
+        written = {*self._read_digests(), MANIFEST}
+        return [name for name in self.files() if name not in written and not self.kind.redraws(name)]
 
     def changes(self) -> list[str]:
         """Files of the verb that are not as it has written them."""
@@ -263,7 +263,7 @@ def check_output(place: Path, *, replace: bool, otherwise: str) -> None:
 def complete_manifest(manifest: Mapping[str, object], kind: RunKind, digests: Mapping[str, str]) -> bytes:
     """The manifest of a run folder with the verb that writes it and the digests of its files."""
     stated = {"kind": kind.kind, **manifest, "verb": kind.verb}
-    listed = {name: digest for name, digest in digests.items() if name not in kind.redrawn}
+    listed = {name: digest for name, digest in digests.items() if not kind.redraws(name)}
     return json_document({**stated, _FILES: {MANIFEST: _digest_of_manifest(stated), **listed}}).encode()
 
 

@@ -23,6 +23,8 @@ JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 SUMMARY = "summary.html"
 """The front of the page alone."""
+DATA = "data"
+"""Folder of CSV files with what the figures of the page draw."""
 FIGURES = "figures"
 FIT = "fit.json"
 # Added to the folder of a fit by later verbs.
@@ -82,7 +84,7 @@ class RunKind:
     """Kind of run folder that a verb writes, with its `kind` in the manifest.
 
     `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
-    verbs write again from the others, so that the manifest does not list them.
+    verbs write again from the others, and folders of such files, so that the manifest does not list them.
     """
 
     verb: str
@@ -90,6 +92,10 @@ class RunKind:
     written: frozenset[str]
     added: frozenset[str] = frozenset()
     redrawn: frozenset[str] = frozenset()
+
+    def redraws(self, name: str) -> bool:
+        """Whether a file of the folder is one that later verbs write again, or within a folder of such files."""
+        return name.partition("/")[0] in self.redrawn
 
     @property
     def entries(self) -> frozenset[str]:
@@ -101,8 +107,8 @@ FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
     written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"}),
-    added=ADDITIONS | {FIGURES, SUMMARY},
-    redrawn=frozenset({REPORT, SUMMARY}),
+    added=ADDITIONS | {FIGURES, SUMMARY, DATA},
+    redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 STUDY_RUN: Final = RunKind(
     verb="respond",
@@ -121,15 +127,15 @@ STUDY_RUN: Final = RunKind(
             REALISATIONS,
         }
     ),
-    added=frozenset({SUMMARY}),
-    redrawn=frozenset({REPORT, SUMMARY}),
+    added=frozenset({SUMMARY, DATA}),
+    redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
     written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}),
-    added=frozenset({SUMMARY}),
-    redrawn=frozenset({REPORT, SUMMARY}),
+    added=frozenset({SUMMARY, DATA}),
+    redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 
 

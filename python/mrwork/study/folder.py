@@ -30,7 +30,6 @@ from mrwork.store.run_folder import (
     MANIFEST,
     PROFILES_TABLE,
     REALISATIONS,
-    REPORT,
     RESULTS,
     STUDY,
     STUDY_RUN,
@@ -463,25 +462,23 @@ def write_study(
     results: StudyResults,
     *,
     study_file: StudyFile,
-    page: str | None,
+    page: Mapping[str, bytes],
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
     further: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the folder of a study, in place of an earlier one."""
+    """Write the folder of a study, with the files of its page, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: _criteria_csv(results),
         PROFILES_TABLE: _profiles_csv(results),
     }
-    if page is not None:
-        tables[REPORT] = page
     if further and "ensemble" in further:
         tables[ENSEMBLE] = json_document(further["ensemble"])
     write_folder(
         destination,
-        {STUDY: study_file.content, **_realisations(results)}
+        {STUDY: study_file.content, **_realisations(results), **page}
         | {name: text.encode() for name, text in tables.items()},
         manifest=manifest,
         copied={JOURNAL: journal},

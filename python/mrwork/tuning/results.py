@@ -27,7 +27,6 @@ from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import (
     CHOSEN,
     JOURNAL,
-    REPORT,
     RESULTS,
     SCORES_TABLE,
     STUDY,
@@ -519,21 +518,19 @@ def write_tuning(
     results: TuningResults,
     *,
     study_file: StudyFile,
-    page: str | None,
+    page: Mapping[str, bytes],
     manifest: Mapping[str, object],
     journal: Path,
 ) -> None:
-    """Write the folder of a tuning, in place of an earlier one."""
+    """Write the folder of a tuning, with the files of its page, in place of an earlier one."""
     contents = {
         RESULTS: json_document(tuning_document(results)),
         SCORES_TABLE: _scores_csv(results),
         CHOSEN: chosen_study(results, study_file),
     }
-    if page is not None:
-        contents[REPORT] = page
     write_folder(
         destination,
-        {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
+        {STUDY: study_file.content, **page} | {name: text.encode() for name, text in contents.items()},
         manifest=manifest,
         copied={JOURNAL: journal},
         flush=results.status == "finished",

@@ -149,7 +149,7 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     return Lead(
         eyebrow="Damper identification",
         title=fit.spec.title,
-        subject=f"Fitted to {list_names(names, _NAMED)}",
+        subject=f"{_specimen(fit)}Fitted to {list_names(names, _NAMED)}",
         synthetic=any(each.test.synthetic for each in comparisons),
         banner=banner,
         verdict=evidence.in_words,
@@ -158,6 +158,21 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
         cautions=_cautions(run, evidence, comparisons),
         advice=_advice(run),
     )
+
+
+def _specimen(fit: Fit) -> str:
+    """Damper, serial number, date, operator and temperature, as far as the table of tests has them."""
+    reading = fit.provenance.settings.get("reading") or {}
+    facts = reading.get("facts", {})
+    words = {
+        "damper": "{}",
+        "serial": "no. {}",
+        "date": "tested {}",
+        "operator": "by {}",
+        "temperature": "at {}",
+    }
+    said = [words[name].format(facts[name]) for name in words if name in facts]
+    return f"{', '.join(said)}. " if said else ""
 
 
 def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evidence) -> tuple[Number, ...]:

@@ -25,7 +25,7 @@ from mrwork.report.fit.parameters import PROFILES, parameters_section, profiles_
 from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.residuals import RESIDUALS, residual_panels
 from mrwork.report.fit.search import search_figure, search_section
-from mrwork.report.html import page_html
+from mrwork.report.html import Page, page_html
 from mrwork.report.section import (
     Absent,
     Group,
@@ -57,14 +57,14 @@ def fit_page(
     every_test: bool = False,
     summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
-) -> str:
+) -> Page:
     """The page of a run: its front, and below it the sections on its fit and on what later verbs have added.
 
     Of many tests the best, the median and the worst are drawn in full, or with `every_test` all; a `summary` is the
     front alone. `comparisons` are the tests of the fit.
     """
     if summary:
-        return page_html(fit_lead(run, comparisons), [], summary=True)
+        return page_html(fit_lead(run, comparisons))
     drawn = drawn_in_full(comparisons, every_test=every_test)
     total = len(SECTIONS) + len(drawn) + (len(comparisons) if has_small_loops(comparisons) else 0)
     done = itertools.count()
@@ -168,7 +168,7 @@ def write_fit_page(
     """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
     page = fit_page(run, comparisons, every_test=every_test, summary=summary, on_progress=on_progress)
     name = SUMMARY if summary else REPORT
-    write_files(run.place, {name: page.encode()})
+    write_files(run.place, page.contents(name))
     return run.place / name
 
 

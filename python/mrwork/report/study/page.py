@@ -10,7 +10,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
-from mrwork.report.html import page_html
+from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (
     ReadHistory,
@@ -177,7 +177,7 @@ def study_page(
     command: str = "",
     seconds: float | None = None,
     summary: bool = False,
-) -> str:
+) -> Page:
     """The page of a study, HTML with embedded styles and figures.
 
     `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
@@ -185,7 +185,7 @@ def study_page(
     comparison, motion = compared(results), results.detailed
     lead = study_lead(comparison)
     if summary:
-        return page_html(lead, [], summary=True)
+        return page_html(lead)
     shown = shown_rows(comparison, results.with_histories)
     took = [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]

@@ -19,7 +19,7 @@ from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, name_rows, room_for
 from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
-from mrwork.report.html import page_html
+from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Lead, Panel, Section, first_sentences, panel, warning_section
 from mrwork.report.study.page import band_section, provenance_section
 from mrwork.study.comparison import BOTH, peaks_in_words
@@ -94,11 +94,11 @@ _DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
 
 
-def tuning_page(results: TuningResults, *, command: str = "", summary: bool = False) -> str:
+def tuning_page(results: TuningResults, *, command: str = "", summary: bool = False) -> Page:
     """The page of a tuning: HTML with embedded styles and figures; a `summary` is its front alone."""
     lead = _lead(results)
     if summary:
-        return page_html(lead, [], summary=True)
+        return page_html(lead)
     sections = [
         warning_section(results.warnings),
         _score_section(results),
