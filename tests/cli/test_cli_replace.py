@@ -14,10 +14,10 @@ import mrwork as mr
 
 VERBS = ("identify", "respond", "tune")
 FILES = {
-    "identify": "fit.json, journal.jsonl, manifest.json, report.html",
-    "respond": "criteria.csv, histories/, journal.jsonl, manifest.json, profiles.csv, report.html, results.json, "
-    "study.toml",
-    "tune": "chosen.toml, journal.jsonl, manifest.json, report.html, results.json, scores.csv, study.toml",
+    "identify": "data/, fit.json, journal.jsonl, manifest.json, report.html",
+    "respond": "criteria.csv, data/, histories/, journal.jsonl, manifest.json, profiles.csv, report.html, "
+    "results.json, study.toml",
+    "tune": "chosen.toml, data/, journal.jsonl, manifest.json, report.html, results.json, scores.csv, study.toml",
 }
 
 

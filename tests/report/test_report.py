@@ -18,6 +18,7 @@ from mrwork import StoredRun
 from mrwork.drawing import of_tests
 from mrwork.drawing.of_tests import Comparison
 from mrwork.records import DamperTest, Finding
+from mrwork.report import html
 from mrwork.report.fit.page import fit_page
 
 VOID = {"meta", "br", "wbr", "link", "img", "hr"}
@@ -63,13 +64,13 @@ class Page(HTMLParser):
         return " ".join(text for path, text in self.texts if tag in path)
 
 
-def report(*comparisons: Comparison, **changes: object) -> str:
+def report(*comparisons: Comparison, **changes: object) -> html.Page:
     described = replace(fit(*comparisons), **changes)  # type: ignore[arg-type] # settings of several kinds by name
     return fit_page(StoredRun(place=Path(), fit=described), comparisons)
 
 
 @pytest.fixture(scope="module")
-def two_tests() -> str:
+def two_tests() -> html.Page:
     noted = (
         Finding(code="rest", severity="note", message="The first 0.12 s are at rest."),
         Finding(code="sign", severity="warning", message="The force has been flipped."),
@@ -77,29 +78,32 @@ def two_tests() -> str:
     return report(comparison(findings=noted), comparison("spencer1997", synthetic=True, peak_force=400.0))
 
 
-def test_the_page_asks_for_nothing_from_anywhere_else(two_tests: str) -> None:
+def test_the_page_asks_for_nothing_from_anywhere_else(two_tests: html.Page) -> None:
     page = Page(two_tests)
     assert not {"script", "link", "img", "iframe", "object", "base"} & {tag for tag, _ in page.elements}
     linked = page.values("href") + page.values("xlink:href") + page.values("src")
     assert linked
-    assert all(target.startswith("#") for target in linked)
+    assert all(target.startswith(("#", "data/")) for target in linked)
     assert all(
         target.startswith(("#", "data:font/woff;")) for target in re.findall(r"url\(([^)]*)\)", two_tests)
     )
     assert "@import" not in two_tests
 
 
-def test_the_page_is_well_formed_and_its_links_lead_somewhere(two_tests: str) -> None:
+def test_the_page_is_well_formed_and_its_links_lead_somewhere(two_tests: html.Page) -> None:
     page = Page(two_tests)
     identifiers = page.values("id")
     assert len(identifiers) == len(set(identifiers))
-    targets = {target[1:] for target in page.values("href") + page.values("xlink:href")}
+    links = {*page.values("href"), *page.values("xlink:href")}
+    beside = {target for target in links if target.startswith("data/")}
+    assert beside == set(two_tests.files)
+    targets = {target[1:] for target in links - beside}
     targets |= set(re.findall(r"url\(#([^)]*)\)", two_tests))
     targets |= set(page.values("aria-labelledby"))
     assert targets <= set(identifiers)
 
 
-def test_the_page_can_be_read_aloud(two_tests: str) -> None:
+def test_the_page_can_be_read_aloud(two_tests: html.Page) -> None:
     page = Page(two_tests)
     assert dict(page.elements)["html"]["lang"] == "en"
     assert "Normalised Bouc-Wen" in next(text for path, text in page.texts if path[-1] == "title")
@@ -121,7 +125,7 @@ def test_the_headline_gives_fit_nrmse_rmse_and_status() -> None:
         assert shown in text
 
 
-def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_verdict(two_tests: str) -> None:
+def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_verdict(two_tests: html.Page) -> None:
     table = two_tests[two_tests.index('aria-label="Parameters"') :]
     table = table[table.index("<tbody>") : table.index("</tbody>")]
     rows = {}
@@ -146,13 +150,13 @@ def test_the_page_says_how_many_samples_the_standard_errors_count() -> None:
     assert "No standard errors" in report(tested, estimates=nothing)
 
 
-def test_findings_are_shown_with_warnings_first(two_tests: str) -> None:
+def test_findings_are_shown_with_warnings_first(two_tests: html.Page) -> None:
     text = Page(two_tests).text_in("ul")
     assert 0 <= text.index("The force has been flipped.") < text.index("The first 0.12 s are at rest.")
     assert "the checks of 2 records found 1 warning, 1 note." in two_tests
 
 
-def test_provenance_is_complete(two_tests: str) -> None:
+def test_provenance_is_complete(two_tests: html.Page) -> None:
     text = Page(two_tests).text_in("section")
     for shown in (
         "mrwork 0.1.0",
@@ -225,7 +229,7 @@ def test_one_unit_serves_all_tests_of_a_report() -> None:
     assert "Force (N)" not in text
 
 
-def test_a_measured_record_is_reported(two_tests: str) -> None:
+def test_a_measured_record_is_reported(two_tests: html.Page) -> None:
     folder = measured_data.DATA / "dampers" / "utfsm"
     if not folder.is_dir():
         pytest.skip(f"no measured data: {folder} is absent, set MRWORK_DATA")

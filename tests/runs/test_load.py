@@ -17,6 +17,7 @@ import mrwork as mr
 from mrwork.cli.completion import subcommands
 from mrwork.cli.door import whole_parser
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RunKind
+from tools.faults.options import written_record
 
 COMMANDS = subcommands(whole_parser())
 TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.TuningResults}
@@ -38,6 +39,7 @@ def words(verb: str, inputs: Path) -> list[object]:
     """A command that writes a run folder in little time; a new verb with --out needs its line."""
     given: dict[str, list[object]] = {
         "demo": ["demo"],
+        "characterise": ["characterise", inputs / "rig", "--model", "viscous_dahl"],
         "identify": ["identify", *RECORD, *FIXED],
         "respond": ["respond", inputs / "small.toml"],
         "tune": ["tune", inputs / "tuned.toml", "--quick"],
@@ -63,6 +65,8 @@ def additions(verb: str) -> list[object]:
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("inputs")
     tuning_samples.small_files(place)
+    (place / "rig").mkdir()
+    written_record(place / "rig" / "10mm1Hz.csv")
     return place
 
 

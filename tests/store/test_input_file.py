@@ -54,7 +54,7 @@ ELSEWHERE = {
     "base/namespace.py": "stubs of the package",
     "files/open_table.py": "bytes in memory",
     "files/rows.py": "bytes in memory",
-    "report/style.py": "a file of the package",
+    "drawing/style.py": "a file of the package",
     "report/html.py": "files of the package",
     "workers/engine.py": "the name of the processor",
     "store/child_reader.py": "what its child process prints",

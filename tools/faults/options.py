@@ -54,11 +54,16 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
     """Arguments with which a verb would run, writing into a folder; a new verb needs its line."""
     study = folder / "study.toml"
     study.write_text(study_text("control_weight = 1e-13"))
+    rig = folder / "rig"
+    rig.mkdir(exist_ok=True)
+    written_record(rig / "10mm1Hz.csv")
     arguments: dict[str, list[object]] = {
         "demo": ["--out", folder / "demo"],
         "init": ["study", folder / "sample"],
         "models": [],
         "check": [record],
+        "characterise": [rig, "--model", "static_hysteretic", "--out", folder / "damper"],
+        "compare": [run, run, "--out", folder / "compare.html"],
         "identify": [record, "--model", "static_hysteretic", "--out", folder / "new"],
         "profile": [run],
         "sample": [run, "--steps", "2"],

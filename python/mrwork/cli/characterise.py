@@ -19,6 +19,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line
 from mrwork.cli.terminal import note, show
+from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, escape_text
 from mrwork.identification.fit_file import read_fit
 from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
@@ -33,7 +34,8 @@ from mrwork.records.rig_table import (
     records_in,
 )
 from mrwork.store.input_file import is_folder
-from mrwork.store.run_folder import CALIBRATION, HELD_OUT
+from mrwork.store.output_folder import Destination, check_destination
+from mrwork.store.run_folder import CALIBRATION, FIT_RUN, HELD_OUT
 from mrwork.store.unfinished import is_complete
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
@@ -52,7 +54,10 @@ def add_options(parser: CommandParser) -> None:
         "kept for test; choose the model and its current laws; calibrate on the tests set aside; predict those kept "
         "for test; write the page and its front. Where a person must be asked, it says what, and ends with status 2."
     )
-    parser.epilog = examples("mrwork characterise rig --out out/damper")
+    parser.epilog = examples(
+        "mrwork characterise rig --out out/damper",
+        "mrwork characterise rig --model normalised_bouc_wen --json --out out/one-model",
+    )
     parser.add_argument(
         "folder", type=named_path, metavar="FOLDER", help="folder of the test records of one damper"
     )
@@ -95,6 +100,10 @@ class _Steps:
 def run(options: argparse.Namespace) -> int:
     """Do every step that is not done yet; print the verdict and where everything is."""
     place = options.out or Path("out") / options.folder.resolve().name
+    # What the steps would refuse, before anything is written.
+    check_destination(Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume))
+    for name in options.model.split(","):
+        damper(name)
     rows, asked = _table(options.folder)
     if asked:
         if options.json:
@@ -281,7 +290,6 @@ def _expected(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[
     """Seconds that all steps will take, from a trial of the model on the fitted tests; and whether commands differ."""
     import numpy as np
 
-    from mrwork.dampers.spec import damper
     from mrwork.identification.objective import Objective
     from mrwork.identification.problem import Problem
     from mrwork.identification.settings import FitSettings

@@ -101,5 +101,5 @@ def _open(page: Path) -> None:
     desktop = sys.platform in ("darwin", "win32") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     )
-    if not (desktop and webbrowser.open(page.resolve().as_uri())):
+    if not (desktop and webbrowser.open_new_tab(page.resolve().as_uri())):
         note(f"no browser was found; open {page} in one")

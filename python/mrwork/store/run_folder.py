@@ -103,11 +103,15 @@ class RunKind:
         return self.added | {pattern.partition("/")[0] for pattern in self.written}
 
 
+# The page, and what is beside it.
+_PAGE: Final = frozenset({REPORT, SUMMARY, f"{DATA}/*.csv"})
+
 FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"}),
-    added=ADDITIONS | {FIGURES, SUMMARY, DATA},
+    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"})
+    | _PAGE,
+    added=ADDITIONS | {FIGURES},
     redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 STUDY_RUN: Final = RunKind(
@@ -126,15 +130,14 @@ STUDY_RUN: Final = RunKind(
             ENSEMBLE,
             REALISATIONS,
         }
-    ),
-    added=frozenset({SUMMARY, DATA}),
+    )
+    | _PAGE,
     redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}),
-    added=frozenset({SUMMARY, DATA}),
+    written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}) | _PAGE,
     redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 
