@@ -8,43 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tuning_samples
 import xarray
 from command_line import mrwork
+from run_folders import verbs_with
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.cli.completion import subcommands
-from mrwork.cli.door import whole_parser
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RunKind
-from tools.faults.options import written_record
 
-COMMANDS = subcommands(whole_parser())
 TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.TuningResults}
-RECORD = ("synthetic:spencer1997", "--every", 40)
-FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
 SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 40)
-
-
-def verbs_with(destination: str) -> list[str]:
-    """The verbs that have an argument of this name."""
-    return [
-        verb
-        for verb, parser in COMMANDS.items()
-        if any(action.dest == destination for action in parser._actions)
-    ]
-
-
-def words(verb: str, inputs: Path) -> list[object]:
-    """A command that writes a run folder in little time; a new verb with --out needs its line."""
-    given: dict[str, list[object]] = {
-        "demo": ["demo"],
-        "characterise": ["characterise", inputs / "rig", "--model", "viscous_dahl"],
-        "identify": ["identify", *RECORD, *FIXED],
-        "respond": ["respond", inputs / "small.toml"],
-        "tune": ["tune", inputs / "tuned.toml", "--quick"],
-    }
-    return given[verb]
 
 
 def additions(verb: str) -> list[object]:
@@ -59,28 +32,6 @@ def additions(verb: str) -> list[object]:
         "export": ["--to", "csv"],
     }
     return given[verb]
-
-
-@pytest.fixture(scope="module")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("inputs")
-    tuning_samples.small_files(place)
-    (place / "rig").mkdir()
-    written_record(place / "rig" / "10mm1Hz.csv")
-    return place
-
-
-@pytest.fixture(scope="module")
-def runs(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run folder of each verb that has --out, by its name, and a comparison of models."""
-    place = tmp_path_factory.mktemp("runs")
-    for verb in verbs_with("out"):
-        ended = mrwork(*words(verb, inputs), "--quiet", "--out", place / verb)
-        assert ended.returncode == 0, ended
-    models = ("--model", "bingham,static_hysteretic", "--threads", 1)
-    ended = mrwork("identify", *RECORD, *models, "--quiet", "--out", place / "compared")
-    assert ended.returncode == 0, ended
-    return place
 
 
 @pytest.fixture

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import study_samples
 
 from mrwork.cli.study_text import study_text
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
-from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities
+from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities, verdict
 from mrwork.study.folder import study_document
 from mrwork.study.study import Row
 from mrwork.study.tables import change_table
@@ -166,3 +167,52 @@ def test_one_motion_has_no_mean_and_many_laws_are_counted() -> None:
     assert (
         change_table(comparison, 0, range(len(comparison.results.rows))).foot[0] == "Worse control laws, of 2"
     )
+
+
+def test_a_law_has_its_verdict_in_words() -> None:
+    assert verdict(compared(with_constant()), SHAKEN) == (
+        "better in drift on 2, better in acceleration on 1 of 2; equal within the spread"
+    )
+    # Without a constant command beside them laws are compared with passive-off.
+    assert verdict(compared(shaken()), SHAKEN).startswith(
+        "better in drift on 2, better in acceleration on 1 of 2"
+    )
+
+
+def test_a_verdict_names_what_did_not_finish() -> None:
+    results = with_constant()
+    runs = dict(results.runs)
+    runs[SHAKEN, 0] = replace(runs[SHAKEN, 0], outcome="diverged")
+    failed = compared(study_samples.with_runs(results, runs, rows=results.rows))
+    assert verdict(failed, SHAKEN) == "did not finish under El Centro"
+    runs = dict(results.runs)
+    runs[3, 1] = replace(runs[3, 1], outcome="diverged")
+    without = compared(study_samples.with_runs(results, runs, rows=results.rows))
+    assert verdict(without, SHAKEN).startswith(
+        ("Passive-off", "Best constant, 0.4 A did not finish", "better")
+    )
+
+
+@pytest.mark.parametrize(
+    ("mean", "expected"),
+    [
+        (0.0, "idle: sends no command"),
+        (2.0, "coincides with passive-on"),
+        (0.7, "a constant command in effect, 0.7 A"),
+    ],
+)
+def test_a_constant_command_is_called_what_it_is(mean: float, expected: str) -> None:
+    results = with_constant()
+    runs = dict(results.runs)
+    for motion in range(2):
+        size = np.shape(runs[SHAKEN, motion].mean_current)
+        sent = {"mean_current": np.full(size, mean), "rms_current": np.full(size, mean)}
+        runs[SHAKEN, motion] = runs[SHAKEN, motion].with_numbers(**sent)
+    assert verdict(compared(study_samples.with_runs(results, runs, rows=results.rows)), SHAKEN) == expected
+
+
+def test_one_motion_has_a_verdict_without_counts() -> None:
+    results = with_constant()
+    runs = {key: run for key, run in results.runs.items() if key[1] == 0}
+    one = study_samples.with_runs(results, runs, rows=results.rows, motions=results.motions[:1])
+    assert verdict(compared(one), SHAKEN) == "better in both peaks"

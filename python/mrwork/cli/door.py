@@ -73,10 +73,10 @@ def _parser_with(declared: Collection[str]) -> CommandParser:
     root = CommandParser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records, and simulate buildings with them.",
-        epilog="mrwork VERB --help describes a verb, with its options and examples; mrwork alone shows where to begin.",
+        epilog="mrwork help VERB describes a verb, with its options and examples; mrwork alone shows where to begin.",
     )
     root.add_argument(
-        "--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit"
+        "-V", "--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit"
     )
     root.set_defaults(run=_show_tour)
     commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
@@ -130,6 +130,8 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
 
 
 def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
+    if list(arguments[:1]) == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     try:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -274,6 +274,7 @@ class _Document(Related):
     title: str
     complete: bool
     command_unit: str
+    rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
@@ -304,7 +305,7 @@ class _Document(Related):
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
-        kinds: dict[str, Kind] = {}
+        kinds: dict[str, Kind] = {row.label: row.kind for row in self.rows}
         runs: dict[tuple[str, str], StoredStudyRun] = {}
         for run in self.results:
             where = f"{run.controller} under {run.motion}"
@@ -318,6 +319,8 @@ class _Document(Related):
                 return f"it has two runs of {where}"
             if strange := self._misshapen_quantity(run):
                 return f"its run of {where} has {strange} of another length than the axis"
+        if [row.label for row in self.rows] != list(self.scores):
+            return "its rows are not those of its scores"
         if self.detailed >= len(names) or any(row >= len(self.scores) for row in self.with_histories):
             return "it has no such motion or row for its histories"
         return self._gap(names, runs) if self.complete else ""
@@ -345,7 +348,7 @@ class _Document(Related):
 
 
 _OF_DOCUMENT = (
-    "title", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
+    "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
     "building_warnings", "damper_warnings", "chosen_on",
 )  # fmt: skip
 
@@ -376,10 +379,7 @@ def read_results(folder: str | Path) -> StudyResults:
         raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork respond` again")
     facts = {"title": (document.title,), "status": ("finished" if document.complete else INTERRUPTED,)}
     check_manifest(place, stated, facts, file=RESULTS, verb="respond")
-    rows = {label: Row(label=label, kind="controller") for label in document.scores}
-    for run in document.results:
-        rows[run.controller] = replace(rows[run.controller], kind=run.kind)
-    labels, names = list(rows), [motion.name for motion in document.motions]
+    labels, names = [row.label for row in document.rows], [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
     halved = {key: run.step_check for key, run in runs.items() if run.step_check is not None}
     steps = (NOMINAL, *([HALF_STEP] if halved else []))
@@ -398,7 +398,6 @@ def read_results(folder: str | Path) -> StudyResults:
     if document.realisations:
         _read_realisations(place, labelled, document.realisations)
     return StudyResults(
-        rows=tuple(rows.values()),
         labelled=labelled,
         runs={key: _result(run) for key, run in runs.items()},
         halved={key: _result(run) for key, run in halved.items()} or None,
@@ -496,6 +495,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         title=results.title,
         complete=results.complete,
         command_unit=results.command_unit,
+        rows=results.rows,
         motions=results.motions,
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),

@@ -1,0 +1,127 @@
+"""Runs of one verb side by side, and the summary and page of any folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from command_line import mrwork, printed
+from sentences import Refused
+
+import mrwork as mr
+
+HELD_OUT = ("synthetic:spencer1997_slow", "--every", "40")
+
+
+@pytest.fixture(scope="module")
+def folder(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two fits, of which one has predicted a held-out test, a study and a tuning."""
+    place = tmp_path_factory.mktemp("compare")
+    for name, verb in (("one", "identify"), ("other", "demo"), ("study", "respond"), ("tuned", "tune")):
+        shutil.copytree(runs / verb, place / name)
+    printed("predict", place / "one", *HELD_OUT, "--quiet")
+    return place
+
+
+def test_what_was_predicted_is_kept_and_leads_the_page(folder: Path) -> None:
+    held_out = mr.load(folder / "one", mr.StoredRun).held_out
+    assert held_out is not None
+    assert [each.name for each in held_out.tests] == ["synthetic spencer1997_slow"]
+    assert held_out.drawn[0].test.name == held_out.spread.worst_test
+    assert "Predicts one test kept for test to" in (folder / "one" / "report.html").read_text()
+    assert "Nothing was held out" in (folder / "other" / "report.html").read_text()
+
+
+def test_fits_are_compared_on_tests_that_none_has_seen(folder: Path) -> None:
+    runs = [folder / "one", folder / "other"]
+    alone = mr.compare_runs(runs)
+    assert "cannot be compared" in alone.verdict
+    slow, seen = mr.synthetic_test("spencer1997_slow"), mr.synthetic_test("spencer1997")
+    found = mr.compare_runs(runs, tests=[slow, seen])
+    assert [row[0] for row in found.tables[0].rows] == ["synthetic spencer1997_slow"]
+    assert found.remarks == ("Left out, because a fit has seen them: synthetic spencer1997.",)
+    fits = [float(cell) for cell in found.tables[0].rows[0][1:]]
+    expected = [
+        100.0 * (1.0 - (prediction.residual.std() / prediction.measured.std()))
+        for prediction in (mr.predict(mr.load(run, mr.StoredRun).fit, slow) for run in runs)
+    ]
+    assert fits == pytest.approx(expected, abs=0.5)
+
+
+@pytest.mark.parametrize("verb", ["study", "tuned"])
+def test_studies_and_tunings_are_compared_by_their_laws(folder: Path, verb: str) -> None:
+    found = mr.compare_runs([folder / verb, folder / verb])
+    assert found.verdict.startswith("Lowest score")
+    assert len(found.tables[0].columns) == 1 + 2 * 3
+    for row in found.tables[0].rows:
+        assert row[1:4] == row[4:7]
+
+
+def test_what_cannot_be_compared_is_refused(folder: Path, refused: Refused) -> None:
+    refused(mr.compare_runs, [folder / "one"])
+    refused(mr.compare_runs, [folder / "one", folder / "study"])
+    refused(mr.compare_runs, [folder / "study", folder / "study"], tests=[mr.synthetic_test("rd1005_1a")])
+
+
+def test_the_verb_writes_a_page_and_an_object(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    text = printed("compare", folder / "one", folder / "other", "--out", page, "--json")
+    assert json.loads(text)["tables"][0]["title"] == "Fits"
+    assert "Comparison of runs" in page.read_text()
+
+
+@pytest.mark.parametrize("name", ["one", "study", "tuned"])
+def test_every_folder_has_a_page_and_a_summary(folder: Path, name: str) -> None:
+    place = folder / name
+    before = (place / "report.html").read_text()
+    assert mr.report.write_page(place).read_text() == before
+    summary = mr.report.write_page(place, summary=True)
+    assert summary.name == "summary.html"
+    assert "<details>" not in summary.read_text()
+    ended = mrwork("report", place, "--summary", "--open")
+    assert ended.returncode == 0
+
+
+def test_a_study_from_its_folder_is_the_study(folder: Path, inputs: Path) -> None:
+    live = mr.run_study(mr.read_study(inputs / "small.toml"))
+    stored = mr.load(folder / "study", mr.StudyResults)
+    for name in (
+        "building",
+        "dampers",
+        "facts",
+        "choices",
+        "damper_warnings",
+        "detailed",
+        "with_histories",
+        "rows",
+    ):
+        assert getattr(stored, name) == getattr(live, name), name
+    for key in live.runs:
+        assert stored.demands(*key) == live.demands(*key)
+
+
+def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> None:
+    rig = tmp_path / "rig"
+    printed("init", "rig", rig)
+    for each in ("tests.csv", *(path.name for path in rig.glob("8mm*"))):
+        (rig / each).unlink()
+    strange = "time,temp\n0,21\n1,22\n2,22\n"
+    (rig / "temperature.csv").write_text(strange)
+    ended = mrwork("characterise", rig, "--out", tmp_path / "out", "--json")
+    assert ended.returncode == 2
+    assert "temperature.csv" in json.loads(ended.stdout)["ask"]
+    assert not (tmp_path / "out").exists()
+    table = (rig / "tests.csv").read_text()
+    assert table.count(",test,") == 2
+    (rig / "tests.csv").write_text(table.replace("temperature.csv,fit,?,?,?", "temperature.csv,unused,,,"))
+    found = json.loads(
+        printed("characterise", rig, "--model", "viscous_dahl", "--out", tmp_path / "out", "--json")
+    )
+    assert found["uses"]["test"] == 2
+    assert found["held_out"]["worst_percent"] > 85.0
+    assert found["verdict"].startswith("Predicts 2 tests kept for test")
+    assert Path(found["summary"]).is_file()
+    again = mrwork("characterise", rig, "--model", "viscous_dahl", "--out", tmp_path / "out", "--resume")
+    assert (again.returncode, "choosing" in again.stderr) == (0, False)
