@@ -30,6 +30,7 @@ from mrwork.store.run_folder import (
     CHAIN,
     DRAWS,
     FIT,
+    HELD_OUT,
     JOURNAL,
     LAWS,
     MANIFEST,
@@ -113,7 +114,9 @@ def copied(run: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(run, tmp_path / "run"))
 
 
-@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, NEAR_SETS])
+@pytest.mark.parametrize(
+    "name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, NEAR_SETS, HELD_OUT]
+)
 def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     name: str, copied: Path, records: list[Path]
 ) -> None:

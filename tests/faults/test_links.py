@@ -108,6 +108,8 @@ JOBS = {
     "tune --resume": Job(words=f"{TUNED} --resume", before=(TUNED,)),
     "models": Job(words="models bingham --figure figure.svg"),
     "export": Job(words="export run --to mat --output run.mat --replace", before=(FIT,)),
+    "characterise": Job(words="characterise one_rig --model static_hysteretic --out run"),
+    "compare": Job(words="compare run run --out page.html", before=(FIT,)),
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
@@ -116,7 +118,7 @@ READING = {"predict", "convert", "cite", "completion"}
 
 def done(words: str, folder: Path) -> Ended:
     with contextlib.chdir(folder):
-        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export") else ()
+        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export", "compare") else ()
         return mrwork(*words.split(), *quiet, "--json")
 
 
@@ -125,6 +127,8 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The files that the commands read."""
     place = tmp_path_factory.mktemp("records")
     written_record(place / "one.csv")
+    (place / "one_rig").mkdir()
+    written_record(place / "one_rig" / "10mm1Hz.csv")
     lines = (place / "one.csv").read_text().splitlines()
     rows = [[float(number) for number in line.split(",")] for line in lines[1:]]
     wider = [f"{t},{1.5 * x},{f}" for t, x, f in rows]

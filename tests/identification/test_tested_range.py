@@ -126,7 +126,7 @@ def test_both_verbs_say_what_the_fit_says(tmp_path: Path, refused: Refused) -> N
     assert "tested: stroke to 10 mm" in loaded
     assert "warning: the law of f_c turns negative" in loaded
     page = (out / "report.html").read_text()
-    assert "Tested range" in page
+    assert "Not beyond the tested ranges: stroke to 10 mm" in page.replace("\N{NO-BREAK SPACE}", " ")
     assert "the law of f_c turns negative" in page
     text = printed("predict", out, left_out, fitted[0])
     assert "warning: command 0 A, tested from 0.25 to 1 A; the law of f_c is extrapolated" in text

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import run_folders
+import verb_folders
 
 
 @pytest.fixture(scope="session")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files of the commands that write run folders."""
     place = tmp_path_factory.mktemp("inputs")
-    run_folders.write_inputs(place)
+    verb_folders.write_inputs(place)
     return place
 
 
@@ -20,5 +20,5 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def runs(inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder of each verb that has --out, by its name, and a comparison of models; to be read only."""
     place = tmp_path_factory.mktemp("runs")
-    run_folders.write_runs(inputs, place)
+    verb_folders.write_runs(inputs, place)
     return place

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import xarray
 from command_line import mrwork
-from run_folders import verbs_with
 from sentences import Refused
+from verb_folders import verbs_with
 
 import mrwork as mr
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RunKind

@@ -1,54 +1,106 @@
-"""A run folder of each verb that has --out, made in little time."""
+"""Every file that a verb adds to the run folder of a fit, made in little time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import tuning_samples
-from command_line import mrwork
+import numpy as np
 
-from mrwork.cli.completion import subcommands
-from mrwork.cli.door import whole_parser
-from tools.faults.options import written_record
+import mrwork as mr
+from mrwork.identification import Fit
+from mrwork.identification.fit_file import addition_content, others_content
+from mrwork.store.codec import json_document
+from mrwork.store.output_file import write_files
+from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, NEAR_SETS, PLAN, PROFILES, RANKING
+from mrwork.store.unfinished import begin_addition, keep_addition
+from mrwork.uncertainty import Candidate
+from mrwork.uncertainty.bands.calibration_files import write_bands
+from mrwork.uncertainty.bands.conformal import measured_coverage
+from mrwork.uncertainty.bands.held_out import HeldOutTest, write_held_out
+from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.choice.splits import Split, Splits
+from mrwork.uncertainty.planning import LinearisedPosterior, checked_with_draws, normal_draws
+from mrwork.uncertainty.posterior.draws import draws_content
 
-COMMANDS = subcommands(whole_parser())
-RECORD = ("synthetic:spencer1997", "--every", 40)
-FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
+WALKERS = 12
 
 
-def verbs_with(destination: str) -> list[str]:
-    """The verbs that have an argument of this name."""
-    return [
-        verb
-        for verb, parser in COMMANDS.items()
-        if any(action.dest == destination for action in parser._actions)
-    ]
+def add_every_file(
+    place: Path, fit: Fit, test: mr.DamperTest, others: Sequence[mr.DamperTest], *, steps: int
+) -> None:
+    """Add to the run folder of a `fit` to one test whatever a verb may add.
 
-
-def words(verb: str, inputs: Path) -> list[object]:
-    """A command that writes a run folder in little time; a new verb with --out needs its line."""
-    given: dict[str, list[object]] = {
-        "demo": ["demo"],
-        "characterise": ["characterise", inputs / "rig", "--model", "viscous_dahl"],
-        "identify": ["identify", *RECORD, *FIXED],
-        "respond": ["respond", inputs / "small.toml"],
-        "tune": ["tune", inputs / "tuned.toml", "--quick"],
+    A chain of so many `steps` and its draws, profiles, bands calibrated on the `others`, a plan; and, made up, a
+    ranking, a choice of laws and another set of laws.
+    """
+    with closing(begin_addition(place / CHAIN)) as journal:
+        draws = mr.sample(
+            fit, test, walkers=WALKERS, most_steps=steps, tempering="effective", threads=1, journal=journal
+        )
+        keep_addition(journal, place / CHAIN)
+    predictions = predict_tests(fit, others)
+    calibration = mr.calibrate(predictions, held_out="the fit has not seen")
+    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
+    held_out = [HeldOutTest(name=each.test.name, fit_percent=90.0, rmse_n=1.0) for each in predictions]
+    write_held_out(place, fit, held_out, predictions)
+    contents = {
+        DRAWS: draws_content(draws, fit),
+        PROFILES: addition_content(asdict(mr.profile(fit, test, threads=1)), fit),
+        PLAN: addition_content(asdict(_plan(fit, test)), fit),
+        RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
+        LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
+        NEAR_SETS: json_document(others_content([fit], fit)).encode(),
     }
-    return given[verb]
+    write_files(place, contents)
 
 
-def write_inputs(place: Path) -> None:
-    """Files that the commands of `words` read."""
-    tuning_samples.small_files(place)
-    (place / "rig").mkdir()
-    written_record(place / "rig" / "10mm1Hz.csv")
+def _plan(fit: Fit, test: mr.DamperTest) -> object:
+    candidates = [Candidate(amplitude=amplitude, frequency=1.0) for amplitude in (0.005, 0.01, 0.02)]
+    posterior = LinearisedPosterior.of(fit, test, threads=1)
+    rng = np.random.default_rng(0)
+    ranked = mr.plan(fit, test, candidates, threads=1)
+    return checked_with_draws(ranked, posterior, normal_draws(posterior, 100, rng), rng=rng)
 
 
-def write_runs(inputs: Path, place: Path) -> None:
-    """A run folder of each verb that has --out, by its name, and a comparison of models."""
-    for verb in verbs_with("out"):
-        ended = mrwork(*words(verb, inputs), "--quiet", "--out", place / verb)
-        assert ended.returncode == 0, ended
-    models = ("--model", "bingham,static_hysteretic", "--threads", 1)
-    ended = mrwork("identify", *RECORD, *models, "--quiet", "--out", place / "compared")
-    assert ended.returncode == 0, ended
+def ranking_of_two(model: str) -> Ranking:
+    """A model that is better than another one."""
+    evidence = [
+        Evidence(
+            model=each, title=each, n_params=n, status="converged", seconds=1.0, left_out=(0.1 * n, 0.2 * n)
+        )
+        for each, n in ((model, 4), ("static_hysteretic", 7))
+    ]
+    return Ranking(
+        chosen=model,
+        sentence="The best.",
+        standings=rank(evidence, None),
+        held_out="tests",
+        n_folds=2,
+        n_blocks=None,
+        n_effective=None,
+    )
+
+
+def choice_of_laws(model: str) -> LawTable:
+    left_out = [np.array([0.1, 0.2]), np.array([0.3])]
+    splits = Splits(splits=(Split(members=(0, 1)), Split(members=(2,))), units=(0, 0, 1), fold="motion")
+    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out, splits=splits)
+    failing = "static_hysteretic"
+    return LawTable(
+        model=model,
+        unit="A",
+        tried=(replace(tried, verdict="chosen", model=model),),
+        sentence="The best.",
+        held_out="tests",
+        n_folds=2,
+        given={},
+        complete=True,
+        models=(model, failing),
+        failed={failing: "no candidate could be simulated"},
+        remarks=(),
+    )

@@ -365,6 +365,7 @@ def test_the_verb_writes_tables_histories_and_page(path: Path, tmp_path: Path) -
         "criteria.csv",
         "profiles.csv",
         "histories",
+        "data",
     }
     assert len(list((out / "histories").iterdir())) == 4
     assert len((out / "criteria.csv").read_text().splitlines()) == 9

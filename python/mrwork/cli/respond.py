@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from mrwork.report.html import Page
     from mrwork.store.journal import Journal
     from mrwork.study.course import StudyProgress
-    from mrwork.study.ensemble import Ensemble
-    from mrwork.study.results import StudyResults
+    from mrwork.study.results import Ensemble, StudyResults
     from mrwork.study.study import Study
 
 

@@ -5,77 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 
-from mrwork.base.summary import Summarised, Summary
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
-from mrwork.store.codec import OrNan, Related
 from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
-from mrwork.study.results import StudyResults
+from mrwork.study.results import Ensemble, StudyResults, Verdict
 from mrwork.study.run import simulate_history
 from mrwork.study.study import Study
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """What a study decides with each set of laws, of which the first is the chosen one.
-
-    `values` are lowest scores, or differences of scores and relative changes of quantities against the reference.
-    """
-
-    subject: str
-    answers: tuple[str, ...]
-    values: tuple[OrNan, ...]
-
-    @property
-    def changes(self) -> bool:
-        """Whether the sets do not agree."""
-        return len(set(self.answers)) > 1
-
-    @property
-    def in_words(self) -> str:
-        """Text such as "lowest score of control laws: LQG (0.71) with set 1, skyhook (0.69) with set 2"."""
-        parts = [
-            f"{answer} ({value:.3g}) with set {number}"
-            for number, (answer, value) in enumerate(zip(self.answers, self.values, strict=True), start=1)
-        ]
-        return f"{self.subject}: {', '.join(parts)}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ensemble(Summarised, Related):
-    """A study with each of the `sets` of laws of its dampers, the chosen one first, and its verdicts."""
-
-    _made_by: ClassVar[str] = "mr.load(folder).ensemble"
-
-    sets: tuple[str, ...]
-    verdicts: tuple[Verdict, ...]
-
-    def disagreement(self) -> str:
-        """A verdict of another number of sets."""
-        numbers = {len(each) for verdict in self.verdicts for each in (verdict.answers, verdict.values)}
-        wrong = numbers - {len(self.sets)}
-        return f"it has {min(wrong)} values for {len(self.sets)} sets of laws" if wrong else ""
-
-    @property
-    def in_words(self) -> tuple[str, ...]:
-        """The sets, and each verdict that changes, a sentence each."""
-        changing = [f"verdict changes: {each.in_words}" for each in self.verdicts if each.changes]
-        return (
-            *(f"set {number}: {words}" for number, words in enumerate(self.sets, start=1)),
-            *(changing or [f"none of {len(self.verdicts)} verdicts changes"]),
-        )
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=f"The study with {len(self.sets)} sets of laws that predict nearly as well",
-            notes=self.in_words,
-        )
 
 
 def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:

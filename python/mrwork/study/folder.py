@@ -45,10 +45,10 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.ensemble import Ensemble
 from mrwork.study.results import (
     BuildingFacts,
     DamperFacts,
+    Ensemble,
     MotionFacts,
     RealisationBand,
     StudyResults,

@@ -30,7 +30,7 @@ from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
-from mrwork.store.codec import OrInfinite, OrNan
+from mrwork.store.codec import OrInfinite, OrNan, Related
 from mrwork.study.run_result import (
     DeviceDemand,
     LabelledRuns,
@@ -45,7 +45,6 @@ from mrwork.study.study import Kind, MotionOfStudy, Row
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
     from mrwork.base.plotted import ResponsesPlots
-    from mrwork.study.ensemble import Ensemble
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -160,6 +159,63 @@ def _storey_stiffnesses(building: Building) -> tuple[float, ...]:
         built, stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness).max()
     ) and np.array_equal(mass, np.diag(np.diag(mass)))
     return tuple(storeys.tolist()) if is_chain and (storeys > 0.0).all() else ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a study decides with each set of laws, of which the first is the chosen one.
+
+    `values` are lowest scores, or differences of scores and relative changes of quantities against the reference.
+    """
+
+    subject: str
+    answers: tuple[str, ...]
+    values: tuple[OrNan, ...]
+
+    @property
+    def changes(self) -> bool:
+        """Whether the sets do not agree."""
+        return len(set(self.answers)) > 1
+
+    @property
+    def in_words(self) -> str:
+        """Text such as "lowest score of control laws: LQG (0.71) with set 1, skyhook (0.69) with set 2"."""
+        parts = [
+            f"{answer} ({value:.3g}) with set {number}"
+            for number, (answer, value) in enumerate(zip(self.answers, self.values, strict=True), start=1)
+        ]
+        return f"{self.subject}: {', '.join(parts)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Ensemble(Summarised, Related):
+    """A study with each of the `sets` of laws of its dampers, the chosen one first, and its verdicts."""
+
+    _made_by: ClassVar[str] = "mr.load(folder).ensemble"
+
+    sets: tuple[str, ...]
+    verdicts: tuple[Verdict, ...]
+
+    def disagreement(self) -> str:
+        """A verdict of another number of sets."""
+        numbers = {len(each) for verdict in self.verdicts for each in (verdict.answers, verdict.values)}
+        wrong = numbers - {len(self.sets)}
+        return f"it has {min(wrong)} values for {len(self.sets)} sets of laws" if wrong else ""
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """The sets, and each verdict that changes, a sentence each."""
+        changing = [f"verdict changes: {each.in_words}" for each in self.verdicts if each.changes]
+        return (
+            *(f"set {number}: {words}" for number, words in enumerate(self.sets, start=1)),
+            *(changing or [f"none of {len(self.verdicts)} verdicts changes"]),
+        )
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"The study with {len(self.sets)} sets of laws that predict nearly as well",
+            notes=self.in_words,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -1,0 +1,54 @@
+"""A run folder of each verb that has --out, made in little time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import tuning_samples
+from command_line import mrwork
+
+from mrwork.cli.completion import subcommands
+from mrwork.cli.door import whole_parser
+from tools.faults.options import written_record
+
+COMMANDS = subcommands(whole_parser())
+RECORD = ("synthetic:spencer1997", "--every", 40)
+FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
+
+
+def verbs_with(destination: str) -> list[str]:
+    """The verbs that have an argument of this name."""
+    return [
+        verb
+        for verb, parser in COMMANDS.items()
+        if any(action.dest == destination for action in parser._actions)
+    ]
+
+
+def words(verb: str, inputs: Path) -> list[object]:
+    """A command that writes a run folder in little time; a new verb with --out needs its line."""
+    given: dict[str, list[object]] = {
+        "demo": ["demo"],
+        "characterise": ["characterise", inputs / "rig", "--model", "viscous_dahl"],
+        "identify": ["identify", *RECORD, *FIXED],
+        "respond": ["respond", inputs / "small.toml"],
+        "tune": ["tune", inputs / "tuned.toml", "--quick"],
+    }
+    return given[verb]
+
+
+def write_inputs(place: Path) -> None:
+    """Files that the commands of `words` read."""
+    tuning_samples.small_files(place)
+    (place / "rig").mkdir()
+    written_record(place / "rig" / "10mm1Hz.csv")
+
+
+def write_runs(inputs: Path, place: Path) -> None:
+    """A run folder of each verb that has --out, by its name, and a comparison of models."""
+    for verb in verbs_with("out"):
+        ended = mrwork(*words(verb, inputs), "--quiet", "--out", place / verb)
+        assert ended.returncode == 0, ended
+    models = ("--model", "bingham,static_hysteretic", "--threads", 1)
+    ended = mrwork("identify", *RECORD, *models, "--quiet", "--out", place / "compared")
+    assert ended.returncode == 0, ended
