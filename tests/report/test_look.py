@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import re
 from itertools import combinations
 from pathlib import Path
 
@@ -9,18 +12,29 @@ import headless_browser
 import numpy as np
 import pytest
 import study_samples
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from numpy.typing import NDArray
 from report_samples import comparison, fit
 
 from mrwork import StoredRun
+from mrwork.base.table import Table
 from mrwork.drawing import style
-from mrwork.drawing.canvas import coinciding
+from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, name_lines, svg_bytes
+from mrwork.drawing.drawn_data import drawn_data
+from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, strokes
+from mrwork.report import html
 from mrwork.report.fit.page import fit_page
+from mrwork.report.study.figures import command_figure, energy_figure
 from mrwork.report.study.page import study_page
 
 Rgb = NDArray[np.float64]
 
-CURVES = ("ink", "data", "model", "residual", "green", "orange", "violet", "brown", "plum")
+GREYS = ("ink", "faint-ink", "data")
+CURVES = (*GREYS, "model", "residual", "green", "amber", "violet", "wine")
+BANDS = (*GREYS, "model", "residual", "amber", "band-edge")
+"""Curves that share a panel."""
 # Machado, Oliveira, Fernandes, IEEE Trans. Vis. Comput. Graph. 15, 2009, table 1: severity 1.0, of linear RGB.
 SIGHTS = {
     "normal": np.eye(3),
@@ -100,10 +114,11 @@ def test_the_distance_is_that_of_the_literature(
 @pytest.mark.parametrize("mode", [0, 1], ids=["light", "dark"])
 @pytest.mark.parametrize("sight", SIGHTS)
 def test_curves_of_a_panel_can_be_told_apart(mode: int, sight: str) -> None:
-    seen = {name: lab(SIGHTS[sight] @ linear(style.PALETTE[name][mode])) for name in CURVES}
+    seen = {name: lab(SIGHTS[sight] @ linear(style.PALETTE[name][mode])) for name in {*CURVES, *BANDS}}
     near = {
         (one, other): ciede2000(seen[one], seen[other])
-        for one, other in combinations(CURVES, 2)
+        for panel in (CURVES, BANDS)
+        for one, other in combinations(panel, 2)
         if ciede2000(seen[one], seen[other]) < LEAST_DISTANCE
     }
     assert near == {}
@@ -113,16 +128,35 @@ def test_curves_of_a_panel_can_be_told_apart(mode: int, sight: str) -> None:
 def test_curves_and_texts_stand_out_from_the_page(mode: int) -> None:
     weights = np.array([0.2126, 0.7152, 0.0722])
     page = float(weights @ linear(style.PALETTE["page"][mode]))
-    for name, least in {**dict.fromkeys(CURVES, LEAST_CONTRAST), "ink": 7.0, "faint-ink": 4.5}.items():
+    texts = dict.fromkeys(("faint-ink", "model", "residual"), 4.5) | {"ink": 7.0}
+    for name, least in (dict.fromkeys((*CURVES, *BANDS), LEAST_CONTRAST) | texts).items():
         own = float(weights @ linear(style.PALETTE[name][mode]))
         high, low = max(own, page), min(own, page)
         assert (high + 0.05) / (low + 0.05) >= least, name
 
 
 def test_every_colour_that_is_drawn_has_a_name() -> None:
-    assert set(style.HUES) <= {light for light, _ in style.PALETTE.values()}
-    assert "var(--model)" in style.in_variables(f'<path style="stroke: {style.MODEL}; fill: none"/>')
+    fills = {"page", "rule", "window", "alert-tint", "band"}
+    assert style.PALETTE.keys() == fills.union(CURVES, BANDS)
+    stated = {value for value in vars(style).values() if isinstance(value, str) and value.startswith("#")}
+    assert stated | set(style.HUES) <= {light for light, _ in style.PALETTE.values()}
+    assert [style.hue(number) for number in range(8)] == [*style.HUES, style.DATA, style.DATA]
     assert len(set(style.HUES)) == 6
+
+
+def test_figures_in_a_page_have_names_of_colours_and_files_have_colours() -> None:
+    with style.drawn_in_style():
+        figure, axes = column_axes()
+        axes.plot([0, 1], color=style.MODEL)
+        axes.plot([1, 0], color=style.TONES(0.3))
+        axes.pcolormesh(
+            [[0.0, 1.0]], cmap=LinearSegmentedColormap.from_list("map", [style.PAGE, style.MODEL])
+        )
+        inline, file = inline_svg(figure, identifier="f", description=""), svg_bytes(figure).decode()
+    assert not re.findall(r"(?:fill|stroke): #\w+", inline)
+    assert "stroke: var(--model)" in inline
+    assert re.search(r"stroke: color-mix\(in srgb,var\(--model\) (59|60)\.\d%,var\(--band-edge\)\)", inline)
+    assert "var(" not in file
 
 
 def test_lines_that_coincide_are_said() -> None:
@@ -147,3 +181,112 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
         assert tab.ask("document.querySelector('header').getBoundingClientRect().bottom") <= most
         assert tab.ask("document.documentElement.scrollWidth") <= width
         assert not tab.ask("[...document.querySelectorAll('details')].some(each => each.open)")
+
+
+def page_of(folder: Path, **content: object) -> Path:
+    """A page with the styles of all pages."""
+    template, page = folder / "page.html.j2", folder / "page.html"
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Page</title>'
+    template.write_text(f"<!DOCTYPE html>{head}<style>{{{{ styles }}}}</style><main>{{{{ table }}}}</main>")
+    html.write_study_page(template, page, **content)
+    return page
+
+
+def table() -> Table:
+    numbers = tuple(f"{value:.5f}" for value in range(9))
+    return Table(
+        label="Wide",
+        columns=("Name", *(f"Quantity {number} (N s/m)" for number in range(9))),
+        rows=tuple((f"a_law_with_a_long_name_{row}, 1.32 A", *numbers) for row in range(3)),
+    )
+
+
+def test_on_a_telephone_names_of_rows_stay_and_numbers_are_whole(
+    tab: headless_browser.Browser, tmp_path: Path
+) -> None:
+    path = page_of(tmp_path, table=table())
+    tab.open(path, width=390)
+    assert tab.ask("document.scrollingElement.scrollWidth") <= 390
+    region = "document.querySelector('.scroll')"
+    assert tab.ask(f"{region}.scrollWidth > {region}.clientWidth")
+    left = "document.querySelector('tbody th').getBoundingClientRect().left"
+    before = tab.ask(left)
+    assert tab.ask(f"({region}.scrollLeft = 200, {left})") == before
+    lines = "(range.selectNodeContents(cell), range.getClientRects().length)"
+    cells = "[...document.querySelectorAll('td.number')]"
+    assert tab.ask(f"{{ const range = document.createRange(); {cells}.every(cell => {lines} === 1); }}")
+    assert "(N\N{NO-BREAK SPACE}s/m)" in path.read_text()
+
+
+def drawn(*ends: float) -> Figure:
+    with style.drawn_in_style():
+        figure, axes = column_axes()
+        for number, end in enumerate(ends):
+            axes.plot([0.0, 1.0, 2.0], [0.0, 1.0, end], color=style.hue(number), label=f"law {number}")
+        name_lines(axes)
+    return figure
+
+
+@pytest.mark.parametrize("ends", [(1.0, 1.01, 1.02), (2.0, 2.0), (0.0, 5.0, 5.0, 4.99, 1.0, 0.01)])
+def test_names_at_the_ends_of_curves_stand_apart_in_their_order(ends: tuple[float, ...]) -> None:
+    figure = drawn(*ends)
+    figure.draw_without_rendering()
+    texts = figure.axes[0].texts
+    # Of the words alone, without the line that leads to them.
+    boxes = [Text.get_window_extent(text) for text in texts]
+    assert len(texts) == len(ends)
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert all(box.y0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
+    heights = {text.get_text(): box.y0 for text, box in zip(texts, boxes, strict=True)}
+    by_end = sorted(range(len(ends)), key=lambda number: (ends[number], number))
+    assert [f"law {number}" for number in by_end] == sorted(heights, key=heights.__getitem__)
+
+
+def test_more_curves_than_colours_have_a_legend() -> None:
+    figure = drawn(*range(8))
+    assert figure.axes[0].get_legend() is not None
+    assert not figure.axes[0].texts
+
+
+def read(figure: Figure) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(drawn_data(figure))))
+
+
+def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
+    results = study_samples.results()
+    with style.drawn_in_style():
+        profile, axes = column_axes()
+        add_height_line(axes, 1e3 * results.runs[3, 0].peak_drift, Stroke(style.MODEL), "Clipped-optimal")
+        name_heights(axes, results.storey_names)
+        axes.set_xlabel("Peak drift (mm)")
+    drift = read(profile)
+    expected = 1e3 * results.runs[3, 0].peak_drift
+    assert [row["x"] for row in drift] == [f"{value:.6g}" for value in expected]
+    assert [row["y"] for row in drift] == list(results.storey_names)
+    assert (drift[0]["abscissa"], drift[0]["curve"]) == ("Peak drift (mm)", "Clipped-optimal")
+
+    bars = [row for row in read(energy_figure(results, 0, range(5))) if row["y"] == "Lyapunov <1 A>"]
+    assert [row["curve"] for row in bars] == [
+        part for part in ("Dampers", "Structure", "Still moving") for _ in "ab"
+    ]
+    assert bars[1]["x"] == bars[2]["x"] == f"{np.sum(results.runs[4, 0].numbers['device_energy']):.6g}"
+
+    with style.drawn_in_style():
+        figure, (axes, _) = grid_of_axes(2, 2, (3.0, 3.0))
+        axes.fill_between([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], [2.0, 1.0 / 3.0, 2.0], label="band")
+        axes.axhline(5.0, label="limit")
+    rows = read(figure)
+    assert ("1", "0.333333") in {(row["x"], row["y"]) for row in rows if row["curve"] == "band"}
+    assert {(row["x"], row["y"]) for row in rows if row["curve"] == "limit"} == {("", "5")}
+    assert {row["panel"] for row in rows} == {"1"}
+
+
+def test_a_strip_of_a_command_that_switches_shows_its_switchings() -> None:
+    history = study_samples.histories(3, 0)
+    switching = history.numbers | {"command": (np.arange(history.time.size)[:, None] % 2) * np.ones((1, 2))}
+    stroke = strokes(study_samples.results())[3]
+    figure = command_figure(type(history)(time=history.time, numbers=switching), "A", 1.0, stroke)
+    sent, coil = figure.axes[0].get_lines()
+    turns = np.count_nonzero(np.diff(sent.get_ydata()))
+    assert 20 <= turns <= 40
+    assert sent.get_color() != coil.get_color() == stroke.colour

@@ -107,7 +107,7 @@ def test_the_page_shows_travel_and_switchings_and_the_command_sample_by_sample(p
     # Without dampers there is no command.
     assert table.rows[0][place] == "–"
     assert table.rows[4][place] == "2.00"
-    assert "Command sent to damper 1 under" in page
+    assert ", sample by sample: " in page
 
 
 def test_an_interrupted_study_says_how_far_it_came() -> None:
@@ -206,7 +206,7 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
     # The sample has two references and isolation, whose rank is its own.
     assert shown == set(range(100 - (MOST_LISTED - 3), 100))
     # The loops of the leading law, and of the best of the passive dampers.
-    assert page.count("Command of damper 1 under") == 2
+    assert page.count("Current of damper 1 under") == 2
     assert "94 more laws below, in grey above." in page
     # What is counted is counted over all.
     assert "Worse control laws, of 100" in page

@@ -95,7 +95,7 @@ class Table(Summarised):
 
     def html(self, symbol: Callable[[str], str] | None = None) -> str:
         """The table for a page, in a region that scrolls; `symbol` sets headings and names of rows that are symbols."""
-        set_heading, set_name = symbol or escape, symbol or breakable
+        set_heading, set_name = symbol or _heading, symbol or breakable
         lines = [
             *([f"<h3>{escape(self.title)}</h3>"] if self.title else []),
             f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(self.label or self.title)}">',
@@ -204,6 +204,11 @@ def breakable(name: str) -> str:
     if hasattr(name, "__html__"):
         return escape(name)
     return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
+
+
+def _heading(text: str) -> str:
+    """HTML of a heading that may be broken, but not within its unit."""
+    return re.sub(r"\([^()]*\)$", lambda unit: unit.group().replace(" ", "\N{NO-BREAK SPACE}"), escape(text))
 
 
 def format_code(sentence: str) -> str:

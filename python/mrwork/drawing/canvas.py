@@ -10,19 +10,18 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
+from textwrap import fill
 from typing import Literal, cast
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike
 
 from mrwork.base.numbers import shortest
-from mrwork.base.table import csv_text
 from mrwork.base.values import Floats
 from mrwork.drawing import style
 from mrwork.errors import escaped_lines
@@ -181,11 +180,55 @@ def vertical_grid(axes: Axes) -> None:
     axes.grid(visible=True, axis="x")
 
 
-def legend(axes: Axes, columns: int = 3) -> None:
-    """A legend above the axes, at their right."""
+def legend(axes: Axes, columns: int = 3, others: int = 0) -> None:
+    """A legend above the axes, at their right; the last `others`, which look alike, have one entry."""
+    handles, labels = axes.get_legend_handles_labels()
+    if others:
+        labels[-others:] = [f"{others} other{'s' if others > 1 else ''}"]
     figure = cast(Figure, axes.get_figure(root=True))
     height = axes.get_position().height * figure.get_figheight()
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0 + _LEGEND_GAP / height), ncols=columns)
+    place = (1.0, 1.0 + _LEGEND_GAP / height)
+    axes.legend(handles[: len(labels)], labels, loc="lower right", bbox_to_anchor=place, ncols=columns)
+
+
+_LETTERS_IN_LINE, _LINE_OF_TEXT, _TO_NAMES = 16, 0.165, 0.12
+
+
+def name_lines(axes: Axes) -> None:
+    """Names of a few curves at the right, each joined to the end of its curve; of more, a legend above."""
+    lines = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    if not 1 < len(lines) <= len(style.HUES):
+        legend(axes, columns=2, others=max(len(lines) - len(style.HUES), 0))
+        return
+    names = [fill(str(line.get_label()), _LETTERS_IN_LINE) for line in lines]
+    room = room_for([part for name in names for part in name.splitlines()])
+    figure = cast(Figure, axes.get_figure(root=True))
+    place, (width, height) = axes.get_position(), figure.get_size_inches().tolist()
+    axes.set_position((place.x0, place.y0, place.width - room / width, place.height))
+    axes.autoscale_view()
+    to_axes = axes.transData + axes.transAxes.inverted()
+    ends = [np.asarray(line.get_xydata())[-1] for line in lines]
+    rises = np.array([np.clip(to_axes.transform(end)[1], 0.0, 1.0) for end in ends])
+    step = _LINE_OF_TEXT * max(1 + name.count("\n") for name in names) / (place.height * height)
+    order, steps = np.argsort(rises, kind="stable"), step * np.arange(len(lines))
+    # As high as the curve ends, but each above the one below, and none above the axes.
+    placed = steps + np.minimum(np.maximum.accumulate(rises[order] - steps), 1.0 - steps[-1])
+    for number, rise in zip(order, placed, strict=True):
+        axes.annotate(
+            names[number],
+            xy=tuple(ends[number]),
+            xytext=(1.0 + _TO_NAMES / (place.width * width - room), float(rise)),
+            textcoords="axes fraction",
+            va="center",
+            fontsize=style.SMALL_TEXT_SIZE,
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": lines[number].get_color(),
+                "linewidth": 0.9,
+                "shrinkB": 0,
+            },
+        )
 
 
 def coinciding(lines: Mapping[str, Floats]) -> str:
@@ -254,7 +297,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
-    text = _save_svg(figure, font_type="none")
+    text = _save_svg(figure, font_type="none", transparent=True)
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
@@ -263,46 +306,18 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     body = places.sub(lambda element: _DIGITS_BEYOND.sub("", element.group()), body)
     body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{identifier}-", body)
     title = f"{identifier}-title"
-    # The colours of a picture cannot follow the page, nor may those beside it.
-    body, kind = (body, ' class="light"') if "<image" in body else (style.in_variables(body), "")
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img"{kind} '
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img" '
         f'viewBox="{view_box.group(1) if view_box else "0 0 360 270"}" aria-labelledby="{title}">'
-        f'<title id="{title}">{escape(description)}</title>{body}</svg>'
+        f'<title id="{title}">{escape(description)}</title>{style.in_variables(body)}</svg>'
     )
 
 
-def drawn_data(figure: Figure) -> str:
-    """What a figure shows as the text of a CSV file: a row for each point of its lines, bars and filled ranges."""
-    rows = [("panel", "x axis", "y axis", "curve", "x", "y", "y upper")]
-    for number, axes in enumerate(figure.axes, start=1):
-        head = (axes.get_title(loc="left") or str(number), axes.get_xlabel(), axes.get_ylabel())
-        drawn: list[tuple[str, Floats, Floats, Floats | None]] = []
-        for line in axes.get_lines():
-            # Lines across the axes, such as those at zero, are none of the data.
-            if line.get_transform() == axes.transData:
-                x, y = (np.ravel(np.asarray(each, dtype=np.float64)) for each in line.get_data())
-                drawn.append((str(line.get_label()), x, y, None))
-        for bars in axes.containers:
-            if isinstance(bars, BarContainer):
-                boxes = np.array([bar.get_bbox().get_points() for bar in bars.patches]).reshape(-1, 2, 2)
-                middle = boxes[:, :, 0].mean(axis=1)
-                drawn.append((str(bars.get_label()), middle, boxes[:, 0, 1], boxes[:, 1, 1]))
-        for label, x, y, upper in drawn:
-            label = "" if label.startswith("_") else label
-            tops = [""] * x.size if upper is None else [f"{each:.6g}" for each in upper]
-            rows += [
-                (*head, label, f"{one:.6g}", f"{two:.6g}", top)
-                for one, two, top in zip(x, y, tops, strict=True)
-            ]
-    return csv_text(rows)
-
-
-def _save_svg(figure: Figure, *, font_type: str) -> str:
+def _save_svg(figure: Figure, *, font_type: str, transparent: bool = False) -> str:
     target = io.StringIO()
     _without_controls(figure)
     with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
-        figure.savefig(target, format="svg", metadata=_NO_DATE)
+        figure.savefig(target, format="svg", metadata=_NO_DATE, transparent=transparent)
     return target.getvalue()
 
 

@@ -18,18 +18,20 @@ from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front
 
 _SMALL_BINS = 350
+MARKERS = ("o", "s", "^", "D", "v", "P")
 _DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
-ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.RULE}
+ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.DATA}
 """Where the input energy is at the end of a motion, with the tones."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """Colour, pattern and width [pt] of the lines of a row."""
+    """Colour, pattern, width [pt] and marker of the lines of a row."""
 
     colour: str
     pattern: str | tuple[int, tuple[float, ...]] = "-"
     width: float = 1.4
+    marker: str = "o"
 
 
 def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> tuple[Stroke, ...]:
@@ -39,19 +41,20 @@ def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> t
     """
     references = {
         "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
-        "passive_off": Stroke(colour=style.PLUM, pattern=_DASHED, width=1.3),
+        "passive_off": Stroke(colour=style.FAINT_INK, pattern=_DASHED, width=1.3),
         "best_passive": Stroke(colour=style.INK, width=1.6),
     }
     rows = range(len(results.rows)) if coloured is None else coloured
     others = [row for row in rows if results.rows[row].kind not in references]
-    hues = chain(map(Stroke, style.HUES), repeat(_OTHER))
+    named = (Stroke(hue, marker=marker) for hue, marker in zip(style.HUES, MARKERS, strict=True))
+    hues = chain(named, repeat(_OTHER))
     own = dict(zip(others, hues, strict=False))
     return tuple(
         references.get(row.kind) or own.get(number, _OTHER) for number, row in enumerate(results.rows)
     )
 
 
-_OTHER = Stroke(colour=style.DATA, width=0.6)
+_OTHER = Stroke(colour=style.DATA, width=0.6, marker="")
 
 
 def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -80,7 +83,7 @@ def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> N
         color=stroke.colour,
         linestyle=stroke.pattern,
         linewidth=stroke.width,
-        marker="o",
+        marker=stroke.marker,
         markersize=3.2,
         label=label,
     )

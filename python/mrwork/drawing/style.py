@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import matplotlib
+import numpy as np
 from matplotlib import font_manager
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -68,49 +69,67 @@ def subset_name(weight: int) -> str:
 
 
 PALETTE: Final = {
-    "page": ("#ffffff", "#14191d"),
-    "ink": ("#1b2329", "#e6eaed"),
-    "faint-ink": ("#56636d", "#a3b0b9"),
+    "page": ("#ffffff", "#14181e"),
+    "ink": ("#1b2329", "#e4e9eb"),
+    "faint-ink": ("#59626a", "#a8b3ba"),
     "rule": ("#d5dade", "#333d45"),
     "window": ("#eef2f5", "#20282e"),
     "alert-tint": ("#fbf1ec", "#33231b"),
-    "data": ("#7a868e", "#87939b"),
-    "model": ("#0a5a96", "#5aa9e6"),
-    "residual": ("#b0502a", "#e08a5f"),
-    "green": ("#559e79", "#b6f3b6"),
-    "orange": ("#db7931", "#ffe700"),
-    "violet": ("#b45cd6", "#7949ce"),
-    "brown": ("#551800", "#ce000c"),
-    "plum": ("#240049", "#925561"),
+    "data": ("#89949c", "#748088"),
+    "model": ("#0a5a96", "#65ade8"),
+    "residual": ("#b0502a", "#e0845a"),
+    "green": ("#378d60", "#66e9a8"),
+    "amber": ("#c08720", "#efc246"),
+    "violet": ("#a260d7", "#8b69dd"),
+    "wine": ("#7b373f", "#da2c71"),
     # The prediction band is light and wide, the parameter band dark and narrow.
     "band": ("#d9e6f0", "#1c3247"),
-    "band-edge": ("#8fb3cf", "#4d7ea5"),
+    "band-edge": ("#5a94c3", "#416b8f"),
 }
 """Colours by name, on a light and on a dark page.
 
-Those of curves, from `data` to `plum` and the ink, are 12 apart (CIEDE2000) from each other to eyes of all kinds, and
-have the contrast 3:1 to the page (`tests/report/test_look.py`).
+Those of curves, from `data` to `wine` and both inks, are 12 apart (CIEDE2000) from each other to eyes of all kinds; so
+is `band-edge` from those that it is drawn with. All have the contrast 3:1 to the page (`tests/report/test_look.py`).
 """
 
-PAGE, INK, FAINT_INK, RULE, WINDOW, _, DATA, MODEL, RESIDUAL, *_HUES, PLUM, BAND, BAND_EDGE = (
+PAGE, INK, FAINT_INK, RULE, WINDOW, _, DATA, MODEL, RESIDUAL, *_HUES, BAND, BAND_EDGE = (
     light for light, _ in PALETTE.values()
 )
 HUES = (MODEL, RESIDUAL, *_HUES)
-"""Colours of laws; one more law has that of the data."""
+"""Colours of laws, see `hue`."""
 PARAMETER_BAND = HUES[3]
+# Colours that scales of quantities blend.
+_BLENDS = ((BAND_EDGE, MODEL), (MODEL, INK), (PAGE, MODEL))
+
+
+def hue(number: int) -> str:
+    """Colour of a curve by its number in a panel: a hue of its own, or the grey of those without."""
+    return HUES[number] if number < len(HUES) else DATA
 
 
 def variables() -> str:
     """CSS that names the colours, dark ones where the reader's system is dark; paper is light."""
     light, dark = ("".join(f"--{name}: {both[place]};" for name, both in PALETTE.items()) for place in (0, 1))
-    return f":root, .light {{{light}}}\n@media screen and (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
+    return f":root {{{light}}}\n@media screen and (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
 
 
 def in_variables(svg: str) -> str:
     """A drawing with the names of its colours instead of the colours, so that it follows the page."""
-    return _COLOUR.sub(
-        lambda colour: f"var(--{_NAMES[colour[0]]})" if colour[0] in _NAMES else colour[0], svg
-    )
+    return _COLOUR.sub(lambda colour: _variable(colour[0]), svg)
+
+
+@cache
+def _variable(colour: str) -> str:
+    """A colour, as `#rrggbb`, by its name or as a blend of two with names; any other as it is."""
+    if colour in _NAMES:
+        return f"var(--{_NAMES[colour]})"
+    for ends in _BLENDS:
+        start, end, wanted = (np.array(to_rgb(each)) for each in (*ends, colour))
+        share = float(np.dot(wanted - start, end - start) / np.dot(end - start, end - start))
+        if 0.0 < share < 1.0 and np.abs(start + share * (end - start) - wanted).max() < 1.0 / 255.0:
+            near, far = (_NAMES[each] for each in ends)
+            return f"color-mix(in srgb,var(--{far}) {100.0 * share:.1f}%,var(--{near}))"
+    return colour
 
 
 _NAMES = {light: name for name, (light, _) in PALETTE.items()}

@@ -21,6 +21,7 @@ from mrwork.drawing.canvas import draw_points, vertical_grid
 from mrwork.drawing.of_fits import with_unit
 from mrwork.drawing.of_studies import (
     ENERGY_PARTS,
+    MARKERS,
     Stroke,
     add_energies,
     add_energy_bars,
@@ -111,7 +112,7 @@ def spectra(
         return over_axis(title, "period", over, columns).to_pandas()
     axes, values = axes_for(ax), getattr(spectrum, quantity)
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
-    colour = style.HUES[len(axes.get_lines()) % len(style.HUES)]
+    colour = style.hue(len(axes.get_lines()))
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
     axes.set_xlabel("Period (s)")
     axes.set_ylabel(f"{quantity.replace('_', '-').capitalize()} ({unit.symbol})")
@@ -272,7 +273,7 @@ def _runs(
         }
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
     of_row = (
-        dict(enumerate(strokes(result)))
+        dict(enumerate(strokes(result, asked)))
         if isinstance(result, StudyResults)
         else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
     )
@@ -287,8 +288,8 @@ def _runs(
 def _stroke(number: int, count: int) -> Stroke:
     """A hue for each of a few candidates; of many a tone, and thin lines."""
     if count <= len(style.HUES):
-        return Stroke(colour=style.HUES[number], pattern="-")
-    return Stroke(colour=to_hex(style.TONES(number / (count - 1))), pattern="-", width=0.6)
+        return Stroke(style.hue(number), marker=MARKERS[number])
+    return Stroke(to_hex(style.TONES(number / (count - 1))), width=0.6)
 
 
 def _heights(result: Responses | StudyResults, axis: str, count: int) -> tuple[str, ...]:

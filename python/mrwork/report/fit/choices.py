@@ -160,7 +160,7 @@ _SHOWN = 8
 _MAP_COLUMNS = 3
 _MAP_WIDTH, _MAP_HEIGHT = 3.6, 3.0
 # From white to the blue of the models: the darker, the larger the reduction.
-_MAP = LinearSegmentedColormap.from_list("gain", ["#ffffff", style.MODEL])
+_MAP = LinearSegmentedColormap.from_list("gain", [style.PAGE, style.MODEL])
 # Where a cell is darker, its number is white.
 _DARK = 0.55
 
@@ -254,7 +254,9 @@ def _draw_gains(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
         if each is best:
             across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
             axes.plot(column + across, row + up, color=style.RESIDUAL, linewidth=2.0, clip_on=False)
-    axes.imshow(table, origin="lower", aspect="auto", cmap=_MAP, vmin=0.0, vmax=max(most, 1e-12))
+    axes.pcolormesh(
+        range(len(frequencies)), range(len(amplitudes)), table, cmap=_MAP, vmin=0.0, vmax=max(most, 1e-12)
+    )
     axes.grid(visible=False)
     axes.set_xticks(range(len(frequencies)), [f"{value:.3g}" for value in frequencies])
     axes.set_yticks(range(len(amplitudes)), [f"{1e3 * value:.3g}" for value in amplitudes])

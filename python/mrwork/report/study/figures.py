@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -17,6 +16,7 @@ from mrwork.drawing import style
 from mrwork.drawing.canvas import (
     column_axes,
     finish,
+    legend,
     name_rows,
     name_small_axes,
     plain_ticks,
@@ -31,7 +31,6 @@ from mrwork.drawing.of_studies import (
     add_energy_bars,
     energy_parts,
     short,
-    strokes,
 )
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.drawing.style import DisplayUnit
@@ -48,9 +47,6 @@ from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 
-_LEFT_OF_NAMES = 0.95
-_KEY_LINE = 0.178
-_KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
 
 
@@ -68,26 +64,9 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     return figure
 
 
-def _key(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(
-        handles,
-        [short(label, 29) for label in labels],
-        loc="lower left",
-        bbox_to_anchor=(-0.16, 1.01, 1.16, 0.2),
-        mode="expand",
-        ncols=2,
-        borderpad=0.2,
-        labelspacing=0.22,
-        fontsize=_KEY_FONT,
-    )
-
-
 _BINS = 700
-_SMALL_BINS = 350
 _LOOP_SECONDS = 10.0
-_COMMAND_SECONDS = 4.0
-_STRIP_SECONDS = 1.5
+_STRIP_SECONDS, _STRIP_TURNS, _STRIP_HEIGHT = 1.5, 30, 2.0
 _LOOP_POINTS = 1500
 _HEIGHT = 2.5
 
@@ -119,29 +98,32 @@ def loop_figure(
 
 
 @style.drawn_in_style()
-def command_figure(
-    history: RunHistory, unit: str, largest: float, stroke: Stroke, *, is_sent: bool = False
-) -> Figure:
-    """Current or voltage in the coil of the first damper over time, around its largest force.
+def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """What the controller sends to the first damper and what its coil has, sample by sample around its largest force.
 
-    Or the command that the controller sends to it, sample by sample.
+    A strip up to `largest`.
     """
-    figure, axes = small_axes(labelled=True)
-    part = strong_part(history.time, history.force[:, 0], _STRIP_SECONDS if is_sent else _COMMAND_SECONDS)
-    if is_sent:
-        axes.step(
-            history.time[part], history.command[part, 0], where="post", color=stroke.colour, linewidth=0.7
-        )
-        axes.margins(x=0.0)
-    else:
-        drawn = envelope(history.time[part], history.current[part, 0], _SMALL_BINS)
-        axes.plot(*drawn, color=stroke.colour, linewidth=0.7)
-    axes.set_ylim(-0.04 * largest, 1.06 * largest)
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    figure, axes = column_axes(height=_STRIP_HEIGHT)
+    part = strip_of(history)
+    time, signals = history.time[part], (history.command[part, 0], history.current[part, 0])
+    axes.step(time, signals[0], where="post", color=style.DATA, linewidth=2.2, label="sent")
+    axes.plot(time, signals[1], color=stroke.colour, linewidth=1.0, label="in the coil")
+    ordinate = "Current" if unit == "A" else "Voltage"
+    finish(axes, f"{ordinate} ({unit})", "Time (s)")
+    axes.margins(x=0.0)
+    axes.set_ylim(-0.06 * largest, 1.08 * largest)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     plain_ticks(axes, 3, "y")
-    ordinate = "Command" if is_sent else "Current" if unit == "A" else "Voltage"
-    name_small_axes(axes, f"{ordinate} ({unit})", "Time (s)")
+    legend(axes)
     return figure
+
+
+def strip_of(history: RunHistory) -> slice:
+    """The samples of a strip around the largest force of the first damper, with few enough turns to be seen."""
+    time, force = history.time, history.force[:, 0]
+    steps = np.diff(history.command[strong_part(time, force, _STRIP_SECONDS), 0])
+    turns = int(np.count_nonzero(np.diff(np.sign(steps[steps != 0.0]))))
+    return strong_part(time, force, _STRIP_SECONDS * min(1.0, _STRIP_TURNS / max(turns, 1)))
 
 
 @style.drawn_in_style()
@@ -159,7 +141,11 @@ ReadHistory = Callable[[int, int], RunHistory | None]
 
 
 def history_section(
-    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
+    results: StudyResults,
+    histories: ReadHistory,
+    motion: int,
+    drawn: Sequence[int],
+    of_row: Sequence[Stroke],
 ) -> Section | None:
     """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
     base = results.row_of("uncontrolled")
@@ -171,13 +157,14 @@ def history_section(
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     name, storey_name = results.motions[motion].name, results.storey_names[storey]
-    of_row = strokes(results)
     ground = (reference.time, reference.ground_acceleration, style.INK, 0.8)
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
     over_time = _over_time("Ground acceleration (m/s²)", ground)
     panels = [panel("ground", "Ground", over_time, f"Ground acceleration of {name}")]
     for row, history in shown:
-        drift = (history.time, history.drift[:, storey] * 1e3, of_row[row].colour, 0.9)
+        # Beside the line without dampers a row without a hue is dark.
+        colour = style.INK if of_row[row].colour == style.DATA else of_row[row].colour
+        drift = (history.time, history.drift[:, storey] * 1e3, colour, 0.9)
         panels.append(
             panel(
                 f"drift-{row}",
@@ -202,7 +189,11 @@ def history_section(
 
 
 def device_section(
-    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
+    results: StudyResults,
+    histories: ReadHistory,
+    motion: int,
+    drawn: Sequence[int],
+    of_row: Sequence[Stroke],
 ) -> Section | None:
     """Force loops, command and energies of the first damper, for each row that is drawn and has one."""
     name = results.motions[motion].name
@@ -214,11 +205,11 @@ def device_section(
     if not shown:
         return None
     peak = max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)
-    largest = max(float(history.current[:, 0].max()) for _, history in shown) or 1.0
-    most = max(float(history.command[:, 0].max()) for _, history in shown) or 1.0
+    largest = max(float(each[:, 0].max()) for _, run in shown for each in (run.current, run.command)) or 1.0
     unit = style.force_unit(peak)
     device = results.device_names[0]
-    groups, of_row = [], strokes(results)
+    groups, energies = [], []
+    what = "current" if results.command_unit == "A" else "voltage"
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
         under = f"under {name}"
@@ -233,29 +224,40 @@ def device_section(
                 ("velocity", history.rate, "Velocity (mm/s)"),
             )
         ]
-        coil = command_figure(history, results.command_unit, largest, stroke)
-        sent = command_figure(history, results.command_unit, most, stroke, is_sent=True)
-        figures += [
-            ("command", coil, f"Command of {device} {under}"),
-            ("switching", sent, f"Command sent to {device} {under}, sample by sample"),
-            ("energy", energy_history_figure(history), f"Energies {under}"),
-        ]
-        panels = tuple(panel(f"{key}-{row}", "", figure, f"{what}: {label}") for key, figure, what in figures)
-        groups.append(Group(title=label, panels=panels, layout="small"))
+        panels = [panel(f"{key}-{row}", "", figure, f"{words}: {label}") for key, figure, words in figures]
+        if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
+            seconds = [
+                significant(history.time[at], 3)
+                for at in (strip_of(history).start, strip_of(history).stop - 1, -1)
+            ]
+            figure = command_figure(history, results.command_unit, largest, stroke)
+            words = f"{what.capitalize()} of {device} {under}, sample by sample: {label}"
+            panels.append(panel(f"command-{row}", "", figure, words, "{} to {} s of {} s".format(*seconds)))
+        energies.append(
+            panel(f"energy-{row}", label, energy_history_figure(history), f"Energies {under}: {label}")
+        )
+        groups.append(Group(title=label, panels=tuple(panels), layout="small"))
     return Section(
         anchor="devices",
         title=f"Damper under {name}",
-        summary=f"force loops, {'current' if results.command_unit == 'A' else 'voltage'} and energies of {device}.",
+        summary=f"force loops, {what} and energies of {device}.",
         groups=(
             Group(
                 prose=(
-                    f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, "
-                    "current in the coil in four of them, command of the controller in one and a half. Cumulative "
-                    "energies: dissipated by the dampers (blue) and by the structure (light blue), kinetic "
-                    "and strain energy (grey), input (line).",
+                    f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
+                    f"{what} from the controller and in the coil over a shorter time, where it varies.",
                 )
             ),
             *groups,
+            Group(
+                title="Energies",
+                prose=(
+                    "Cumulative: dissipated by the dampers (blue) and by the structure (light blue), kinetic and "
+                    "strain energy (grey), input (line).",
+                ),
+                panels=tuple(energies),
+                layout="small",
+            ),
         ),
     )
 
@@ -264,7 +266,7 @@ _ROW = 0.26
 _NAME = 36
 
 
-def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
+def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results = comparison.results
     assert isinstance(results, StudyResults)
@@ -280,7 +282,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows) -> Section | N
                 panel(
                     "score-spread",
                     "Score under each motion",
-                    score_figure(results, drawn),
+                    score_figure(results, drawn, of_row),
                     f"Score of {len(drawn)} arrangements under each of {judged_in_words(results)}, with the median",
                     note="A dot for each test motion, circles for training motions; the line is the median.",
                 ),
@@ -316,12 +318,11 @@ def _spread_in_words(comparison: StudyComparison) -> str:
 
 
 @style.drawn_in_style()
-def score_figure(results: StudyResults, rows: list[int]) -> Figure:
+def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
     shown = list(reversed(rows))
     names = [short(results.rows[row].label, _NAME) for row in shown]
     figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(shown))
-    of_row = strokes(results)
     judged = set(results.judged_motions)
     for place, row in enumerate(shown):
         for motion in range(len(results.motions)):

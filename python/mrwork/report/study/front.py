@@ -43,7 +43,7 @@ _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceler
 def study_lead(comparison: StudyComparison) -> Lead:
     """The front of the page of a study."""
     results = comparison.results
-    drawn = _drawn_rows(comparison)
+    drawn = drawn_rows(comparison)
     warnings = results.warnings()
     return Lead(
         eyebrow="Response of a building with MR dampers",
@@ -141,7 +141,7 @@ def _realised(results: StudyResults, row: int, reference: int) -> str:
     return f"; drift {ends} in 90 % of {results.n_realisations} realisations"
 
 
-def _drawn_rows(comparison: StudyComparison) -> list[int]:
+def drawn_rows(comparison: StudyComparison) -> list[int]:
     """The first laws and the references: those with a line in the table; more rows are drawn in grey."""
     results = comparison.results
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
@@ -188,14 +188,27 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     )
 
 
+# Markers of figures, in the middle of a line 26 wide and 8 high.
+_SHAPES = {
+    "o": "M 10 4 a 3 3 0 1 0 6 0 a 3 3 0 1 0 -6 0",
+    "s": "M 10.4 1.4 h 5.2 v 5.2 h -5.2 Z",
+    "^": "M 13 .6 L 16.2 6.8 H 9.8 Z",
+    "D": "M 13 .4 L 16.6 4 L 13 7.6 L 9.4 4 Z",
+    "v": "M 13 7.4 L 16.2 1.2 H 9.8 Z",
+    "P": "M 12 .6 h 2 v 2.4 h 2.4 v 2 h -2.4 v 2.4 h -2 v -2.4 h -2.4 v -2 h 2.4 Z",
+    "": "",
+}
+
+
 def _line(stroke: Stroke) -> Markup:
-    """The line of a row as the figures draw it."""
+    """The line of a row as the figures draw it, with its marker."""
     dashes = (
         "" if isinstance(stroke.pattern, str) else " ".join(f"{3 * each:g}" for each in stroke.pattern[1])
     )
     line = (
         f'<svg class="line" viewBox="0 0 26 8" aria-hidden="true"><path d="M 1 4 H 25" style="stroke: {stroke.colour}; '
-        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {dashes or "none"}"/></svg>'
+        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {dashes or "none"}"/>'
+        f'<path d="{_SHAPES[stroke.marker]}" style="fill: {stroke.colour}"/></svg>'
     )
     return Markup(style.in_variables(line))
 

@@ -10,6 +10,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
+from mrwork.drawing.of_studies import strokes
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (
@@ -20,7 +21,7 @@ from mrwork.report.study.figures import (
     motion_section,
     spread_section,
 )
-from mrwork.report.study.front import study_lead
+from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.study.comparison import ADD_BEST_PASSIVE, StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import (
     OFF_BALANCE,
@@ -188,14 +189,15 @@ def study_page(
         return page_html(lead)
     shown = shown_rows(comparison, results.with_histories)
     took = [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
+    of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
     sections = [
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
-        spread_section(comparison, shown),
+        spread_section(comparison, shown, of_row),
         _criteria_section(results, shown),
-        history_section(results, histories, motion, shown.with_histories),
-        device_section(results, histories, motion, first),
+        history_section(results, histories, motion, shown.with_histories, of_row),
+        device_section(results, histories, motion, first, of_row),
         energy_section(results, motion, shown),
         band_section(bands_of_study(results, shown.listed), results.n_realisations),
         demand_section(results),

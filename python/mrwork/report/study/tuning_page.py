@@ -16,7 +16,7 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, name_rows, room_for
+from mrwork.drawing.canvas import column_axes, name_lines, name_rows, room_for
 from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
 from mrwork.report.html import Page, page_html
@@ -46,7 +46,7 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
     for place, each in enumerate(reversed(laws)):
         spread = each.judged.spread.get("score")
         if spread is not None:
-            axes.plot([spread.least, spread.most], [place, place], color=style.RULE, linewidth=2.0)
+            axes.plot([spread.least, spread.most], [place, place], color=style.DATA, linewidth=2.0)
             quartiles = spread.lower_quartile, spread.upper_quartile
             axes.plot(quartiles, [place, place], color=style.BAND_EDGE, linewidth=5.0)
         axes.plot(each.train.score, place, "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK)
@@ -65,19 +65,20 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
 @style.drawn_in_style()
 def course_figure(laws: Sequence[LawResult]) -> Figure:
     """The least penalised objective after each generation of every search."""
-    figure, axes = column_axes(top=0.2 + 0.19 * len(laws), height=style.PANEL_HEIGHT + 0.1 * len(laws))
+    figure, axes = column_axes(top=0.2 if len(laws) <= len(style.HUES) else 0.9)
     for number, each in enumerate(laws):
         axes.step(
             [point.candidates for point in each.trace],
             [point.least for point in each.trace],
             where="post",
-            color=style.HUES[number % len(style.HUES)],
+            color=style.hue(number),
+            linewidth=1.4 if number < len(style.HUES) else 0.6,
             label=short(each.label, _LONGEST),
         )
     axes.set_xlabel("Candidates")
     axes.set_ylabel("Least objective on the training motions")
     axes.set_xlim(left=0.0)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderpad=0.2, labelspacing=0.25)
+    name_lines(axes)
     return figure
 
 

@@ -1,0 +1,86 @@
+"""What a figure shows, as numbers: points of its curves, bars and fills in the units of its axes.
+
+The figure itself is asked, so that no figure states its numbers a second time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import Collection
+from matplotlib.container import BarContainer
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import FixedLocator
+
+from mrwork.base.table import csv_text
+from mrwork.base.values import Floats
+
+_HEADINGS = ("panel", "abscissa", "ordinate", "curve", "x", "y")
+
+
+def drawn_data(figure: Figure) -> str:
+    """The points of a figure as the text of a CSV file, x and y to six digits; where a page thins, the thinned ones.
+
+    A bar has its two ends, a fill its outline. x or y is empty for what runs across the whole panel, and a name where
+    an axis has names.
+    """
+    rows = (row for number, axes in enumerate(figure.axes, start=1) for row in _rows(axes, str(number)))
+    return csv_text([_HEADINGS, *rows])
+
+
+def _rows(axes: Axes, panel: str) -> Iterator[tuple[str, ...]]:
+    title = axes.get_title(loc="left")
+    sharing = (axes, *axes.get_shared_x_axes().get_siblings(axes))
+    abscissa = next((each.get_xlabel() for each in sharing if each.get_xlabel()), "")
+    of_panel = (title or panel, abscissa, axes.get_ylabel() or title)
+    names = [_names(axis) for axis in (axes.xaxis, axes.yaxis)]
+    drawn = (each for each in axes.containers if isinstance(each, BarContainer))
+    bars: dict[Artist, BarContainer] = {bar: each for each in drawn for bar in each.patches}
+    for number, part in enumerate((*axes.lines, *axes.patches, *axes.collections), start=1):
+        label = str((bars.get(part) or part).get_label())
+        curve = label if label and not label.startswith("_") else f"curve {number}"
+        points = _points(part, bars)
+        known = part.get_transform().contains_branch_seperately(axes.transData)
+        cells = [
+            [named.get(value) or f"{value:.6g}" for value in values] if is_known else [""] * len(values)
+            for values, named, is_known in zip(points.T.tolist(), names, known, strict=True)
+        ]
+        pairs = zip(*cells, strict=True)
+        yield from ((*of_panel, curve, *pair) for pair in (pairs if all(known) else dict.fromkeys(pairs)))
+
+
+def _points(part: Artist, bars: dict[Artist, BarContainer]) -> Floats:
+    """Finite points of a curve, of the middle of a bar or of the outlines of fills, shape (n, 2)."""
+    if isinstance(part, Line2D):
+        points = np.asarray(part.get_xydata(), dtype=float)
+    elif isinstance(part, Rectangle) and part in bars:
+        points = np.array(part.get_bbox().get_points())
+        across = 1 if bars[part].orientation == "horizontal" else 0
+        points[:, across] = points[:, across].mean()
+    elif isinstance(part, Patch):
+        # A rectangle is a unit square that its own transform moves.
+        points = part.get_patch_transform().transform(part.get_path().vertices)
+    else:
+        part = cast(Collection, part)
+        offsets = np.asarray(part.get_offsets(), dtype=float)
+        outlines = [path.vertices for path in part.get_paths()]
+        points = offsets if offsets.any() else np.concatenate(outlines or [np.empty((0, 2))])
+    finite: Floats = points[np.isfinite(points).all(axis=1)]
+    return finite
+
+
+def _names(axis: Axis) -> dict[float, str]:
+    """Names at the ticks of an axis that has names instead of numbers."""
+    locator, text = axis.get_major_locator(), axis.get_major_formatter()
+    if not isinstance(locator, FixedLocator):
+        return {}
+    ticks = np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist()
+    return {tick: name for tick in ticks if re.search(r"[^\d.\N{MINUS SIGN}-]", name := text(tick))}
