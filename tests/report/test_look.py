@@ -275,9 +275,11 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
         figure, (axes, _) = grid_of_axes(2, 2, (3.0, 3.0))
         axes.fill_between([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], [2.0, 1.0 / 3.0, 2.0], label="band")
         axes.axhline(5.0, label="limit")
+        axes.text(0.5, 0.5, "42")
     rows = read(figure)
     assert ("1", "0.333333") in {(row["x"], row["y"]) for row in rows if row["curve"] == "band"}
     assert {(row["x"], row["y"]) for row in rows if row["curve"] == "limit"} == {("", "5")}
+    assert ("0.5", "0.5") in {(row["x"], row["y"]) for row in rows if row["curve"] == "42"}
     assert {row["panel"] for row in rows} == {"1"}
 
 

@@ -5,7 +5,6 @@ The figure itself is asked, so that no figure states its numbers a second time.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import cast
 
@@ -13,11 +12,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import Collection
+from matplotlib.collections import Collection, QuadMesh
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator
 
 from mrwork.base.table import csv_text
@@ -29,8 +29,8 @@ _HEADINGS = ("panel", "abscissa", "ordinate", "curve", "x", "y")
 def drawn_data(figure: Figure) -> str:
     """The points of a figure as the text of a CSV file, x and y to six digits; where a page thins, the thinned ones.
 
-    A bar has its two ends, a fill its outline. x or y is empty for what runs across the whole panel, and a name where
-    an axis has names.
+    A bar has its two ends, a fill its outline, and words in a panel, such as the numbers of a map, stand for a curve.
+    x or y is empty for what runs across the whole panel, and a name where an axis has names.
     """
     rows = (row for number, axes in enumerate(figure.axes, start=1) for row in _rows(axes, str(number)))
     return csv_text([_HEADINGS, *rows])
@@ -44,8 +44,10 @@ def _rows(axes: Axes, panel: str) -> Iterator[tuple[str, ...]]:
     names = [_names(axis) for axis in (axes.xaxis, axes.yaxis)]
     drawn = (each for each in axes.containers if isinstance(each, BarContainer))
     bars: dict[Artist, BarContainer] = {bar: each for each in drawn for bar in each.patches}
-    for number, part in enumerate((*axes.lines, *axes.patches, *axes.collections), start=1):
-        label = str((bars.get(part) or part).get_label())
+    fills = [each for each in axes.collections if not isinstance(each, QuadMesh)]
+    words = [each for each in axes.texts if each.get_transform() == axes.transData]
+    for number, part in enumerate((*axes.lines, *axes.patches, *fills, *words), start=1):
+        label = part.get_text() if isinstance(part, Text) else str((bars.get(part) or part).get_label())
         curve = label if label and not label.startswith("_") else f"curve {number}"
         points = _points(part, bars)
         known = part.get_transform().contains_branch_seperately(axes.transData)
@@ -68,6 +70,8 @@ def _points(part: Artist, bars: dict[Artist, BarContainer]) -> Floats:
     elif isinstance(part, Patch):
         # A rectangle is a unit square that its own transform moves.
         points = part.get_patch_transform().transform(part.get_path().vertices)
+    elif isinstance(part, Text):
+        points = np.array([part.get_position()], dtype=float)
     else:
         part = cast(Collection, part)
         offsets = np.asarray(part.get_offsets(), dtype=float)
@@ -78,9 +82,9 @@ def _points(part: Artist, bars: dict[Artist, BarContainer]) -> Floats:
 
 
 def _names(axis: Axis) -> dict[float, str]:
-    """Names at the ticks of an axis that has names instead of numbers."""
+    """Names at the ticks of an axis that has chosen ones."""
     locator, text = axis.get_major_locator(), axis.get_major_formatter()
     if not isinstance(locator, FixedLocator):
         return {}
     ticks = np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist()
-    return {tick: name for tick in ticks if re.search(r"[^\d.\N{MINUS SIGN}-]", name := text(tick))}
+    return {tick: text(tick) for tick in ticks}

@@ -162,7 +162,7 @@ _MAP_WIDTH, _MAP_HEIGHT = 3.6, 3.0
 # From white to the blue of the models: the darker, the larger the reduction.
 _MAP = LinearSegmentedColormap.from_list("gain", [style.PAGE, style.MODEL])
 # Where a cell is darker, its number is white.
-_DARK = 0.55
+_DARK = 0.7
 
 
 def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
@@ -249,7 +249,7 @@ def _draw_gains(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
             va="center",
             fontsize=style.SMALL_TEXT_SIZE,
             fontweight="bold" if each is best else "normal",
-            color="white" if each.gain > _DARK * most else style.INK,
+            color=style.PAGE if each.gain > _DARK * most else style.INK,
         )
         if each is best:
             across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
