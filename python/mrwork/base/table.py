@@ -103,7 +103,7 @@ class Table(Summarised):
             "<thead>",
         ]
         if self.over:
-            spans = (f'<th scope="colgroup" colspan="{n}">{escape(text)}</th>' for text, n in self.over)
+            spans = (f'<th scope="colgroup" colspan="{n}">{_heading(text)}</th>' for text, n in self.over)
             lines.append(f'<tr class="over">{"".join(spans)}</tr>')
         heads = (
             f'<th scope="col"{self._class(place) if place else ""}>{set_heading(text)}</th>'
@@ -207,8 +207,9 @@ def breakable(name: str) -> str:
 
 
 def _heading(text: str) -> str:
-    """HTML of a heading that may be broken, but not within its unit."""
-    return re.sub(r"\([^()]*\)$", lambda unit: unit.group().replace(" ", "\N{NO-BREAK SPACE}"), escape(text))
+    """HTML of a heading that may be broken, but not within its unit or `i = 0`."""
+    bound = re.compile(r"\([^()]*\)$|i = 0")
+    return bound.sub(lambda part: part.group().replace(" ", "\N{NO-BREAK SPACE}"), escape(text))
 
 
 def format_code(sentence: str) -> str:
