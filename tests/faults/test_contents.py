@@ -31,6 +31,7 @@ from mrwork.store.run_folder import (
     DRAWS,
     FIT,
     HELD_OUT,
+    HELD_OUT_FORCES,
     JOURNAL,
     LAWS,
     MANIFEST,
@@ -138,8 +139,9 @@ def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     print(f"{name}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
 
 
-def test_forged_predictions_are_refused_or_used(copied: Path) -> None:
-    path = copied / PREDICTIONS
+@pytest.mark.parametrize("name", [PREDICTIONS, HELD_OUT_FORCES])
+def test_forged_predictions_are_refused_or_used(name: str, copied: Path) -> None:
+    path = copied / name
     (copied / DRAWS).unlink()
     with np.load(path) as archive:
         arrays = dict(archive)
@@ -151,7 +153,7 @@ def test_forged_predictions_are_refused_or_used(copied: Path) -> None:
             accepted += 1
             if accepted % DRAWN == 0:
                 in_one_sentence(mrwork("report", copied, "--quiet"), what)
-    print(f"{PREDICTIONS}: {len(forged)} mutants, {accepted} of those tried accepted")
+    print(f"{name}: {len(forged)} mutants, {accepted} of those tried accepted")
 
 
 def test_a_forged_posterior_is_refused_or_used(copied: Path) -> None:
@@ -198,7 +200,7 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path, refused:
     (copied / FIT).write_text(json.dumps(document))
     refused(mr.load, copied)
     (copied / MANIFEST).write_text("{}")
-    for name in (DRAWS, PROFILES, CALIBRATION, PLAN, NEAR_SETS):
+    for name in (DRAWS, PROFILES, CALIBRATION, PLAN, NEAR_SETS, HELD_OUT):
         refused(mr.load, copied)
         (copied / name).unlink()
     assert mr.load(copied).profiles is None

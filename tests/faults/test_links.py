@@ -100,6 +100,7 @@ JOBS = {
     "sample --resume": Job(words=f"{SAMPLED} --resume", before=(FIT, SAMPLED)),
     "calibrate": Job(words="calibrate run two.csv", before=(FIT,)),
     "calibrate by folds": Job(words="calibrate run", before=(TWO,)),
+    "predict": Job(words="predict run two.csv", before=(FIT,)),
     "report": Job(words="report run --figures", before=(FIT,)),
     "plan": Job(words="plan run --amplitudes 0.01,0.02 --frequencies 1", before=(FIT,)),
     "respond": Job(words=STUDY),
@@ -113,12 +114,14 @@ JOBS = {
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
-READING = {"predict", "convert", "cite", "completion"}
+READING = {"convert", "cite", "completion"}
 
 
 def done(words: str, folder: Path) -> Ended:
     with contextlib.chdir(folder):
-        quiet = ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export", "compare") else ()
+        quiet = (
+            ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export", "compare") else ()
+        )
         return mrwork(*words.split(), *quiet, "--json")
 
 
@@ -129,6 +132,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written_record(place / "one.csv")
     (place / "one_rig").mkdir()
     written_record(place / "one_rig" / "10mm1Hz.csv")
+    (place / "one_rig" / "tests.csv").write_text("file,use\n10mm1Hz.csv,fit\n")
     lines = (place / "one.csv").read_text().splitlines()
     rows = [[float(number) for number in line.split(",")] for line in lines[1:]]
     wider = [f"{t},{1.5 * x},{f}" for t, x, f in rows]

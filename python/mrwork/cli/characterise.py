@@ -315,6 +315,6 @@ def _check_same(place: Path, rows: Sequence[ListedTest]) -> None:
     wanted = {Path(row.file).name for row in rows if row.use == "fit"}
     if fitted != wanted:
         raise RecordError(
-            f"{place} was fitted to {counted(len(fitted), 'other test')} than the table names; give another --out, or "
-            "--replace instead of --resume"
+            f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
+            "instead of --resume"
         )
