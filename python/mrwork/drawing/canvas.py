@@ -33,7 +33,7 @@ WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
 # Four small panels are as wide as two columns of the page.
 SMALL_WIDTH = style.PANEL_WIDTH / 2.0
 # Height of those on the front of a page, where two rows stand on a screen.
-LOW = 1.2
+LOW = 1.1
 SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
 _ABSCISSA_NAME = 0.12
 _LEGEND_GAP = 0.07

@@ -371,9 +371,10 @@ def verdict(comparison: StudyComparison, row: int) -> str:
     elif len(judged) == 1:
         text = f"{'better' if drift else 'worse'} in drift, {'better' if acceleration else 'worse'} in acceleration"
     else:
-        parts = (_on(drift, len(judged), "drift"), _on(acceleration, len(judged), "acceleration"))
-        text = f"{', '.join(parts)} of {len(judged)}"
-    tied = comparison.passive is not None and _is_tied(results, row, reference)
+        parts = _on(drift, len(judged), "drift"), _on(acceleration, len(judged), "acceleration")
+        second = parts[1].removeprefix(f"{parts[0].partition(' ')[0]} ")
+        text = f"{parts[0]}, {second} of {len(judged)}"
+    tied = comparison.passive is not None and is_tied(results, row, reference)
     return f"{text}{against}{'; equal within the spread' if tied else ''}"
 
 
@@ -394,7 +395,7 @@ def _on(better: int, count: int, what: str) -> str:
     return f"{word} in {what} on {number}"
 
 
-def _is_tied(results: StudyResults, row: int, reference: int) -> bool:
+def is_tied(results: StudyResults, row: int, reference: int) -> bool:
     """Whether the scores of two rows are not told apart by the motions."""
     scores = [
         [results.score_under(each, (motion,)) for motion in results.judged_motions]

@@ -130,7 +130,8 @@ def far_worse_sentence(
     ]
     shown = list_names(both, _SHOWN)
     other = "compare other models (--model A,B)"
-    tests_shown = f"{len(worse)} of {len(tests)} tests are described far worse together than alone: {shown}"
+    are = "is" if len(worse) == 1 else "are"
+    tests_shown = f"{len(worse)} of {len(tests)} tests {are} described far worse together than alone: {shown}"
     if found_again:
         return (
             f"{tests_shown}; several starts end in this minimum, so these laws of this model cannot follow the tests: "

@@ -46,8 +46,8 @@ _BANNER = {
     "of the search.",
     "not_converged": "The search stopped before it converged{reason}. The parameters may still improve.",
 }
-# Sentences, parameters with a law, and tests that the front shows.
-_CAUTIONS, _LAWS, _NAMED = 3, 6, 3
+# Sentences, parameters with a law, those beside the loops, and tests that the front shows.
+_CAUTIONS, _LAWS, _IN_ROW, _NAMED = 3, 6, 2, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +144,8 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     if not banner and fit.warnings:
         (banner,) = first_sentences(fit.warnings[:1], 1)
-    height = LOW if fit.spec.following else SMALL_HEIGHT
+    # One row of figures, or two of lower ones.
+    height = LOW if len(fit.spec.following) > _IN_ROW else SMALL_HEIGHT
     unit = of_tests.common_force_unit([*comparisons, *evidence.drawn])
     return Lead(
         eyebrow="Damper identification",
@@ -154,7 +155,7 @@ def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
         banner=banner,
         verdict=evidence.in_words,
         numbers=_numbers(run, comparisons, evidence),
-        panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, comparisons)),
+        panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, comparisons, height)),
         cautions=_cautions(run, evidence, comparisons),
         advice=_advice(run),
     )
@@ -239,7 +240,7 @@ def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator
         yield loop_panel(f"front-{number}-{role or over}", drawn, figure, fit_of(drawn), title)
 
 
-def _law_panels(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Panel]:
+def _law_panels(fit: Fit, comparisons: Sequence[Comparison], height: float) -> Iterator[Panel]:
     """Laws of at most six parameters, and fits to the tests at each command, which know nothing of the law."""
     laws = laws_of(fit)[:_LAWS]
     points = _single_fits(fit, [each.test for each in comparisons]) if laws else {}
@@ -248,9 +249,9 @@ def _law_panels(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Panel]:
         yield panel(
             f"law-{law.parameter.name}",
             re.split("[:,]", law.parameter.description)[0].capitalize(),
-            _law_figure(fit.spec, law, own),
+            _law_figure(fit.spec, law, own, height),
             f"{law.parameter.name} over the command, with fits at {len(own)} single commands",
-            "points: fits to the tests at one command" if own and not number else "",
+            "points: fits at one command" if own and not number else "",
         )
 
 
@@ -283,9 +284,9 @@ def _single_fits(fit: Fit, tests: Sequence[DamperTest]) -> dict[str, list[_Point
 
 
 @style.drawn_in_style()
-def _law_figure(spec: DamperSpec, law: Law, points: Sequence[_Point]) -> Figure:
+def _law_figure(spec: DamperSpec, law: Law, points: Sequence[_Point], height: float) -> Figure:
     """The law of a parameter over the command, and its fits at single commands with their errors."""
-    figure, axes = small_axes(labelled=True, height=LOW)
+    figure, axes = small_axes(labelled=True, height=height)
     add_law(axes, law)
     if points:
         commands, values, errors = np.array(points).T

@@ -25,6 +25,7 @@ from mrwork.study.comparison import (
     BOTH,
     LAWS,
     StudyComparison,
+    is_tied,
     judged_in_words,
     peaks_in_words,
     signed_percent,
@@ -35,7 +36,7 @@ from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio
 from mrwork.study.tables import MOST_DRAWN
 
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
-_LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 3
+_LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
 _HEIGHT = 1.9
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
@@ -120,16 +121,20 @@ def _verdict(comparison: StudyComparison) -> str:
         row = winners[0]
         both = times_better(results, row, passive)
         motions = len(results.judged_motions)
-        on = f", both under {both} of {motions}" if motions > 1 else ""
+        on = f", both lower under {both} of {motions}" if motions > 1 else ""
         return (
             f"{results.rows[row].label} lowers both peaks against {constant}{over}: "
-            f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{on}."
+            f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{on}{_tied(results, row, passive)}."
         )
     row = laws[0]
     return (
         f"No law lowers both peaks against {constant}{over}. {results.rows[row].label}, the law with the lowest score: "
-        f"{peaks_in_words(every[row])}{_realised(results, row, passive)}."
+        f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{_tied(results, row, passive)}."
     )
+
+
+def _tied(results: StudyResults, row: int, reference: int) -> str:
+    return "; within the spread of the motions they are equal" if is_tied(results, row, reference) else ""
 
 
 def _realised(results: StudyResults, row: int, reference: int) -> str:
@@ -168,7 +173,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
             for reference in references
             for name in BOTH
         ]
-        name = _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 32))
+        name = _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34))
         return (
             name,
             format_fixed(results.score(row), 3),
@@ -177,7 +182,9 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         )
 
     more = len(laws) - len(set(laws) & set(drawn))
-    pairs = [(f"Against {short(results.rows[reference].label, 24)} (%)", 2) for reference in references]
+    pairs = [
+        (f"Against {results.rows[reference].label.partition(',')[0]} (%)", 2) for reference in references
+    ]
     return Table(
         label="What each law is worth",
         columns=("", "Score", *(("Drift", "Acc.") * len(references)), "Verdict"),
@@ -322,11 +329,6 @@ def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
             (0.36, bottom + 0.34), 0.28, 0.26, facecolor=style.PAGE, edgecolor=style.MODEL, zorder=3
         )
         axes.add_patch(middle)
-        count = f"{format_fixed(damper.count, 0)} ×"
-        if damper.count > 1:
-            axes.text(
-                0.5, bottom + 0.47, count, ha="center", va="center", fontsize=style.SMALL_TEXT_SIZE, zorder=4
-            )
     axes.plot([left - 0.25, right + 0.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
     axes.set_xlim(-1.1, 1.9)
     axes.set_ylim(-0.15, n_storeys + 0.3)
@@ -337,7 +339,7 @@ def _advice(comparison: StudyComparison) -> tuple[str, ...]:
     results = comparison.results
     said = []
     if results.checked is None:
-        said.append("`mrwork respond STUDY --check-step`: whether half the step changes a number.")
+        said.append("`--check-step`: whether half the step changes a number.")
     if len(results.judged_motions) < 5:
         said.append(
             "More `[[motion]]` tables: a law is worth what it does under motions that did not make it."

@@ -34,7 +34,7 @@ from mrwork.tuning.results import (
 )
 
 _LINE = 0.26
-_BELOW, _ABOVE = 0.55, 0.55
+_BELOW, _ABOVE = 0.5, 0.35
 _LONGEST = 30
 
 
@@ -192,7 +192,9 @@ def _verdict(results: TuningResults) -> str:
     ]
     law = (winners or laws)[0]
     both = law.better
-    under = f", both under {both.both} of {both.motions}" if both is not None and both.motions > 1 else ""
+    under = (
+        f", both lower under {both.both} of {both.motions}" if both is not None and both.motions > 1 else ""
+    )
     changes = peaks_in_words(_changes(law, constant))
     if winners:
         return f"On {on} {law.label} lowers both peaks against {constant.label}: {changes}{under}."
@@ -224,7 +226,7 @@ def _law_table(results: TuningResults, shown: Sequence[LawResult]) -> Table:
                 format_fixed(None if each.test is None else each.test.score, _DECIMALS),
                 *(format_fixed(each.judged.criteria.get(name, math.nan), _DECIMALS) for name in BOTH),
                 NOTHING if each.better is None else each.better.in_words,
-                short(settings_in_words(each.settings, results.command_unit), _SETTINGS),
+                _cut(settings_in_words(each.settings, results.command_unit)),
             )
             for each in shown
         ),
@@ -236,6 +238,20 @@ def _law_table(results: TuningResults, shown: Sequence[LawResult]) -> Table:
 
 
 _SETTINGS = 60
+
+
+def _cut(settings: str) -> str:
+    """The first of some settings in a line; none is cut within."""
+    if len(settings) <= _SETTINGS:
+        return settings
+    # A comma outside all brackets ends a setting.
+    ends = [
+        place
+        for place, letter in enumerate(settings[:_SETTINGS])
+        if letter == ","
+        and not sum(map(settings[:place].count, "([")) - sum(map(settings[:place].count, ")]"))
+    ]
+    return f"{settings[: ends[-1]]}, …" if ends else f"{settings.partition(' ')[0]} …"
 
 
 def _score_section(results: TuningResults) -> Section:
