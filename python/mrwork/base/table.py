@@ -207,8 +207,8 @@ def breakable(name: str) -> str:
 
 
 def _heading(text: str) -> str:
-    """HTML of a heading that may be broken, but not within its unit or `i = 0`."""
-    bound = re.compile(r"\([^()]*\)$|i = 0")
+    """HTML of a heading that may be broken, but not within its unit or an equation."""
+    bound = re.compile(r"\([^()]*\)$|\w = \d")
     return bound.sub(lambda part: part.group().replace(" ", "\N{NO-BREAK SPACE}"), escape(text))
 
 
