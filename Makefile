@@ -63,6 +63,7 @@ docs: $(VENV)/.built $(VENV)/.docs
 # Links within the pages, pictures without words, and what would be fetched from elsewhere.
 docs-check: docs
 	$(BIN)/python docs/check.py out/docs/html
+	$(BIN)/python docs/searches.py out/docs/html
 
 # A source distribution and a wheel in dist/, checked, and used where there is no Rust, no compiler and no font.
 dist: $(VENV)/.dist
