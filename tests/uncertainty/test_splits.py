@@ -10,7 +10,9 @@ from sinusoidal_tests import sinusoidal_test
 
 from mrwork.dampers import damper
 from mrwork.identification.result import BuildingCost
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
+from mrwork.uncertainty.choice.law_search import prepare_search
 from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.splits import splits_of
 
@@ -34,6 +36,14 @@ def test_the_fastest_the_slowest_and_the_largest_motions_are_left_out_with_what_
     assert len(splits.splits) == len(MOTIONS)
     assert splits.units == (0, 0, 1, 1, 2, 2, 3, 3, 4, 4)
     assert "each predicted without the tests of its motion" in splits.in_words
+
+
+def test_three_motions_that_are_all_ends_keep_the_degrees_of_all_commands() -> None:
+    tests = sinusoids(0.0, 0.5, 1.0, motions=((0.010, 0.5), (0.005, 3.0), (0.012, 1.0)))
+    assert all(split.beyond for split in splits_of(tests, "motion").splits)
+    plain = damper("viscous_dahl").without_laws
+    search = prepare_search(plain, tests, {}, "A", None, FitSettings(), threads=1)
+    assert (search.splits.fold, search.most) == ("motion", 2)
 
 
 def test_an_end_that_takes_too_much_is_dropped_and_said() -> None:

@@ -447,9 +447,10 @@ def prepare_search(
     ]
     levels = np.searchsorted(commands, level_of)
     splits = splits_of(tests, leave_out)
-    # A split beyond the rest lowers no degree.
+    # A split beyond the rest keeps a test at every command, and lowers no degree.
     n_levels = min(
-        np.unique(np.delete(levels, split.members)).size for split in splits.splits if not split.beyond
+        (np.unique(np.delete(levels, split.members)).size for split in splits.splits if not split.beyond),
+        default=len(commands),
     )
     most = min(len(polynomial_laws()), n_levels) - 1
     if most < 1:
