@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
     steps = _Steps(options=options, total=2 + bool(uses["calibration"]) + bool(uses["test"]))
     if not is_quiet(options):
         note(
-            f"{uses['fit']} tests are fitted, {uses['calibration']} calibrate, {uses['test']} are kept for test"
+            f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
     fitted = options.resume and is_complete(place)
     steps.left, several = (_PAGE, False) if fitted else _expected(options, rows)

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
@@ -455,8 +456,8 @@ def prepare_search(
     most = min(len(polynomial_laws()), n_levels) - 1
     if most < 1:
         raise SettingError(
-            f"the tests run at {len(commands)} command(s), {n_levels} without those left out; laws are chosen from "
-            "tests at two or more"
+            f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "
+            "from tests at two or more: add tests, or give the laws (--law k_w=linear)"
         )
     return LawSearch(
         plain=plain,
