@@ -125,3 +125,9 @@ def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> Non
     assert Path(found["summary"]).is_file()
     again = mrwork("characterise", rig, "--model", "viscous_dahl", "--out", tmp_path / "out", "--resume")
     assert (again.returncode, "choosing" in again.stderr) == (0, False)
+    page = tmp_path / "compared.html"
+    printed("compare", tmp_path / "out", tmp_path / "out", "--out", page, "--json")
+    following = mr.load(tmp_path / "out", mr.StoredRun).fit.spec.following
+    assert following
+    assert page.read_text().count("over the command in") == len(following)
+    assert not (tmp_path / "data").exists()

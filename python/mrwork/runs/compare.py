@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, value_and_error
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.errors import MrworkError, SettingError
+from mrwork.identification.fit import Fit
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
 from mrwork.runs.load import StoredRun, load
@@ -28,7 +29,10 @@ _PEAKS = ("peak_drift", "peak_acceleration")
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RunsComparison(Summarised):
-    """Runs side by side: a sentence on what can be compared, tables, and remarks on what cannot."""
+    """Runs side by side: a sentence on what can be compared, tables, and remarks on what cannot.
+
+    `fits` are those of the runs by their names, empty for studies and tunings.
+    """
 
     _made_by = "mr.compare_runs([run, run])"
 
@@ -36,6 +40,7 @@ class RunsComparison(Summarised):
     verdict: str
     tables: tuple[Table, ...]
     remarks: tuple[str, ...] = ()
+    fits: Mapping[str, Fit] = field(default_factory=dict)
 
     def _summary(self) -> Summary:
         first = self.tables[0]
@@ -105,7 +110,6 @@ def _of_fits(names: Sequence[str], runs: Sequence[StoredRun], tests: Sequence[Da
         columns = np.array([*percents.values()])
         tables.append(
             Table(
-                label="Fit of tests that none was fitted to",
                 title="Fit of tests that none was fitted to (%)",
                 columns=("Test", *names),
                 rows=tuple(
@@ -127,7 +131,6 @@ def _of_fits(names: Sequence[str], runs: Sequence[StoredRun], tests: Sequence[Da
         )
     tables.append(
         Table(
-            label="Fits",
             title="Fits",
             columns=("Run", "Model", "Follow the command", "Fit (%)", "Tests", "Bands", "Status"),
             rows=tuple(
@@ -148,7 +151,11 @@ def _of_fits(names: Sequence[str], runs: Sequence[StoredRun], tests: Sequence[Da
     )
     tables.append(_parameters(names, runs))
     return RunsComparison(
-        title=f"{len(names)} fits", verdict=verdict, tables=tuple(tables), remarks=tuple(remarks)
+        title=f"{len(names)} fits",
+        verdict=verdict,
+        tables=tuple(tables),
+        remarks=tuple(remarks),
+        fits={name: run.fit for name, run in zip(names, runs, strict=True)},
     )
 
 
@@ -165,7 +172,6 @@ def _parameters(names: Sequence[str], runs: Sequence[StoredRun]) -> Table:
 
     models = {run.fit.model for run in runs}
     return Table(
-        label="Parameters",
         title="Parameters",
         columns=("Parameter", *names),
         rows=tuple((name, *(cell(name, number) for number in range(len(runs)))) for name in every),
@@ -214,85 +220,93 @@ def _predicted(
 
 
 def _of_studies(names: Sequence[str], studies: Sequence[StudyResults]) -> RunsComparison:
-    motions = [motion.name for motion in studies[0].motions]
     of_all = [
-        name for name in motions if all(name in [each.name for each in study.motions] for study in studies)
+        motion.name
+        for motion in studies[0].motions
+        if all(motion.name in [each.name for each in study.motions] for study in studies)
     ]
-    labels = [row.label for row in studies[0].rows]
-    common = [
-        label for label in labels if all(label in [row.label for row in study.rows] for study in studies)
-    ]
+    rows_of = [{row.label: number for number, row in enumerate(study.rows)} for study in studies]
+    common = [label for label in rows_of[0] if all(label in rows for rows in rows_of)]
     places = [
         [number for number in study.judged_motions if study.motions[number].name in of_all]
         for study in studies
     ]
-    left_out = {motion.name for study in studies for motion in study.motions} - set(of_all)
-    others = {row.label for study in studies for row in study.rows} - set(common)
     if not (common and all(places)):
         raise SettingError(
             "the studies have no law or no motion of the same name in common; give studies that do, or label them alike"
         )
-    rows = []
-    for label in common:
-        numbers = [[row.label for row in study.rows].index(label) for study in studies]
-        cells: list[str] = [label]
-        for study, row, own in zip(studies, numbers, places, strict=True):
-            ratios = [study.ratios(row, motion, "passive_off") for motion in own]
-            cells.append(format_fixed(study.score_under(row, own), 3))
-            cells += [format_fixed(float(np.mean([each[name] for each in ratios])), 3) for name in _PEAKS]
-        rows.append(tuple(cells))
-    best = [min(rows, key=lambda row: row[1 + 3 * number])[0] for number in range(len(names))]
-    table = Table(
-        label="Laws of all studies",
-        title="Laws of all studies",
-        columns=("", *(("Score", "Drift", "Acc.") * len(names))),
-        rows=tuple(rows),
-        over=(("", 1), *((name, 3) for name in names)),
-        note=f"Over i = 0 of each study, means over {len(places[0])} motions that they have in common.",
-    )
+
+    def numbers(study: StudyResults, row: int, motions: Sequence[int]) -> list[float]:
+        ratios = [study.ratios(row, motion, "passive_off") for motion in motions]
+        return [
+            study.score_under(row, motions),
+            *(float(np.mean([each[name] for each in ratios])) for name in _PEAKS),
+        ]
+
+    laws = {
+        label: [
+            numbers(study, rows[label], own)
+            for study, rows, own in zip(studies, rows_of, places, strict=True)
+        ]
+        for label in common
+    }
+    left_out = {motion.name for study in studies for motion in study.motions} - set(of_all)
+    others = {label for rows in rows_of for label in rows} - set(common)
     remarks = [
         *([f"Not under every study, and left out: {list_names(sorted(left_out))}."] if left_out else []),
         *([f"Not in every study: {list_names(sorted(others))}."] if others else []),
     ]
-    said = "; ".join(f"{label} in {name}" for name, label in zip(names, best, strict=True))
+    note = f"Over i = 0 of each study, means over {len(places[0])} motions that they have in common."
     return RunsComparison(
         title=f"{len(names)} studies",
-        verdict=f"Lowest score of the laws that all have, over the motions that all have: {said}.",
-        tables=(table,),
+        verdict=f"Lowest score of the laws that all have, over the motions that all have: {_leading(names, laws)}.",
+        tables=(_law_table("Laws of all studies", names, laws, note),),
         remarks=tuple(remarks),
     )
 
 
 def _of_tunings(names: Sequence[str], tunings: Sequence[TuningResults]) -> RunsComparison:
-    labels = dict.fromkeys(law.label for tuning in tunings for law in tuning.ranked)
-    found = [{law.label: law for law in tuning.ranked} for tuning in tunings]
-
-    def cells(label: str) -> tuple[str, ...]:
-        texts = [label]
-        for laws in found:
-            judged = laws[label].judged if label in laws else None
-            texts.append(format_fixed(None if judged is None else judged.score, 3))
-            texts += [
-                format_fixed(None if judged is None else judged.criteria.get(name), 3) for name in _PEAKS
-            ]
-        return tuple(texts)
-
+    found = [{law.label: law.judged for law in tuning.ranked} for tuning in tunings]
+    laws = {
+        label: [
+            [each[label].score, *(each[label].criteria.get(name, math.nan) for name in _PEAKS)]
+            if label in each
+            else [math.nan] * (1 + len(_PEAKS))
+            for each in found
+        ]
+        for label in dict.fromkeys(label for each in found for label in each)
+    }
     motions = {tuple(sorted(tuning.testing or tuning.training)) for tuning in tunings}
-    table = Table(
-        label="Laws of the tunings",
-        title="Laws of the tunings",
-        columns=("", *(("Score", "Drift", "Acc.") * len(names))),
-        rows=tuple(map(cells, labels)),
-        over=(("", 1), *((name, 3) for name in names)),
-        note="Over i = 0, on the test motions of each tuning.",
-    )
-    best = [tuning.ranked[0].label for tuning in tunings if tuning.ranked]
-    said = "; ".join(f"{label} in {name}" for name, label in zip(names, best, strict=False))
+    apart = "They are not judged on the same motions, so their scores are not comparable."
     return RunsComparison(
         title=f"{len(names)} tunings",
-        verdict=f"Lowest score on test motions: {said}.",
-        tables=(table,),
-        remarks=("They are not judged on the same motions, so their scores are not comparable.",)
-        if len(motions) > 1
-        else (),
+        verdict=f"Lowest score on test motions: {_leading(names, laws)}.",
+        tables=(
+            _law_table("Laws of the tunings", names, laws, "Over i = 0, on the test motions of each tuning."),
+        ),
+        remarks=(apart,) if len(motions) > 1 else (),
     )
+
+
+_Laws = Mapping[str, Sequence[Sequence[float]]]
+"""Score and both peaks over those at i = 0, of each law in every run; NaN where a run does not have it."""
+
+
+def _law_table(title: str, names: Sequence[str], laws: _Laws, note: str) -> Table:
+    return Table(
+        title=title,
+        columns=("", *(("Score", "Drift", "Acc.") * len(names))),
+        rows=tuple(
+            (label, *(format_fixed(each, 3) for numbers in of_runs for each in numbers))
+            for label, of_runs in laws.items()
+        ),
+        over=(("", 1), *((name, 3) for name in names)),
+        note=note,
+    )
+
+
+def _leading(names: Sequence[str], laws: _Laws) -> str:
+    """The law with the lowest score in each run."""
+    scores = [{label: of_runs[number][0] for label, of_runs in laws.items()} for number in range(len(names))]
+    best = [min(each, key=lambda label: (math.isnan(each[label]), each[label])) for each in scores]
+    return "; ".join(f"{label} in {name}" for name, label in zip(names, best, strict=True))
