@@ -9,6 +9,7 @@ import re
 import sys
 from dataclasses import dataclass, field
 from functools import cache
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -18,6 +19,8 @@ _FETCHED = {"img": "src", "script": "src", "iframe": "src", "source": "src", "ob
 _FETCHED_LINKS = {"stylesheet", "icon", "preload", "prefetch", "modulepreload", "preconnect"}
 # Nothing, or the file itself, which stands in the place of words that nobody gave.
 _NO_WORDS = re.compile(r"|\S+\.(png|svg|jpe?g|gif|webp)", flags=re.IGNORECASE)
+# Words of the picture that a cell of a notebook draws.
+_WORDS_OF_CELL = re.compile(r"^    alt: (.+)$", flags=re.MULTILINE)
 _FETCHED_BY_CSS = re.compile(r"(?:url\(|@import)\s*[\"']?(?:https?:)?//", flags=re.IGNORECASE)
 
 
@@ -65,6 +68,12 @@ def findings(root: Path) -> list[str]:
         found += [
             f"{name}: {each} leads nowhere" for each in page.links + page.fetched if not _leads(path, each)
         ]
+    for path in sorted(Path(__file__).parent.rglob("*.md")):
+        name = path.relative_to(Path(__file__).parent).with_suffix(".html")
+        built = root / name
+        text = built.read_text(encoding="utf-8") if built.is_file() else ""
+        words = _WORDS_OF_CELL.findall(path.read_text(encoding="utf-8")) if text else []
+        found += [f"{name}: a cell draws no picture: {each}" for each in words if escape(each) not in text]
     for path in sorted(root.rglob("*.css")):
         if _FETCHED_BY_CSS.search(path.read_text(encoding="utf-8")):
             found.append(f"{path.relative_to(root)}: fetches from elsewhere")

@@ -21,6 +21,7 @@ from plotted_results import RESULTS
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.drawing import style
 from mrwork.drawing.style import symbol_text
 
 # Units of labels, by what one of them is in SI.
@@ -115,6 +116,15 @@ def _nothing_is_left() -> Iterator[None]:
     yield
     assert plt.get_fignums() == opened
     assert {name for name in before if mpl.rcParams[name] != before[name]} == set()
+
+
+def test_how_figures_are_shown_stays_as_the_first_of_a_notebook_chooses_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(mpl.rcParams, "interactive", False)
+    with style.drawn_in_style():
+        mpl.interactive(True)
+    assert mpl.is_interactive()
 
 
 def axes_of(case: Drawn) -> Any:

@@ -220,6 +220,9 @@ def drawn_in_style() -> Iterator[None]:
     register()
     with matplotlib.rc_context(_RC):
         yield
+        interactive = matplotlib.is_interactive()
+    # With the first figure pyplot chooses how a notebook shows them all.
+    matplotlib.interactive(interactive)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
