@@ -171,11 +171,11 @@ def test_one_motion_has_no_mean_and_many_laws_are_counted() -> None:
 
 def test_a_law_has_its_verdict_in_words() -> None:
     assert verdict(compared(with_constant()), SHAKEN) == (
-        "better in drift on 2, better in acceleration on 1 of 2; equal within the spread"
+        "better in drift on 2, in acceleration on 1 of 2; equal within the spread"
     )
     # Without a constant command beside them laws are compared with passive-off.
     assert verdict(compared(shaken()), SHAKEN).startswith(
-        "better in drift on 2, better in acceleration on 1 of 2"
+        "better in drift on 2, in acceleration on 1 of 2"
     )
 
 

@@ -92,7 +92,8 @@ def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> N
 def name_heights(axes: Axes, names: Sequence[str], *, numbers: bool = False) -> None:
     """Names of storeys or floors at their numbers on the ordinate, or these numbers alone."""
     # Of many floors only every second, fifth or tenth is labelled.
-    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
+    room = 8 if numbers else 14
+    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= room * step or step == 20)
     places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
     axes.set_yticks(places, [str(n) if numbers else short(names[n - 1], 13) for n in places])
     axes.set_ylim(0.6, len(names) + 0.4)

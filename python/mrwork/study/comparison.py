@@ -424,7 +424,11 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
 def compared(results: StudyResults) -> StudyComparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]
-    order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row))
+    # The best constant command comes before one that is the same by another name.
+    best = results.row_of("best_passive")
+    order = sorted(
+        range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best, row)
+    )
     ranks = tuple(
         (rank, rows)
         for rank in RANKS

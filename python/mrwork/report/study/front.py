@@ -38,6 +38,8 @@ from mrwork.study.tables import MOST_DRAWN
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
 _HEIGHT = 1.9
+# A change that rounds to nothing is none.
+_LOWER = 0.005
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
 
@@ -115,7 +117,7 @@ def _verdict(comparison: StudyComparison) -> str:
     winners = [
         row
         for row, changes in every.items()
-        if all(float(each.mean()) < -0.0005 for each in changes.values())
+        if all(float(each.mean()) < -_LOWER for each in changes.values())
     ]
     if winners:
         row = winners[0]
@@ -163,7 +165,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     results = comparison.results
     of_row = strokes(results, drawn)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
-    kinds = {"best_passive": "the reference", "passive_off": "dampers without a command", "uncontrolled": ""}
+    others = {comparison.passive: "the reference", results.row_of("passive_off"): "dampers without a command"}
     # The best constant command first.
     references = comparison.references[::-1]
 
@@ -178,7 +180,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
             name,
             format_fixed(results.score(row), 3),
             *changes,
-            verdict(comparison, row) if row in laws else kinds.get(results.rows[row].kind, ""),
+            verdict(comparison, row) if row in laws else others.get(row, ""),
         )
 
     more = len(laws) - len(set(laws) & set(drawn))
@@ -299,7 +301,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     )
 
 
-_MOST_DRAWN = 20
+_MOST_DRAWN = 100
 
 
 @style.drawn_in_style()
@@ -317,7 +319,7 @@ def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
         axes.add_patch(
             Rectangle((left, number + 0.94), right - left, 0.12, facecolor=style.FAINT_INK, linewidth=0)
         )
-        if number % every == 0:
+        if number % every == every // 2:
             label = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
             label(right + 0.08, number + 1.0, f"{significant(1e-3 * facts.masses[number], 3)} t")
             stiffness = f"{significant(1e-6 * facts.stiffnesses[number], 3)} kN/mm"
