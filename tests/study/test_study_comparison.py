@@ -174,9 +174,7 @@ def test_a_law_has_its_verdict_in_words() -> None:
         "better in drift on 2, in acceleration on 1 of 2; equal within the spread"
     )
     # Without a constant command beside them laws are compared with passive-off.
-    assert verdict(compared(shaken()), SHAKEN).startswith(
-        "better in drift on 2, in acceleration on 1 of 2"
-    )
+    assert verdict(compared(shaken()), SHAKEN).startswith("better in drift on 2, in acceleration on 1 of 2")
 
 
 def test_a_verdict_names_what_did_not_finish() -> None:

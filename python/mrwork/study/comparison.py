@@ -389,6 +389,11 @@ def peaks_in_words(changes: Mapping[str, Floats]) -> str:
     return ", ".join(parts)
 
 
+def lowers_all(changes: Mapping[str, Floats]) -> bool:
+    """Whether the mean of every change is a decrease in whole per cent, as sentences show it."""
+    return all(rounds_to_increase(-float(each.mean())) for each in changes.values())
+
+
 def _on(better: int, count: int, what: str) -> str:
     """Text such as "better in drift on 9", of what is more often the case."""
     word, number = ("better", better) if 2 * better >= count else ("worse", count - better)

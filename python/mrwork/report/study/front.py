@@ -27,6 +27,7 @@ from mrwork.study.comparison import (
     StudyComparison,
     is_tied,
     judged_in_words,
+    lowers_all,
     peaks_in_words,
     signed_percent,
     times_better,
@@ -38,8 +39,6 @@ from mrwork.study.tables import MOST_DRAWN
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
 _HEIGHT = 1.9
-# A change that rounds to nothing is none.
-_LOWER = 0.005
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
 
@@ -114,11 +113,7 @@ def _verdict(comparison: StudyComparison) -> str:
     over = f" on average over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
     constant = results.rows[passive].label
     every = {row: _changes_of(comparison, row, passive) for row in laws}
-    winners = [
-        row
-        for row, changes in every.items()
-        if all(float(each.mean()) < -_LOWER for each in changes.values())
-    ]
+    winners = [row for row, changes in every.items() if lowers_all(changes)]
     if winners:
         row = winners[0]
         both = times_better(results, row, passive)

@@ -22,7 +22,7 @@ from mrwork.errors import escape_text
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Lead, Panel, Section, first_sentences, panel, warning_section
 from mrwork.report.study.page import band_section, provenance_section
-from mrwork.study.comparison import BOTH, peaks_in_words
+from mrwork.study.comparison import BOTH, lowers_all, peaks_in_words
 from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
@@ -35,7 +35,7 @@ from mrwork.tuning.results import (
 
 _LINE = 0.26
 _BELOW, _ABOVE = 0.5, 0.35
-_LONGEST = 30
+_LONGEST, _IN_TABLE = 30, 40
 
 
 @style.drawn_in_style()
@@ -187,9 +187,7 @@ def _verdict(results: TuningResults) -> str:
         if count
         else "the training motions, all of them seen,"
     )
-    winners = [
-        each for each in laws if all(change.mean() < 0.0 for change in _changes(each, constant).values())
-    ]
+    winners = [each for each in laws if lowers_all(_changes(each, constant))]
     law = (winners or laws)[0]
     both = law.better
     under = (
@@ -221,7 +219,7 @@ def _law_table(results: TuningResults, shown: Sequence[LawResult]) -> Table:
         columns=("", "Training", "Test", *(criterion(name).short for name in BOTH), "Better", "Settings"),
         rows=tuple(
             (
-                short(each.label, _LONGEST),
+                short(each.label, _IN_TABLE),
                 format_fixed(each.train.score, _DECIMALS),
                 format_fixed(None if each.test is None else each.test.score, _DECIMALS),
                 *(format_fixed(each.judged.criteria.get(name, math.nan), _DECIMALS) for name in BOTH),
