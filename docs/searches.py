@@ -16,7 +16,7 @@ import headless_browser
 
 # The pages that answer a question, any of which may come first.
 ANSWERS = {
-    "own damper": ("guides/own_damper",),
+    "own damper": ("guides/own_damper", "tutorials/damper_of_your_own"),
     "cluster": ("guides/beyond_one_machine",),
     "JAX gradient": ("tutorials/many_candidates",),
     "drift ratio": ("guides/write_a_study",),
