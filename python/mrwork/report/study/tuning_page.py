@@ -126,7 +126,7 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
 
 
 # Rows of the table, and sentences.
-_ROWS, _CAUTIONS = 8, 2
+_ROWS, _CAUTIONS = 7, 2
 
 
 def _lead(results: TuningResults) -> Lead:
