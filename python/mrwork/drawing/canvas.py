@@ -56,9 +56,8 @@ def column_axes(
 ) -> tuple[Figure, Axes]:
     """Axes as wide as one of two columns of a page."""
     figure = Figure(figsize=(style.PANEL_WIDTH, height))
-    return figure, axes_between(
-        figure, left=left, right=style.PANEL_WIDTH - RIGHT, bottom=BOTTOM, top=height - top
-    )
+    right = style.PANEL_WIDTH - RIGHT
+    return figure, axes_between(figure, left=left, right=right, bottom=BOTTOM, top=height - top)
 
 
 def room_for(names: Sequence[str]) -> float:
@@ -70,13 +69,8 @@ def small_axes(*, labelled: bool = False, height: float = SMALL_HEIGHT) -> tuple
     """Axes as wide as one of four columns of a page; `labelled` leaves room below for the name of the abscissa."""
     room = _ABSCISSA_NAME if labelled else 0.0
     figure = Figure(figsize=(SMALL_WIDTH, height + room))
-    axes = axes_between(
-        figure,
-        left=_SMALL_LEFT,
-        right=SMALL_WIDTH - _SMALL_RIGHT,
-        bottom=_SMALL_EDGE + room,
-        top=height + room - _SMALL_EDGE,
-    )
+    right, bottom, top = SMALL_WIDTH - _SMALL_RIGHT, _SMALL_EDGE + room, height + room - _SMALL_EDGE
+    axes = axes_between(figure, left=_SMALL_LEFT, right=right, bottom=bottom, top=top)
     few_ticks(axes)
     return figure, axes
 
@@ -233,18 +227,12 @@ def name_lines(axes: Axes) -> None:
 
 def coinciding(lines: Mapping[str, Floats]) -> str:
     """A sentence on lines of a panel, by their labels, that lie on each other: to a two-hundredth of the range."""
-    if not lines:
-        return ""
-    close = 0.005 * max(float(np.abs(each).max()) for each in lines.values())
-    names = list(lines)
-    groups: list[list[str]] = []
-    for name in names:
-        own = next((group for group in groups if np.abs(lines[group[0]] - lines[name]).max() <= close), None)
-        if own is None:
-            groups.append([name])
-        else:
-            own.append(name)
-    said = [f"{', '.join(group[:-1])} and {group[-1]} coincide" for group in groups if len(group) > 1]
+    close = 0.005 * max((float(np.abs(each).max()) for each in lines.values()), default=0.0)
+    groups: dict[str, list[str]] = {}
+    for name, line in lines.items():
+        first = next((each for each in groups if np.abs(lines[each] - line).max() <= close), name)
+        groups.setdefault(first, []).append(name)
+    said = [f"{', '.join(some)} and {last} coincide" for *some, last in groups.values() if some]
     return f"{'; '.join(said)}." if said else ""
 
 

@@ -38,27 +38,18 @@ def path_of(weight: int) -> Path:
 def register() -> None:
     """Make the family known to matplotlib, once."""
     for weight in _FILES:
-        font_manager.fontManager.ttflist.append(
-            font_manager.FontEntry(
-                fname=str(path_of(weight)),
-                name=FAMILY,
-                style="normal",
-                variant="normal",
-                weight=weight,
-                stretch="normal",
-                size="scalable",
-            )
-        )
+        font = font_manager.FontEntry(fname=str(path_of(weight)), name=FAMILY, weight=weight, size="scalable")
+        font_manager.fontManager.ttflist.append(font)
 
 
 @cache
 def font_faces() -> str:
     """CSS that embeds the family in a page, with the characters that figures use; about 50 kB."""
     templates = files("mrwork.drawing")
-    subsets = {weight: (templates / subset_name(weight)).read_bytes() for weight in _FILES}
+    subsets = {weight: base64.b64encode((templates / subset_name(weight)).read_bytes()) for weight in _FILES}
     return "".join(
         f'@font-face {{ font-family: "{FAMILY}"; font-weight: {weight}; '
-        f"src: url(data:font/woff;base64,{base64.b64encode(subset).decode()}) format('woff'); }}\n"
+        f"src: url(data:font/woff;base64,{subset.decode()}) format('woff'); }}\n"
         for weight, subset in subsets.items()
     )
 
@@ -139,18 +130,6 @@ _COLOUR = re.compile(r"(?<=: )#[0-9a-f]{6}(?=[;\"])")
 # From light to dark, for quantities and for tests in their order.
 TONES = LinearSegmentedColormap.from_list("mrwork", [BAND_EDGE, MODEL, INK])
 
-# Fonts of the text of a page, taken from the reader's machine; figures have their own, see `font`.
-PAGE_FONTS = (
-    "Source Sans 3",
-    "Source Sans Pro",
-    "Segoe UI",
-    "Helvetica Neue",
-    "Helvetica",
-    "Arial",
-    "Liberation Sans",
-    "DejaVu Sans",
-)
-
 # Size of a panel [in]: as wide as one of two columns on a desktop screen and as a whole telephone
 # screen, so that one drawing is legible on both.
 PANEL_WIDTH = 5.0
@@ -168,20 +147,11 @@ _RC: dict[RcKeyType, Any] = {
     "font.family": [FAMILY],
     # Names of files, tests and laws are text: a dollar sign is a dollar sign.
     "text.parse_math": False,
-    "font.size": TEXT_SIZE,
-    "axes.titlesize": TEXT_SIZE,
-    "axes.labelsize": TEXT_SIZE,
-    "xtick.labelsize": SMALL_TEXT_SIZE,
-    "ytick.labelsize": SMALL_TEXT_SIZE,
-    "legend.fontsize": SMALL_TEXT_SIZE,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.edgecolor": FAINT_INK,
-    "xtick.color": FAINT_INK,
-    "ytick.color": FAINT_INK,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), TEXT_SIZE),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), SMALL_TEXT_SIZE),
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.titlecolor"), INK),
+    **dict.fromkeys(("xtick.labelcolor", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), FAINT_INK),
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -197,16 +167,13 @@ _RC: dict[RcKeyType, Any] = {
     "ytick.major.size": 0.0,
     "xtick.major.width": 0.7,
     "ytick.major.pad": 5.0,
-    "lines.solid_capstyle": "round",
-    "lines.solid_joinstyle": "round",
+    **dict.fromkeys(("lines.solid_capstyle", "lines.solid_joinstyle"), "round"),
     "legend.frameon": False,
-    "legend.borderaxespad": 0.0,
-    "legend.borderpad": 0.0,
+    **dict.fromkeys(("legend.borderaxespad", "legend.borderpad"), 0.0),
     "legend.handlelength": 1.5,
     "legend.handletextpad": 0.5,
     "legend.columnspacing": 1.3,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
+    **dict.fromkeys(("figure.facecolor", "savefig.facecolor"), "white"),
     "path.simplify": True,
     "path.simplify_threshold": 0.25,
     "svg.hashsalt": "mrwork",
@@ -235,12 +202,9 @@ class DisplayUnit:
 
 MILLIMETRE = DisplayUnit(symbol="mm", factor=1e3)
 MILLIMETRE_PER_SECOND = DisplayUnit(symbol="mm/s", factor=1e3)
-FORCES = (
-    DisplayUnit(symbol="kN", factor=1e-3),
-    DisplayUnit(symbol="N", factor=1.0),
-    DisplayUnit(symbol="mN", factor=1e3),
-    DisplayUnit(symbol="µN", factor=1e6),
-    DisplayUnit(symbol="nN", factor=1e9),
+FORCES = tuple(
+    DisplayUnit(symbol=symbol, factor=factor)
+    for symbol, factor in (("kN", 1e-3), ("N", 1.0), ("mN", 1e3), ("µN", 1e6), ("nN", 1e9))
 )
 
 

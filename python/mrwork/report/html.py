@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from mrwork.base.table import breakable, format_code
@@ -20,17 +20,13 @@ from mrwork.report.section import Lead, Section
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import DATA
 
-_FUNCTIONS = frozenset(
-    ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
-)
-_TAGS = ("sub", "sup", "i", "b", "em", "strong", "br")
+_FUNCTIONS = ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
 
 _TOKEN = re.compile(
-    r"(?P<tag></?(?:" + "|".join(_TAGS) + r")\s*/?>)"
+    r"(?P<kept></?(?:sub|sup|i|b|em|strong|br)\s*/?>|\[[AV]\])"
     r"|\^\((?P<power>[^()]*)\)"
     r"|\^(?P<exponent>-?\w+)"
     r"|(?P<name>[A-Za-z]\w*(?:\.\d)?)(?P<primes>'*)"
-    r"|(?P<unit>\[[AV]\])"
     r"|(?P<minus>-)"
     r"|(?P<other>.)",
     re.DOTALL,
@@ -67,26 +63,18 @@ def equation_html(equation: str) -> str:
 
 
 def _mark_up(match: re.Match[str]) -> str:
-    if match["tag"]:
-        return match["tag"]
-    power = match["power"] if match["power"] is not None else match["exponent"]
+    power = match["exponent"] if match["power"] is None else match["power"]
     if power is not None:
         return f"<sup>{equation_html(power)}</sup>"
     if match["name"]:
         return _name(match["name"]) + "′" * len(match["primes"])
-    if match["unit"]:
-        return match["unit"]
-    if match["minus"]:
-        return "\N{MINUS SIGN}"
-    return escape(match["other"])
+    return match["kept"] or ("\N{MINUS SIGN}" if match["minus"] else escape(match["other"]))
 
 
 def _name(name: str) -> str:
-    if name in _FUNCTIONS:
-        return name
-    if len(name) == 1 or name in style.GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name):
-        return symbol(name)
-    return escape(name)
+    """A name of an equation: a symbol where it has the form of one, and functions and words as they are."""
+    is_symbol = re.fullmatch(r"[A-Za-z]|[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name) or name in style.GREEK
+    return symbol(name) if is_symbol and name not in _FUNCTIONS else escape(name)
 
 
 class Page(str):
@@ -102,7 +90,8 @@ class Page(str):
 def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:
     """A page: its front, and its sections without those that are `None`; control characters are shown as escapes."""
     shown = [section for section in sections if section is not None]
-    page = Page(escaped_lines(_environment().get_template("page.html.j2").render(lead=lead, sections=shown)))
+    template = _environment().from_string(_resource("page.html.j2"))
+    page = Page(escaped_lines(template.render(lead=lead, sections=shown)))
     groups = [group for section in shown for group in section.groups]
     panels = [*lead.panels, *(panel for group in groups for panel in group.panels)]
     page.files = {f"{DATA}/{panel.name}": panel.data.encode() for panel in panels if panel.data}
@@ -116,12 +105,6 @@ def write_study_page(template: Path, path: Path, **content: Any) -> None:
         stream.write(escaped_lines(page.render(**content)).encode())
 
 
-def _styles() -> str:
-    """The style sheet of every page."""
-    fonts = ", ".join(f'"{name}"' for name in style.PAGE_FONTS)
-    return f"{style.font_faces()}{style.variables()}:root {{--fonts: {fonts}, sans-serif;}}\n{_resource('report.css')}"
-
-
 def _resource(name: str) -> str:
     """A template or style sheet of the package."""
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
@@ -131,13 +114,9 @@ def _resource(name: str) -> str:
 def _environment() -> Environment:
     """Jinja's environment for all pages: everything is escaped, and an undefined name is an error."""
     environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        loader=FunctionLoader(_resource),
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.globals["styles"] = Markup(_styles())
+    environment.globals["styles"] = Markup(style.font_faces() + style.variables() + _resource("report.css"))
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
     environment.filters["coded"] = lambda sentence: Markup(format_code(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))

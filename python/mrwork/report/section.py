@@ -171,13 +171,11 @@ class Absent:
 
 def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
     """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
-    svg = inline_svg(figure, identifier=identifier, description=description)
-    width = round(_PIXELS_PER_INCH * figure.get_figwidth())
     return Panel(
         title=title,
-        svg=Markup(svg),
+        svg=Markup(inline_svg(figure, identifier=identifier, description=description)),
         note=note,
-        width=width,
+        width=round(_PIXELS_PER_INCH * figure.get_figwidth()),
         name=f"{identifier}.csv",
         data=drawn_data(figure),
     )
