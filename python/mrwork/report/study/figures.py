@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import format_fixed, significant
-from mrwork.base.table import Table
+from mrwork.base.table import TableColumn, page_table
 from mrwork.base.values import Floats
 from mrwork.drawing import style
 from mrwork.drawing.canvas import (
@@ -25,23 +26,11 @@ from mrwork.drawing.canvas import (
     symmetric,
     vertical_grid,
 )
-from mrwork.drawing.of_studies import (
-    Stroke,
-    add_energies,
-    add_energy_bars,
-    energy_parts,
-    short,
-)
+from mrwork.drawing.of_studies import Stroke, add_energies, add_energy_bars, energy_parts, short
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.drawing.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
-from mrwork.study.comparison import (
-    StudyComparison,
-    chosen_in_words,
-    judged_in_words,
-    motion_groups,
-    times_better,
-)
+from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
@@ -141,14 +130,10 @@ ReadHistory = Callable[[int, int], RunHistory | None]
 
 
 def history_section(
-    results: StudyResults,
-    histories: ReadHistory,
-    motion: int,
-    drawn: Sequence[int],
-    of_row: Sequence[Stroke],
+    results: StudyResults, histories: ReadHistory, drawn: Sequence[int], of_row: Sequence[Stroke]
 ) -> Section | None:
     """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
-    base = results.row_of("uncontrolled")
+    motion, base = results.detailed, results.row_of("uncontrolled")
     reference = None if base is None else histories(base, motion)
     shown = [
         (row, history) for row in drawn if row != base and (history := histories(row, motion)) is not None
@@ -156,109 +141,81 @@ def history_section(
     if not shown or reference is None:
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
-    name, storey_name = results.motions[motion].name, results.storey_names[storey]
-    ground = (reference.time, reference.ground_acceleration, style.INK, 0.8)
+    under = f"{results.storey_names[storey]} under {results.motions[motion].name}"
     bare = (reference.time, reference.drift[:, storey] * 1e3, style.DATA, 0.7)
-    over_time = _over_time("Ground acceleration (m/s²)", ground)
-    panels = [panel("ground", "Ground", over_time, f"Ground acceleration of {name}")]
+    ground = _over_time(
+        "Ground acceleration (m/s²)", (reference.time, reference.ground_acceleration, style.INK, 0.8)
+    )
+    panels = [panel("ground", "Ground", ground, f"Ground acceleration of {results.motions[motion].name}")]
     for row, history in shown:
         # Beside the line without dampers a row without a hue is dark.
         colour = style.INK if of_row[row].colour == style.DATA else of_row[row].colour
         drift = (history.time, history.drift[:, storey] * 1e3, colour, 0.9)
-        panels.append(
-            panel(
-                f"drift-{row}",
-                results.rows[row].label,
-                _over_time("Drift (mm)", bare, drift),
-                f"Drift of {storey_name} under {name}: {results.rows[row].label}, and without dampers in grey",
-            )
-        )
-    return Section(
-        anchor="histories",
-        title="Time histories",
-        summary=f"drift of {storey_name} under {name}.",
-        groups=(
-            Group(
-                title=f"Drift of {storey_name} under {name}",
-                synthetic=results.motions[motion].synthetic,
-                prose=("Grey: without dampers.",),
-                panels=tuple(panels),
-            ),
-        ),
+        label = results.rows[row].label
+        words = f"Drift of {under}: {label}, and without dampers in grey"
+        panels.append(panel(f"drift-{row}", label, _over_time("Drift (mm)", bare, drift), words))
+    group = Group(
+        title=f"Drift of {under}",
+        synthetic=results.motions[motion].synthetic,
+        prose=("Grey: without dampers.",),
+        panels=tuple(panels),
     )
+    return Section(anchor="histories", title="Time histories", summary=f"drift of {under}.", groups=(group,))
 
 
 def device_section(
-    results: StudyResults,
-    histories: ReadHistory,
-    motion: int,
-    drawn: Sequence[int],
-    of_row: Sequence[Stroke],
+    results: StudyResults, histories: ReadHistory, drawn: Sequence[int], of_row: Sequence[Stroke]
 ) -> Section | None:
     """Force loops, command and energies of the first damper, for each row that is drawn and has one."""
-    name = results.motions[motion].name
+    name = results.motions[results.detailed].name
     shown = [
         (row, history)
         for row in drawn
-        if (history := histories(row, motion)) is not None and history.force.shape[1] > 0
+        if (history := histories(row, results.detailed)) is not None and history.force.shape[1] > 0
     ]
     if not shown:
         return None
-    peak = max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)
+    unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown))
     largest = max(float(each[:, 0].max()) for _, run in shown for each in (run.current, run.command)) or 1.0
-    unit = style.force_unit(peak)
-    device = results.device_names[0]
+    device, what = results.device_names[0], "current" if results.command_unit == "A" else "voltage"
     groups, energies = [], []
-    what = "current" if results.command_unit == "A" else "voltage"
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
-        under = f"under {name}"
-        figures = [
-            (
-                f"loop-{suffix}",
-                loop_figure(history, across[:, 0], abscissa, unit, stroke),
-                f"Force of {device} against {suffix} {under}",
+        panels = [
+            panel(
+                f"loop-{abscissa}-{row}",
+                "",
+                loop_figure(history, across[:, 0], f"{words} ({length})", unit, stroke),
+                f"Force of {device} against {abscissa} under {name}: {label}",
             )
-            for suffix, across, abscissa in (
-                ("displacement", history.deformation, "Damper displacement (mm)"),
-                ("velocity", history.rate, "Velocity (mm/s)"),
+            for abscissa, across, words, length in (
+                ("displacement", history.deformation, "Damper displacement", "mm"),
+                ("velocity", history.rate, "Velocity", "mm/s"),
             )
         ]
-        panels = [panel(f"{key}-{row}", "", figure, f"{words}: {label}") for key, figure, words in figures]
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
-            seconds = [
-                significant(history.time[at], 3)
-                for at in (strip_of(history).start, strip_of(history).stop - 1, -1)
-            ]
+            part = strip_of(history)
+            first, last, end = (significant(history.time[at], 3) for at in (part.start, part.stop - 1, -1))
             figure = command_figure(history, results.command_unit, largest, stroke)
-            words = f"{what.capitalize()} of {device} {under}, sample by sample: {label}"
-            panels.append(panel(f"command-{row}", "", figure, words, "{} to {} s of {} s".format(*seconds)))
-        energies.append(
-            panel(f"energy-{row}", label, energy_history_figure(history), f"Energies {under}: {label}")
-        )
+            words = f"{what.capitalize()} of {device} under {name}, sample by sample: {label}"
+            panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
+        words = f"Energies under {name}: {label}"
+        energies.append(panel(f"energy-{row}", label, energy_history_figure(history), words))
+    about = (
+        f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
+        f"{what} from the controller and in the coil over a shorter time, where it varies."
+    )
+    parts = (
+        "Cumulative: dissipated by the dampers (blue) and by the structure (light blue), kinetic and "
+        "strain energy (grey), input (line)."
+    )
+    last_group = Group(title="Energies", prose=(parts,), panels=tuple(energies), layout="small")
     return Section(
         anchor="devices",
         title=f"Damper under {name}",
         summary=f"force loops, {what} and energies of {device}.",
-        groups=(
-            Group(
-                prose=(
-                    f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
-                    f"{what} from the controller and in the coil over a shorter time, where it varies.",
-                )
-            ),
-            *groups,
-            Group(
-                title="Energies",
-                prose=(
-                    "Cumulative: dissipated by the dampers (blue) and by the structure (light blue), kinetic and "
-                    "strain energy (grey), input (line).",
-                ),
-                panels=tuple(energies),
-                layout="small",
-            ),
-        ),
+        groups=(Group(prose=(about,)), *groups, last_group),
     )
 
 
@@ -268,75 +225,45 @@ _NAME = 36
 
 def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
-    results = comparison.results
-    assert isinstance(results, StudyResults)
+    results, judged = comparison.results, judged_in_words(comparison.results)
     scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]
     rows = [row for row in scored if row in shown.listed]
     drawn = [row for row in scored if row in shown.drawn]
     if len(results.judged_motions) < 2 or not rows:
         return None
+    figure = panel(
+        "score-spread",
+        "Score under each motion",
+        score_figure(results, drawn, of_row),
+        f"Score of {len(drawn)} arrangements under each of {judged}, with the median",
+        note="A dot for each test motion, circles for training motions; the line is the median.",
+    )
     groups = [
-        Group(title=f"Score over {judged_in_words(results)}", table=spread_table(comparison, rows)),
-        Group(
-            panels=(
-                panel(
-                    "score-spread",
-                    "Score under each motion",
-                    score_figure(results, drawn, of_row),
-                    f"Score of {len(drawn)} arrangements under each of {judged_in_words(results)}, with the median",
-                    note="A dot for each test motion, circles for training motions; the line is the median.",
-                ),
-            )
-        ),
+        Group(title=f"Score over {judged}", table=spread_table(comparison, rows)),
+        Group(panels=(figure,)),
     ]
     if motion_groups(results):
         groups.append(Group(title="Score under groups of motions", table=group_table(results, rows)))
-    return Section(
-        anchor="spread",
-        title="Spread over motions",
-        summary=_spread_in_words(comparison),
-        groups=tuple(groups),
-    )
-
-
-def _spread_in_words(comparison: StudyComparison) -> str:
-    results, leading, passive = comparison.results, comparison.leading, comparison.passive
-    parts = []
-    if leading is not None and math.isfinite(results.score(leading)):
-        spread = results.spread(leading)
-        parts.append(
-            f"the score of {results.rows[leading].label} is {format_fixed(spread.mean, 3)}, under single motions "
-            f"{format_fixed(spread.least, 3)} to {format_fixed(spread.most, 3)}"
-        )
-        better = None if passive in (None, leading) else times_better(results, leading, passive)
-        if better is not None and passive is not None:
-            parts.append(
-                f"peak drift and peak acceleration are both lower than those of {results.rows[passive].label} under "
-                f"{better} of {judged_in_words(results)}"
-            )
-    return f"{'; '.join(parts)}. {chosen_in_words(results)}".strip()
+    summary = ""
+    if comparison.leading is not None and math.isfinite(results.score(comparison.leading)):
+        spread = results.spread(comparison.leading)
+        mean, least, most = (format_fixed(each, 3) for each in (spread.mean, spread.least, spread.most))
+        leading = results.rows[comparison.leading].label
+        summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
+    return Section(anchor="spread", title="Spread over motions", summary=summary, groups=tuple(groups))
 
 
 @style.drawn_in_style()
 def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
-    shown = list(reversed(rows))
-    names = [short(results.rows[row].label, _NAME) for row in shown]
-    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(shown))
-    judged = set(results.judged_motions)
-    for place, row in enumerate(shown):
+    names = [short(results.rows[row].label, _NAME) for row in reversed(rows)]
+    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(names))
+    for place, row in enumerate(reversed(rows)):
+        colour = of_row[row].colour
         for motion in range(len(results.motions)):
+            fill = colour if motion in results.judged_motions else "none"
             score = results.score_under(row, (motion,))
-            filled = of_row[row].colour if motion in judged else "none"
-            axes.plot(
-                score,
-                place,
-                "o",
-                markersize=3.6,
-                markerfacecolor=filled,
-                markeredgecolor=of_row[row].colour,
-                alpha=0.75,
-            )
+            axes.plot(score, place, "o", color=colour, markersize=3.6, markerfacecolor=fill, alpha=0.75)
         median = results.spread(row).median
         axes.plot([median, median], [place - 0.34, place + 0.34], color=style.INK, linewidth=1.3)
     name_rows(axes, names, "Score under one motion")
@@ -344,36 +271,30 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     return figure
 
 
+_MOTIONS = (
+    TableColumn(heading="", cell=attrgetter("name")),
+    TableColumn(heading="use", cell=lambda each: each.use + ", synthetic" * each.synthetic, words=True),
+    TableColumn(heading="groups", cell=lambda each: ", ".join(each.groups), words=True),
+    TableColumn(heading="peak", cell=lambda each: significant(each.peak, 4), unit="m/s²"),
+    TableColumn(heading="duration", cell=lambda each: significant(each.duration, 4), unit="s"),
+    TableColumn(heading="source", cell=attrgetter("source"), words=True),
+    TableColumn(heading="changes", cell=lambda each: "; ".join(each.changes), words=True),
+)
+
+
 def motion_section(results: StudyResults) -> Section:
     """The ground motions: use, groups, peak, duration, source and processing."""
-    uses = [motion.use for motion in results.motions]
-    peaks = np.array([motion.peak for motion in results.motions])
-    lengths = np.array([motion.duration for motion in results.motions])
+    uses = uses_in_words([motion.use for motion in results.motions])
+    peaks, lengths = (
+        " to ".join(
+            significant(extreme(getattr(motion, name) for motion in results.motions), 3)
+            for extreme in (min, max)
+        )
+        for name in ("peak", "duration")
+    )
     return Section(
         anchor="motions",
         title="Ground motions",
-        summary=f"{uses_in_words(uses)}, peaks from {significant(float(peaks.min()), 3)} to "
-        f"{significant(float(peaks.max()), 3)} m/s², {significant(float(lengths.min()), 3)} to "
-        f"{significant(float(lengths.max()), 3)} s long.",
-        groups=(
-            Group(
-                table=Table(
-                    label="Ground motions",
-                    columns=("", "Use", "Groups", "Peak (m/s²)", "Duration (s)", "Source", "Changes"),
-                    rows=tuple(
-                        (
-                            motion.name,
-                            f"{motion.use}{', synthetic' if motion.synthetic else ''}",
-                            ", ".join(motion.groups),
-                            significant(motion.peak, 4),
-                            significant(motion.duration, 4),
-                            motion.source,
-                            "; ".join(motion.changes),
-                        )
-                        for motion in results.motions
-                    ),
-                    words=(1, 2, 5, 6),
-                )
-            ),
-        ),
+        summary=f"{uses}, peaks from {peaks} m/s², {lengths} s long.",
+        groups=(Group(table=page_table("Ground motions", _MOTIONS, results.motions)),),
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrwork.base.numbers import NOTHING, format_fixed, significant
+from mrwork.base.numbers import NOTHING, format_fixed, percent, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
@@ -23,46 +23,58 @@ from mrwork.report.study.figures import (
 )
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.study.comparison import ADD_BEST_PASSIVE, StudyComparison, compared, findings, judged_in_words
-from mrwork.study.results import (
-    OFF_BALANCE,
-    StudyResults,
-    largest_step_changes,
-)
+from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
+from mrwork.study.run_result import RunResult
 from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
 
 
-def energy_section(results: StudyResults, motion: int, shown: ShownRows) -> Section | None:
+def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
     """Distribution of the input energy, and the error of its balance."""
-    if not results.finished_rows(motion):
+    motion, count, total = results.motions[results.detailed], len(shown.drawn), len(results.rows)
+    if not results.finished_rows(results.detailed):
         return None
-    name = results.motions[motion].name
+    arrangements = "every arrangement" if count == total else f"{count} of {total} arrangements"
+    figure = panel(
+        "energy",
+        "Energy at the end of the motion",
+        energy_figure(results, results.detailed, shown.drawn),
+        f"Energy dissipated by dampers and structure under {motion.name}, for {arrangements}",
+    )
     worst = max(run.energy_error for run in results.runs.values() if run.finished)
     return Section(
         anchor="energy",
         title="Energy",
         summary=f"the largest error of the energy balance is {significant(worst, 2)} of the largest energy.",
         groups=(
-            Group(
-                title=name,
-                synthetic=results.motions[motion].synthetic,
-                panels=(
-                    panel(
-                        "energy",
-                        "Energy at the end of the motion",
-                        energy_figure(results, motion, shown.drawn),
-                        f"Energy dissipated by dampers and structure under {name}, for "
-                        f"{_drawn_in_words(results, shown)}",
-                    ),
-                ),
-            ),
+            Group(title=motion.name, synthetic=motion.synthetic, panels=(figure,)),
             Group(title="Balance", table=_balance_table(results, shown.listed)),
         ),
     )
 
 
-def _drawn_in_words(results: StudyResults, shown: ShownRows) -> str:
-    count, total = len(shown.drawn), len(results.rows)
-    return "every arrangement" if count == total else f"{count} of {total} arrangements"
+def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
+    def cells(row: int, runs: Sequence[RunResult]) -> tuple[str, ...]:
+        spent = np.array([np.sum(run.device_energy) for run in runs])
+        return (
+            results.rows[row].label,
+            percent(float(np.mean(ratio(spent, np.array([run.input_energy for run in runs]))))),
+            significant(max(run.energy_error for run in runs), 2),
+            format_fixed(max(run.steps for run in runs), 0),
+        )
+
+    finished = {
+        row: [run for (of, _), run in results.runs.items() if of == row and run.finished] for row in listed
+    }
+    return Table(
+        label="Balance of energy",
+        columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
+        rows=tuple(cells(row, runs) for row, runs in finished.items() if runs),
+        note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
+        "The error is the imbalance over the largest energy, the largest of all motions.",
+    )
+
+
+_DEMAND = ("stroke", "velocity", "frequency", "command", "force", "mean power")
 
 
 def demand_section(results: StudyResults) -> Section | None:
@@ -70,65 +82,29 @@ def demand_section(results: StudyResults) -> Section | None:
     demands = [each for key in results.runs for each in results.demands(*key)]
     if not demands:
         return None
-    columns = ("stroke", "velocity", "frequency", "command", "force", "mean power")
-
-    def row(label: str, shown: OperatingRange | None) -> tuple[str, ...]:
-        spans = {} if shown is None else dict(shown.rows())
-        return (label, *(spans.get(name, NOTHING) for name in columns))
-
-    rows = []
+    ranges: list[tuple[str, OperatingRange | None]] = []
     for device in results.dampers:
-        rows += [
-            row(device.name, covering([each.demand for each in demands if each.device == device.name])),
-            row("tested", device.tested),
-        ]
+        own = [each.demand for each in demands if each.device == device.name]
+        ranges += [(device.name, covering(own)), ("tested", device.tested)]
     outside = sorted({name for each in demands for name in each.outside.names})
     known = any(each.outside.known for each in demands)
     summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
+    table = Table(
+        label="Largest demand on one damper, and the range it was tested in",
+        columns=("", *map(str.capitalize, _DEMAND)),
+        rows=tuple(
+            (label, *(dict(spans.rows() if spans else ()).get(name, NOTHING) for name in _DEMAND))
+            for label, spans in ranges
+        ),
+        words=tuple(range(1, 1 + len(_DEMAND))),
+        note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
+        "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
+    )
     return Section(
         anchor="demand",
         title="Demand on the dampers",
         summary=summary if known else "the tested ranges of these dampers are not known.",
-        groups=(
-            Group(
-                table=Table(
-                    label="Largest demand on one damper, and the range it was tested in",
-                    columns=("", *(name[:1].upper() + name[1:] for name in columns)),
-                    rows=tuple(rows),
-                    words=tuple(range(1, 1 + len(columns))),
-                    note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
-                    "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
-                )
-            ),
-        ),
-    )
-
-
-def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
-    rows = []
-    for number in listed:
-        row = results.rows[number]
-        done = [run for (of, _), run in results.runs.items() if of == number and run.finished]
-        if not done:
-            continue
-        spent = ratio(
-            np.array([np.sum(run.device_energy) for run in done]),
-            np.array([run.input_energy for run in done]),
-        )
-        rows.append(
-            (
-                row.label,
-                format_fixed(100.0 * float(np.mean(spent)), 1),
-                significant(max(run.energy_error for run in done), 2),
-                format_fixed(max(run.steps for run in done), 0),
-            )
-        )
-    return Table(
-        label="Balance of energy",
-        columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
-        rows=tuple(rows),
-        note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
-        "The error is the imbalance over the largest energy, the largest of all motions.",
+        groups=(Group(table=table),),
     )
 
 
@@ -137,18 +113,14 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
     changes = largest_step_changes(results)
     if not changes:
         return None
-    compared = [each for each in changes if each.criterion]
-    summary = "no runs can be compared."
-    if compared:
-        worst = max(compared, key=lambda each: each.change)
-        summary = (
-            f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, that of "
-            f"{results.rows[worst.row].label}."
-        )
+    worst = max((each for each in changes if each.criterion), key=lambda each: each.change, default=None)
     return Section(
         anchor="step",
         title="Half the step",
-        summary=summary,
+        summary="no runs can be compared."
+        if worst is None
+        else f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, that of "
+        f"{results.rows[worst.row].label}.",
         groups=(Group(table=step_table(results, shown.listed)),),
     )
 
@@ -165,12 +137,6 @@ def band_section(table: Table, count: int) -> Section | None:
     )
 
 
-# Motions that the front names.
-_NAMED = 4
-# Quantities of the headline; the section of changes has all of them.
-_HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")
-
-
 def study_page(
     results: StudyResults,
     histories: ReadHistory,
@@ -183,7 +149,7 @@ def study_page(
 
     `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
     """
-    comparison, motion = compared(results), results.detailed
+    comparison = compared(results)
     lead = study_lead(comparison)
     if summary:
         return page_html(lead)
@@ -196,9 +162,9 @@ def study_page(
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
         _criteria_section(results, shown),
-        history_section(results, histories, motion, shown.with_histories, of_row),
-        device_section(results, histories, motion, first, of_row),
-        energy_section(results, motion, shown),
+        history_section(results, histories, shown.with_histories, of_row),
+        device_section(results, histories, first, of_row),
+        energy_section(results, shown),
         band_section(bands_of_study(results, shown.listed), results.n_realisations),
         demand_section(results),
         step_section(results, shown),
