@@ -389,6 +389,14 @@ def peaks_in_words(changes: Mapping[str, Floats]) -> str:
     return ", ".join(parts)
 
 
+def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> str:
+    """Whether a law lowers both peaks against a constant command; if not, it is that with the lowest score."""
+    peaks = peaks_in_words(changes)
+    if lowers_all(changes):
+        return f"{law} lowers both peaks against {constant}: {peaks}"
+    return f"No law lowers both peaks against {constant}. {law}, the law with the lowest score: {peaks}"
+
+
 def lowers_all(changes: Mapping[str, Floats]) -> bool:
     """Whether the mean of every change is a decrease in whole per cent, as sentences show it."""
     return all(rounds_to_increase(-float(each.mean())) for each in changes.values())

@@ -15,6 +15,7 @@ from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import axis_of
 from mrwork.drawing import style
 from mrwork.drawing.canvas import coinciding, name_small_axes, small_axes
@@ -25,6 +26,7 @@ from mrwork.study.comparison import (
     BOTH,
     LAWS,
     StudyComparison,
+    beaten_in_words,
     is_tied,
     judged_in_words,
     lowers_all,
@@ -38,8 +40,10 @@ from mrwork.study.tables import MOST_DRAWN
 
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
-_HEIGHT = 1.9
-_QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
+# Ranks of laws and of devices with power or settings of their own, in the order of the table.
+_ACTIVE = ("law", "actuator", "other_device")
+# Motions from which on nothing is said of their number, and floors of a building that can be drawn.
+_ENOUGH, _MOST_FLOORS = 3, 100
 
 
 def study_lead(comparison: StudyComparison) -> Lead:
@@ -60,7 +64,12 @@ def study_lead(comparison: StudyComparison) -> Lead:
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
         cautions=first_sentences(
-            [*([] if results.balanced else [OFF_BALANCE]), *warnings, *_few_motions(results)], _CAUTIONS
+            [
+                *([] if results.balanced else [OFF_BALANCE]),
+                *warnings,
+                *little_said(len(results.judged_motions), "motion"),
+            ],
+            _CAUTIONS,
         ),
         advice=_advice(comparison),
     )
@@ -85,10 +94,10 @@ def _subject(results: StudyResults) -> str:
     return f"{storeys}, {mass} t, periods {', '.join(periods)} s{damping}; under {names}"
 
 
-def _few_motions(results: StudyResults) -> Iterator[str]:
-    count = len(results.judged_motions)
-    if count < 3:
-        yield f"{'One motion says' if count == 1 else f'{count} motions say'} little about the next."
+def little_said(count: int, noun: str) -> tuple[str, ...]:
+    """A caution on so few motions that a law is judged on."""
+    few = f"{counted(count, noun)} {'says' if count == 1 else 'say'} little about the next."
+    return (few,) if 0 < count < _ENOUGH else ()
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
@@ -100,38 +109,25 @@ def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[s
 
 def _verdict(comparison: StudyComparison) -> str:
     """Whether a law beats the best constant command in both peaks, by how much, and under how many motions."""
-    results, passive = comparison.results, comparison.passive
+    results, passive, judged = comparison.results, comparison.passive, judged_in_words(comparison.results)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if comparison.lacks_best_passive:
         return ADD_BEST_PASSIVE
     if not laws or passive is None:
         if comparison.leading is None or comparison.uncontrolled is None:
-            return f"{counted(len(results.rows), 'arrangement')} under {judged_in_words(results)}."
+            return f"{counted(len(results.rows), 'arrangement')} under {judged}."
         changes = _changes_of(comparison, comparison.leading, comparison.uncontrolled)
         label = results.rows[comparison.leading].label
         return f"No control law is compared. {label} against no dampers: {peaks_in_words(changes)}."
-    over = f" on average over {judged_in_words(results)}" if len(results.judged_motions) > 1 else ""
-    constant = results.rows[passive].label
     every = {row: _changes_of(comparison, row, passive) for row in laws}
-    winners = [row for row, changes in every.items() if lowers_all(changes)]
-    if winners:
-        row = winners[0]
-        both = times_better(results, row, passive)
-        motions = len(results.judged_motions)
-        on = f", both lower under {both} of {motions}" if motions > 1 else ""
-        return (
-            f"{results.rows[row].label} lowers both peaks against {constant}{over}: "
-            f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{on}{_tied(results, row, passive)}."
-        )
-    row = laws[0]
-    return (
-        f"No law lowers both peaks against {constant}{over}. {results.rows[row].label}, the law with the lowest score: "
-        f"{peaks_in_words(every[row])}{_realised(results, row, passive)}{_tied(results, row, passive)}."
-    )
-
-
-def _tied(results: StudyResults, row: int, reference: int) -> str:
-    return "; within the spread of the motions they are equal" if is_tied(results, row, reference) else ""
+    row = next((row for row, changes in every.items() if lowers_all(changes)), laws[0])
+    constant, motions = results.rows[passive].label, len(results.judged_motions)
+    over = f"{constant} on average over {judged}" if motions > 1 else constant
+    both = times_better(results, row, passive) if motions > 1 else None
+    under = "" if both is None else f", both lower under {both} of {motions}"
+    tied = "; within the spread of the motions they are equal" if is_tied(results, row, passive) else ""
+    beaten = beaten_in_words(results.rows[row].label, over, every[row])
+    return f"{beaten}{_realised(results, row, passive)}{under}{tied}."
 
 
 def _realised(results: StudyResults, row: int, reference: int) -> str:
@@ -145,14 +141,11 @@ def _realised(results: StudyResults, row: int, reference: int) -> str:
 
 def drawn_rows(comparison: StudyComparison) -> list[int]:
     """The first laws and the references: those with a line in the table; more rows are drawn in grey."""
-    results = comparison.results
-    laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
-    others = [
-        row for rank, rows in comparison.ranks if rank.name in ("actuator", "other_device") for row in rows
-    ]
-    off = results.row_of("passive_off") if len(laws) < _LAWS - 1 else None
+    active = [(rank, row) for rank, rows in comparison.ranks if rank.name in _ACTIVE for row in rows]
+    many = sum(rank is LAWS for rank, _ in active) >= _LAWS - 1
+    off = None if many else comparison.results.row_of("passive_off")
     references = [row for row in (comparison.passive, off, comparison.uncontrolled) if row is not None]
-    return list(dict.fromkeys([*[*laws, *others][:_LAWS], *references]))
+    return list(dict.fromkeys([*(row for _, row in active[:_LAWS]), *references]))
 
 
 def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
@@ -165,30 +158,26 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     references = comparison.references[::-1]
 
     def cells(row: int) -> tuple[str, ...]:
-        changes = [
-            NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
-            for reference in references
-            for name in BOTH
-        ]
-        name = _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34))
         return (
-            name,
+            _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34)),
             format_fixed(results.score(row), 3),
-            *changes,
+            *(
+                NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
+                for reference in references
+                for name in BOTH
+            ),
             verdict(comparison, row) if row in laws else others.get(row, ""),
         )
 
-    more = len(laws) - len(set(laws) & set(drawn))
-    pairs = [
-        (f"Against {results.rows[reference].label.partition(',')[0]} (%)", 2) for reference in references
-    ]
+    more = len(set(laws) - set(drawn))
+    heads = [f"Against {results.rows[each].label.partition(',')[0]} (%)" for each in references]
     return Table(
         label="What each law is worth",
         columns=("", "Score", *(("Drift", "Acc.") * len(references)), "Verdict"),
         rows=tuple(map(cells, drawn)),
         words=(2 + 2 * len(references),),
-        over=(("", 2), *pairs, ("", 1)) if references else (),
-        note=f"{counted(more, 'more law')} below, in grey above." if more > 0 else "",
+        over=(("", 2), *((head, 2) for head in heads), ("", 1)) if heads else (),
+        note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )
 
 
@@ -206,12 +195,10 @@ _SHAPES = {
 
 def _line(stroke: Stroke) -> Markup:
     """The line of a row as the figures draw it, with its marker."""
-    dashes = (
-        "" if isinstance(stroke.pattern, str) else " ".join(f"{3 * each:g}" for each in stroke.pattern[1])
-    )
+    dashes = () if isinstance(stroke.pattern, str) else (f"{3 * each:g}" for each in stroke.pattern[1])
     line = (
         f'<svg class="line" viewBox="0 0 26 8" aria-hidden="true"><path d="M 1 4 H 25" style="stroke: {stroke.colour}; '
-        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {dashes or "none"}"/>'
+        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {" ".join(dashes) or "none"}"/>'
         f'<path d="{_SHAPES[stroke.marker]}" style="fill: {stroke.colour}"/></svg>'
     )
     return Markup(style.in_variables(line))
@@ -219,39 +206,32 @@ def _line(stroke: Stroke) -> Markup:
 
 def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
     """Peaks over the height, means over the judged motions; the range over these of the first row is shaded."""
-    for quantity, title in _QUANTITIES:
-        rows = dict.fromkeys([*drawn, *range(len(results.rows))])
-        values = {
-            row: each for row in [*rows][:MOST_DRAWN] if (each := _peaks(results, row, quantity)) is not None
-        }
+    for quantity in BOTH:
+        title = criterion(quantity).title
+        rows = [*dict.fromkeys([*drawn, *range(len(results.rows))])][:MOST_DRAWN]
+        values = {row: each for row in rows if (each := _peaks(results, row, quantity)) is not None}
         if not values:
             continue
-        of_row = strokes(results, drawn)
-        figure = _profile_figure(results, quantity, values, drawn, of_row)
-        several = len(results.judged_motions) > 1
-        first = next((row for row in drawn if row in values), None)
-        shaded = several and first is not None and quantity == BOTH[0]
-        note = (
-            f"Means; shaded, the range of {results.rows[first].label}. "
-            if shaded and first is not None
-            else ""
-        )
-        lines = {results.rows[row].label: values[row].mean(axis=0) for row in drawn if row in values}
+        named = [row for row in drawn if row in values]
+        lines = {results.rows[row].label: values[row].mean(axis=0) for row in named}
+        shaded = named[:1] if len(results.judged_motions) > 1 else []
+        note = [
+            f"Means; shaded, the range of {results.rows[row].label}." for row in shaded if quantity == BOTH[0]
+        ]
         yield panel(
             f"front-{quantity.replace('_', '-')}",
             title,
-            figure,
+            _profile_figure(results, quantity, values, drawn, shaded),
             f"{title} of each storey or floor, {len(values)} arrangements, mean over {judged_in_words(results)}",
-            f"{note}{coinciding(lines)}".strip(),
+            " ".join([*note, coinciding(lines)]).strip(),
         )
 
 
 def _peaks(results: StudyResults, row: int, quantity: str) -> Floats | None:
     """Peaks under each judged motion, shape (n_motions, n_heights); `None` unless all runs finished."""
     runs = [results.runs.get((row, motion)) for motion in results.judged_motions]
-    if not all(run is not None and run.finished for run in runs):
-        return None
-    return np.array([getattr(run, quantity) for run in runs])
+    finished = all(run is not None and run.finished for run in runs)
+    return np.array([getattr(run, quantity) for run in runs]) if finished else None
 
 
 @style.drawn_in_style()
@@ -260,19 +240,19 @@ def _profile_figure(
     quantity: str,
     values: dict[int, Floats],
     drawn: Sequence[int],
-    of_row: Sequence[Stroke],
+    shaded: Sequence[int],
 ) -> Figure:
+    """A line for each row with values, the first of the `drawn` ones in front, and the range of the `shaded` ones."""
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, unit = (1e3, "mm") if drift else (1.0, "m/s²")
-    figure, axes = small_axes(labelled=True, height=_HEIGHT)
-    order = [*(row for row in values if row not in drawn), *reversed([row for row in drawn if row in values])]
-    for row in order:
+    figure, axes = small_axes(labelled=True)
+    of_row = strokes(results, drawn)
+    for row in [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]:
         add_height_line(axes, factor * values[row].mean(axis=0), of_row[row], results.rows[row].label)
-    first = next((row for row in drawn if row in values), None)
-    if first is not None and len(values[first]) > 1:
+    for row in shaded:
+        low, high = factor * values[row].min(axis=0), factor * values[row].max(axis=0)
         heights = np.arange(1, len(names) + 1)
-        low, high = factor * values[first].min(axis=0), factor * values[first].max(axis=0)
         axes.fill_betweenx(heights, low, high, color=style.BAND, linewidth=0.0, zorder=0.5)
     name_heights(axes, names, numbers=True)
     axes.set_xlim(left=0.0)
@@ -283,7 +263,7 @@ def _profile_figure(
 
 def _building_panel(results: StudyResults) -> Iterator[Panel]:
     facts = results.building
-    if facts is None or not facts.stiffnesses or len(facts.stiffnesses) > _MOST_DRAWN:
+    if facts is None or not facts.stiffnesses or len(facts.stiffnesses) > _MOST_FLOORS:
         return
     dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
     yield panel(
@@ -296,37 +276,30 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     )
 
 
-_MOST_DRAWN = 100
-
-
 @style.drawn_in_style()
 def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
     """Floors with their masses, storeys with their stiffnesses, dampers as braces in their storeys."""
-    figure, axes = small_axes(labelled=True, height=_HEIGHT)
+    figure, axes = small_axes(labelled=True)
     axes.set_position((0.02, 0.02, 0.96, 0.94))
     axes.set_axis_off()
     n_storeys = len(facts.stiffnesses)
-    left, right = 0.0, 1.0
     every = max(1, -(-n_storeys // 8))
-    for number in range(n_storeys):
-        for side in (left, right):
+    write = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
+    for number, (mass, stiffness) in enumerate(zip(facts.masses, facts.stiffnesses, strict=True)):
+        for side in (0.0, 1.0):
             axes.plot([side, side], [number, number + 1], color=style.INK, linewidth=1.3)
-        axes.add_patch(
-            Rectangle((left, number + 0.94), right - left, 0.12, facecolor=style.FAINT_INK, linewidth=0)
-        )
+        axes.add_patch(Rectangle((0.0, number + 0.94), 1.0, 0.12, facecolor=style.FAINT_INK, linewidth=0))
         if number % every == every // 2:
-            label = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
-            label(right + 0.08, number + 1.0, f"{significant(1e-3 * facts.masses[number], 3)} t")
-            stiffness = f"{significant(1e-6 * facts.stiffnesses[number], 3)} kN/mm"
-            label(left - 0.08, number + 0.5, stiffness, ha="right")
+            write(1.08, number + 1.0, f"{significant(1e-3 * mass, 3)} t")
+            write(-0.08, number + 0.5, f"{significant(1e-6 * stiffness, 3)} kN/mm", ha="right")
     for damper in results.dampers:
         bottom = damper.storey
-        axes.plot([left, right], [bottom, bottom + 0.94], color=style.MODEL, linewidth=1.6)
-        middle = Rectangle(
+        axes.plot([0.0, 1.0], [bottom, bottom + 0.94], color=style.MODEL, linewidth=1.6)
+        body = Rectangle(
             (0.36, bottom + 0.34), 0.28, 0.26, facecolor=style.PAGE, edgecolor=style.MODEL, zorder=3
         )
-        axes.add_patch(middle)
-    axes.plot([left - 0.25, right + 0.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
+        axes.add_patch(body)
+    axes.plot([-0.25, 1.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
     axes.set_xlim(-1.1, 1.9)
     axes.set_ylim(-0.15, n_storeys + 0.3)
     return figure
@@ -334,16 +307,16 @@ def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
 
 def _advice(comparison: StudyComparison) -> tuple[str, ...]:
     results = comparison.results
-    said = []
-    if results.checked is None:
-        said.append("`--check-step`: whether half the step changes a number.")
-    if len(results.judged_motions) < 5:
-        said.append(
-            "More `[[motion]]` tables: a law is worth what it does under motions that did not make it."
-        )
-    if not results.n_realisations:
-        said.append(
-            "`[uncertainty]` in the study: the same with dampers and a building that are not known exactly."
-        )
-    said.append("`mrwork tune STUDY`: settings of the laws from training motions, judged on test motions.")
-    return tuple(said[:_ADVICE])
+    said = (
+        (results.checked is None, "`--check-step`: whether half the step changes a number."),
+        (
+            len(results.judged_motions) < 5,
+            "More `[[motion]]` tables: a law is worth what it does under motions that did not make it.",
+        ),
+        (
+            not results.n_realisations,
+            "`[uncertainty]` in the study: the same with dampers and a building that are not known exactly.",
+        ),
+        (True, "`mrwork tune STUDY`: settings of the laws from training motions, judged on test motions."),
+    )
+    return tuple(sentence for lacks, sentence in said if lacks)[:_ADVICE]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.base.numbers import NOTHING, counted, format_fixed, shortest, significant
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
@@ -20,12 +21,14 @@ from mrwork.drawing.canvas import column_axes, name_lines, name_rows, room_for
 from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
 from mrwork.report.html import Page, page_html
-from mrwork.report.section import Group, Lead, Panel, Section, first_sentences, panel, warning_section
+from mrwork.report.section import Group, Lead, Section, first_sentences, panel, warning_section
+from mrwork.report.study.front import little_said
 from mrwork.report.study.page import band_section, provenance_section
-from mrwork.study.comparison import BOTH, lowers_all, peaks_in_words
+from mrwork.study.comparison import BOTH, beaten_in_words, lowers_all
 from mrwork.study.tables import band_table
 from mrwork.tuning.results import (
     Front,
+    FrontPoint,
     LawResult,
     TuningResults,
     motions_in_words,
@@ -91,7 +94,6 @@ def front_figure(front: Front) -> Figure:
     return figure
 
 
-_DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
 
 
@@ -100,22 +102,17 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
     lead = _lead(results)
     if summary:
         return page_html(lead)
+    bands = [
+        (each.label, [bands.get(name) for name in ("score", *SCORE)])
+        for each in results.ranked
+        if (bands := each.judged.bands)
+    ]
+    note = "All laws have the same realisations."
     sections = [
         warning_section(results.warnings),
         _score_section(results),
         _settings_section(results),
-        band_section(
-            band_table(
-                [
-                    (each.label, [bands.get("score"), *(bands.get(name) for name in SCORE)])
-                    for each in results.ranked
-                    if (bands := each.judged.bands)
-                ],
-                results.realisations,
-                note="All laws have the same realisations.",
-            ),
-            results.realisations,
-        ),
+        band_section(band_table(bands, results.realisations, note=note), results.realisations),
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
         _motion_section(results),
@@ -131,75 +128,51 @@ _ROWS, _CAUTIONS = 7, 2
 
 def _lead(results: TuningResults) -> Lead:
     """The front: whether a tuned law beats the best constant command on motions that it was not tuned on."""
-    laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
-    few = len(results.testing)
-    cautions = list(results.warnings)
-    if not few:
-        cautions.insert(
-            0, "Nothing was held out: the laws are judged on the motions that they were tuned on."
-        )
-    elif few < _FEW:
-        cautions.append(
-            f"{'One test motion says' if few == 1 else f'{few} test motions say'} little about the next."
-        )
-    ranked = results.ranked
-    shown = ranked[:_ROWS]
-    panels: tuple[Panel, ...] = ()
-    if ranked:
-        figure = score_figure(shown)
-        said = "Score of each law on training and test motions, with the middle half and the range over the motions"
-        panels = (panel("front-scores", "Scores with their spread over motions", figure, said),)
+    unseen = len(results.testing)
+    held_out = "Nothing was held out: the laws are judged on the motions that they were tuned on."
+    cautions = [*([] if unseen else [held_out]), *results.warnings, *little_said(unseen, "test motion")]
+    shown = results.ranked[:_ROWS]
+    said = (
+        "Score of each law on training and test motions, with the middle half and the range over the motions"
+    )
     return Lead(
         eyebrow="Control laws tuned on training motions",
         title=results.title,
-        subject=f"{laws} on {motions_in_words(results)}",
+        subject=f"{counted(len(results.laws), 'law')} on {motions_in_words(results)}",
         verdict=_verdict(results),
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
-        panels=panels,
+        panels=(panel("front-scores", "Scores with their spread over motions", score_figure(shown), said),)
+        if shown
+        else (),
         wide=True,
-        table=_law_table(results, shown) if ranked else None,
+        table=_law_table(results, shown) if shown else None,
         cautions=first_sentences(cautions, _CAUTIONS),
         advice=(
             "`mrwork respond chosen.toml`, in this folder: the study with these settings, on every motion.",
-            "`robust = true` in `[[tune]]`: settings for dampers and a building that are not known exactly."
-            if not results.realisations
-            else 'Further `[[motion]]` tables with `use = "test"`: motions that the tuning has not seen.',
+            'Further `[[motion]]` tables with `use = "test"`: motions that the tuning has not seen.'
+            if results.realisations
+            else "`robust = true` in `[[tune]]`: settings for dampers and a building that are not known exactly.",
         ),
     )
-
-
-_FEW = 3
 
 
 def _verdict(results: TuningResults) -> str:
     """The law with the lowest score beside the best constant command, by both peaks under each motion."""
     laws = [each for each in results.ranked if each in results.laws]
     constant = next((each for each in results.references if each.better is None), None)
-    if not laws or constant is None:
-        return (
-            "No law was tuned."
-            if not laws
-            else f"{laws[0].label} has the lowest score, {laws[0].judged.score:.3f}."
-        )
-    count = len(results.testing)
-    on = (
-        f"{count} unseen motion{'' if count == 1 else 's'}"
-        if count
-        else "the training motions, all of them seen,"
-    )
-    winners = [each for each in laws if lowers_all(_changes(each, constant))]
-    law = (winners or laws)[0]
-    both = law.better
-    under = (
-        f", both lower under {both.both} of {both.motions}" if both is not None and both.motions > 1 else ""
-    )
-    changes = peaks_in_words(_changes(law, constant))
-    if winners:
-        return f"On {on} {law.label} lowers both peaks against {constant.label}: {changes}{under}."
-    return (
-        f"On {on} no law lowers both peaks on average against {constant.label}. {law.label}, the law with the lowest "
-        f"score: {changes}{under}."
-    )
+    if not laws:
+        return "No law was tuned."
+    if constant is None:
+        return f"{laws[0].label} has the lowest score, {laws[0].judged.score:.3f}."
+    changes = [_changes(each, constant) for each in laws]
+    best = next((number for number, each in enumerate(changes) if lowers_all(each)), 0)
+    both = laws[best].better
+    several = both is not None and both.motions > 1
+    unseen = counted(len(results.testing), "unseen motion")
+    on = unseen if results.testing else "the training motions, all of them seen"
+    over = f"{constant.label} {'on average over' if several else 'under'} {on}"
+    under = f", both lower under {both.in_words}" if several and both is not None else ""
+    return f"{beaten_in_words(laws[best].label, over, changes[best])}{under}."
 
 
 def _changes(law: LawResult, constant: LawResult) -> dict[str, Floats]:
@@ -212,21 +185,26 @@ def _changes(law: LawResult, constant: LawResult) -> dict[str, Floats]:
     }
 
 
+_fixed = partial(format_fixed, decimals=3)
+
+
+def _cells(law: LawResult, names: Sequence[str], *between: str) -> tuple[str, ...]:
+    """Scores on training and test motions, what stands `between`, mean ratios, and how often both peaks are lower."""
+    test = None if law.test is None else law.test.score
+    ratios = [law.judged.criteria.get(name) for name in names]
+    better = NOTHING if law.better is None else law.better.in_words
+    return (_fixed(law.train.score), _fixed(test), *between, *map(_fixed, ratios), better)
+
+
 def _law_table(results: TuningResults, shown: Sequence[LawResult]) -> Table:
     more = len(results.ranked) - len(shown)
+    settings = [_cut(settings_in_words(each.settings, results.command_unit)) for each in shown]
     return Table(
         label="Tuned laws and references",
         columns=("", "Training", "Test", *(criterion(name).short for name in BOTH), "Better", "Settings"),
         rows=tuple(
-            (
-                short(each.label, _IN_TABLE),
-                format_fixed(each.train.score, _DECIMALS),
-                format_fixed(None if each.test is None else each.test.score, _DECIMALS),
-                *(format_fixed(each.judged.criteria.get(name, math.nan), _DECIMALS) for name in BOTH),
-                NOTHING if each.better is None else each.better.in_words,
-                _cut(settings_in_words(each.settings, results.command_unit)),
-            )
-            for each in shown
+            (short(each.label, _IN_TABLE), *_cells(each, BOTH), own)
+            for each, own in zip(shown, settings, strict=True)
         ),
         over=(("", 1), ("Score over i = 0", 2), ("Mean ratio over i = 0", 2), ("", 2)),
         words=(6,),
@@ -253,37 +231,19 @@ def _cut(settings: str) -> str:
 
 
 def _score_section(results: TuningResults) -> Section:
-    ranked = results.ranked
-    rows = []
-    for each in ranked:
-        judgement = each.judged
-        spread = judgement.spread.get("score")
-        rows.append(
-            (
-                each.label,
-                format_fixed(each.train.score, _DECIMALS),
-                format_fixed(None if each.test is None else each.test.score, _DECIMALS),
-                NOTHING if spread is None else format_fixed(spread.median, _DECIMALS),
-                NOTHING
-                if spread is None
-                else f"{format_fixed(spread.least, 2)} to {format_fixed(spread.most, 2)}",
-                *(format_fixed(judgement.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
-                NOTHING if each.better is None else each.better.in_words,
-            )
-        )
     on = "test" if results.testing else "training"
+
+    def spread(law: LawResult) -> tuple[str, str]:
+        own = law.judged.spread.get("score")
+        if own is None:
+            return NOTHING, NOTHING
+        return _fixed(own.median), f"{format_fixed(own.least, 2)} to {format_fixed(own.most, 2)}"
+
+    ratios = [criterion(name).short for name in SCORE]
     table = Table(
         label="Scores",
-        columns=(
-            "",
-            "Training",
-            "Test",
-            "Median",
-            "Range",
-            *(criterion(name).short for name in SCORE),
-            "Better",
-        ),
-        rows=tuple(rows),
+        columns=("", "Training", "Test", "Median", "Range", *ratios, "Better"),
+        rows=tuple((each.label, *_cells(each, SCORE, *spread(each))) for each in results.ranked),
         over=(
             ("", 1),
             ("Score", 2),
@@ -296,12 +256,10 @@ def _score_section(results: TuningResults) -> Section:
         "Better: under how many motions both peak drift and peak acceleration are below those of the best constant "
         "command, which is chosen on the training motions.",
     )
-    return Section(
-        anchor="scores",
-        title="Scores",
-        summary=f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else "",
-        groups=(Group(table=table, prose=results.findings),),
-    )
+    ranked = results.ranked
+    summary = f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else ""
+    group = Group(table=table, prose=results.findings)
+    return Section(anchor="scores", title="Scores", summary=summary, groups=(group,))
 
 
 def _settings_section(results: TuningResults) -> Section | None:
@@ -310,31 +268,22 @@ def _settings_section(results: TuningResults) -> Section | None:
     groups = []
     for each in results.laws:
         ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in each.free}
-        rows = tuple(
-            (name, _format_value(value), ranges.get(name, "held")) for name, value in each.settings.items()
+        refused = f", of which {each.refused} of the first could not be simulated" if each.refused else ""
+        prose = (
+            f"Minimised: {each.objective}.",
+            f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s{refused}.",
+            f"Certificate: {each.certificate or 'none'}.",
+            *each.design.loop,
         )
-        groups.append(
-            Group(
-                title=each.label,
-                prose=(
-                    f"Minimised: {each.objective}.",
-                    f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s"
-                    + (
-                        f", of which {each.refused} of the first could not be simulated."
-                        if each.refused
-                        else "."
-                    ),
-                    f"Certificate: {each.certificate}." if each.certificate else "Certificate: none.",
-                    *each.design.loop,
-                ),
-                table=Table(
-                    label=f"Settings of {each.label}",
-                    columns=("Setting", "Value", "Searched"),
-                    rows=rows,
-                    words=(2,),
-                ),
-            )
+        table = Table(
+            label=f"Settings of {each.label}",
+            columns=("Setting", "Value", "Searched"),
+            rows=tuple(
+                (name, _format_value(own), ranges.get(name, "held")) for name, own in each.settings.items()
+            ),
+            words=(2,),
         )
+        groups.append(Group(title=each.label, prose=prose, table=table))
     groups += [
         Group(title=f"Weights of {', '.join(labels)}", prose=sentences)
         for labels, sentences in results.designs
@@ -353,35 +302,28 @@ def _format_value(value: Any) -> str:
 
 
 def _front_section(number: int, front: Front) -> Section:
-    heads = [criterion(name).title for name in front.objectives]
-    tested = any(each.test is not None for each in front.points)
-    rows = tuple(
-        (
-            str(place),
-            *(format_fixed(each.train[name], _DECIMALS) for name in front.objectives),
-            *(format_fixed((each.test or {}).get(name), _DECIMALS) for name in front.objectives if tested),
-            _in_line(each.settings),
-            each.certificate,
-        )
-        for place, each in enumerate(front.points, start=1)
-    )
+    title, names = f"Pareto front of {front.label}", front.objectives
+    uses = ("Training", "Test") if any(each.test is not None for each in front.points) else ("Training",)
+
+    def numbers(point: FrontPoint) -> Iterator[str]:
+        for values in (point.train, point.test or {})[: len(uses)]:
+            yield from (_fixed(values.get(name)) for name in names)
+
     table = Table(
-        label=f"Pareto front of {front.label}",
-        columns=("Point", *heads, *(heads if tested else ()), "Settings", "Certificate"),
-        rows=rows,
-        over=(
-            ("", 1),
-            ("Training", len(heads)),
-            *((("Test", len(heads)),) if tested else ()),
-            ("", 2),
+        label=title,
+        columns=("Point", *(criterion(name).title for name in names) * len(uses), "Settings", "Certificate"),
+        rows=tuple(
+            (str(place), *numbers(each), _in_line(each.settings), each.certificate)
+            for place, each in enumerate(front.points, start=1)
         ),
-        words=(1 + len(heads) * (2 if tested else 1), 2 + len(heads) * (2 if tested else 1)),
+        over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
+        words=(1 + len(names) * len(uses), 2 + len(names) * len(uses)),
         note="Points of which no other is lower in every objective on the training motions.",
     )
-    figure = panel(f"front-{number}", "Front", front_figure(front), f"Pareto front of {front.label}")
+    figure = panel(f"front-{number}", "Front", front_figure(front), title)
     return Section(
         anchor=f"front-{number}",
-        title=f"Pareto front of {front.label}",
+        title=title,
         summary=f"{len(front.points)} points of {front.candidates} candidates.",
         groups=(Group(panels=(figure,)), Group(table=table)),
     )
@@ -391,25 +333,27 @@ def _in_line(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {_format_value(value)}" for name, value in settings.items())
 
 
-def _demand_section(results: TuningResults) -> Section | None:
-    entries = [entry for entry in criteria() if not entry.ratio]
-    units = [
-        _IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0))
-        for entry in entries
+def _demand_section(results: TuningResults) -> Section:
+    shown = [
+        (entry, *_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0)))
+        for entry in criteria()
+        if not entry.ratio
     ]
-
-    def cells(largest: Mapping[str, float]) -> list[str]:
-        return [
-            significant(factor * largest[entry.name], 3) if entry.name in largest else NOTHING
-            for entry, (_, factor) in zip(entries, units, strict=True)
-        ]
-
-    on = "test" if results.testing else "training"
     table = Table(
         label="Demand on the dampers",
-        columns=("", *(f"{entry.short} ({unit})" for entry, (unit, _) in zip(entries, units, strict=True))),
-        rows=tuple((each.label, *cells(each.judged.largest)) for each in results.ranked),
-        note=f"The largest over the {on} motions; a force is that of all dampers of a group.",
+        columns=("", *(f"{entry.short} ({unit})" for entry, unit, _ in shown)),
+        rows=tuple(
+            (
+                each.label,
+                *(
+                    significant(factor * each.judged.largest.get(entry.name, math.nan), 3)
+                    for entry, _, factor in shown
+                ),
+            )
+            for each in results.ranked
+        ),
+        note=f"The largest over the {'test' if results.testing else 'training'} motions; a force is that of all "
+        "dampers of a group.",
     )
     return Section(anchor="demand", title="Demand on the dampers", groups=(Group(table=table),))
 
@@ -425,8 +369,8 @@ def _motion_section(results: TuningResults) -> Section | None:
             label=f"Scores under each {use.lower()} motion",
             columns=("Motion", *(label for label, _ in laws)),
             rows=tuple(
-                (motion.motion, *(format_fixed(motions[place].score, _DECIMALS) for _, motions in laws))
-                for place, motion in enumerate(laws[0][1])
+                (under[0].motion, *(_fixed(each.score) for each in under))
+                for under in zip(*(motions for _, motions in laws), strict=True)
             ),
         )
         groups.append(Group(title=f"{use} motions", table=table))
@@ -435,19 +379,17 @@ def _motion_section(results: TuningResults) -> Section | None:
 
 def _search_section(results: TuningResults) -> Section:
     laws = [each for each in results.laws if len(each.trace) > 1]
-    count = sum(each.candidates for each in results.laws)
-    panels = (
-        panel(
-            "searches",
-            "Course of the searches",
-            course_figure(laws),
-            "Least objective of each law over the number of candidates",
-            "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
-        ),
+    count = format_fixed(sum(each.candidates for each in results.laws), 0)
+    figure = panel(
+        "searches",
+        "Course of the searches",
+        course_figure(laws),
+        "Least objective of each law over the number of candidates",
+        "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
     )
     return Section(
         anchor="searches",
         title="Searches",
-        summary=f"{format_fixed(count, 0)} candidates; {speed_in_words(results)}.",
-        groups=(Group(panels=panels if laws else ()),),
+        summary=f"{count} candidates; {speed_in_words(results)}.",
+        groups=(Group(panels=(figure,) if laws else ()),),
     )
