@@ -304,6 +304,7 @@ def _format_value(value: Any) -> str:
 def _front_section(number: int, front: Front) -> Section:
     title, names = f"Pareto front of {front.label}", front.objectives
     uses = ("Training", "Test") if any(each.test is not None for each in front.points) else ("Training",)
+    heads = [criterion(name).title for name in names] * len(uses)
 
     def numbers(point: FrontPoint) -> Iterator[str]:
         for values in (point.train, point.test or {})[: len(uses)]:
@@ -311,13 +312,13 @@ def _front_section(number: int, front: Front) -> Section:
 
     table = Table(
         label=title,
-        columns=("Point", *(criterion(name).title for name in names) * len(uses), "Settings", "Certificate"),
+        columns=("Point", *heads, "Settings", "Certificate"),
         rows=tuple(
             (str(place), *numbers(each), _in_line(each.settings), each.certificate)
             for place, each in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
-        words=(1 + len(names) * len(uses), 2 + len(names) * len(uses)),
+        words=(1 + len(heads), 2 + len(heads)),
         note="Points of which no other is lower in every objective on the training motions.",
     )
     figure = panel(f"front-{number}", "Front", front_figure(front), title)
