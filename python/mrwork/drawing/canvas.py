@@ -260,11 +260,6 @@ def draw_points(
     )
 
 
-# Without a date, equal figures are equal files.
-_NO_DATE = {"Date": None}
-_PNG_DOTS_PER_INCH = 200
-
-
 def svg_bytes(figure: Figure) -> bytes:
     """An SVG file with outlines for letters, which looks the same everywhere."""
     return _save_svg(figure, font_type="path").encode()
@@ -275,7 +270,7 @@ def png_bytes(figure: Figure) -> bytes:
     target = io.BytesIO()
     _without_controls(figure)
     with style.drawn_in_style():
-        figure.savefig(target, format="png", dpi=_PNG_DOTS_PER_INCH)
+        figure.savefig(target, format="png", dpi=200)
     return target.getvalue()
 
 
@@ -305,7 +300,8 @@ def _save_svg(figure: Figure, *, font_type: str, transparent: bool = False) -> s
     target = io.StringIO()
     _without_controls(figure)
     with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
-        figure.savefig(target, format="svg", metadata=_NO_DATE, transparent=transparent)
+        # Without a date, equal figures are equal files.
+        figure.savefig(target, format="svg", metadata={"Date": None}, transparent=transparent)
     return target.getvalue()
 
 

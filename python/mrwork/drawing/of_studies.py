@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, repeat
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
@@ -47,8 +47,7 @@ def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> t
     rows = range(len(results.rows)) if coloured is None else coloured
     others = [row for row in rows if results.rows[row].kind not in references]
     named = (Stroke(hue, marker=marker) for hue, marker in zip(style.HUES, MARKERS, strict=True))
-    hues = chain(named, repeat(_OTHER))
-    own = dict(zip(others, hues, strict=False))
+    own = dict(zip(others, named, strict=False))
     return tuple(
         references.get(row.kind) or own.get(number, _OTHER) for number, row in enumerate(results.rows)
     )
@@ -64,15 +63,16 @@ def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
     return float(devices), float(numbers["damping_energy"]), float(moving)
 
 
-def add_energy_bars(axes: Axes, names: Sequence[str], parts: Sequence[Sequence[float]]) -> None:
-    """A bar for each of the names, the first at the bottom, of its `ENERGY_PARTS` [J] one behind the other."""
-    ends = np.cumsum(np.reshape(parts, (len(names), len(ENERGY_PARTS))), axis=1)
-    for number, (label, tone) in enumerate(ENERGY_PARTS.items()):
-        starts = ends[:, number - 1] if number else np.zeros(len(names))
-        amounts = [each[number] for each in parts]
-        axes.barh(range(len(names)), amounts, left=starts, height=0.62, color=tone, label=label)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_xlim(0.0, 1.02 * float(ends[:, -1].max(initial=0.0)) or 1.0)
+def add_energy_bars(axes: Axes, names: Sequence[str], parts: ArrayLike) -> None:
+    """A bar for each of the names, the first on top, of its `ENERGY_PARTS` [J] one behind the other."""
+    rising = np.reshape(parts, (len(names), len(ENERGY_PARTS)))[::-1]
+    ends = np.zeros(len(names))
+    for amounts, (label, tone) in zip(rising.T, ENERGY_PARTS.items(), strict=True):
+        axes.barh(range(len(names)), amounts, left=ends, height=0.62, color=tone, label=label)
+        ends = ends + amounts
+    axes.set_yticks(range(len(names)), names[::-1])
+    axes.set_xlim(0.0, 1.02 * float(ends.max(initial=0.0)) or 1.0)
+    axes.set_xlabel("Energy (J)")
 
 
 def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> None:

@@ -35,7 +35,7 @@ from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
-from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, short, shown_unit_of
+from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, name_axes, short, shown_unit_of
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
@@ -114,14 +114,12 @@ def spectra(
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
     colour = style.hue(len(axes.get_lines()))
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
-    axes.set_xlabel("Period (s)")
-    axes.set_ylabel(f"{quantity.replace('_', '-').capitalize()} ({unit.symbol})")
+    name_axes(axes, ("Period", "s"), (quantity.replace("_", "-").capitalize(), unit.symbol))
     axes.set_ylim(bottom=0.0)
     add_key(axes)
     return axes
 
 
-_OF_HEIGHT = ("storey", "floor")
 # Bars that fit into a figure.
 _MOST_BARS = 60
 
@@ -165,24 +163,23 @@ def storey_profiles(
     >>> responses = mr.simulate_loop(frame, dampers, law, motions)  # doctest: +SKIP
     >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
     """
-    known = [each.name for each in run_quantities() if each.axis in _OF_HEIGHT]
+    known = [each.name for each in run_quantities() if each.axis in ("storey", "floor")]
     check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
     runs = _runs(result, motion, rows)
     values = np.array([each.numbers[quantity] for each in runs])
-    (axis,) = own_axis(quantity)
-    names = _heights(result, axis, values.shape[1])
+    (axis,), si_unit, words = own_axis(quantity), unit_of(quantity), description_of(quantity)
+    if isinstance(result, StudyResults):
+        names = result.floor_names if axis == "floor" else result.storey_names
+    else:
+        names = tuple(f"{axis} {number}" for number in range(1, 1 + values.shape[1]))
     if data:
         return NamedArrays(
-            title=description_of(quantity),
+            title=words,
             rows=("run", axis),
             labels={"run": labels_of([each.label for each in runs]), axis: labels_of(names)},
-            arrays={
-                quantity: NamedArray.of(
-                    values, "run", axis, unit=unit_of(quantity), long_name=description_of(quantity)
-                )
-            },
+            arrays={quantity: NamedArray.of(values, "run", axis, unit=si_unit, long_name=words)},
         ).to_pandas()
-    axes, unit = axes_for(ax), shown_unit_of(unit_of(quantity), float(values.max()))
+    axes, unit = axes_for(ax), shown_unit_of(si_unit, float(values.max()))
     for each, line in zip(runs, values, strict=True):
         add_height_line(axes, line * unit.factor, each.stroke, each.label)
     axes.set_xlim(left=0.0)
@@ -234,11 +231,9 @@ def energies(
             f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
         )
     axes = axes_for(ax, rows=len(runs))
-    backwards = slice(None, None, -1)
-    add_energy_bars(axes, [each.label for each in runs][backwards], parts[backwards].tolist())
+    add_energy_bars(axes, [each.label for each in runs], parts)
     if ax is None:
         vertical_grid(axes)
-    axes.set_xlabel("Energy (J)")
     add_key(axes)
     return axes
 
@@ -272,11 +267,10 @@ def _runs(
             if np.isfinite(result.energy_error[run])
         }
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
-    of_row = (
-        dict(enumerate(strokes(result, asked)))
-        if isinstance(result, StudyResults)
-        else {row: _stroke(place, len(asked)) for place, row in enumerate(asked)}
-    )
+    if isinstance(result, StudyResults):
+        of_row = dict(enumerate(strokes(result, asked)))
+    else:
+        of_row = {row: _stroke(number, len(asked)) for number, row in enumerate(asked)}
     finished = [
         _Run(label=labels[row], numbers=numbers[row], stroke=of_row[row]) for row in asked if row in numbers
     ]
@@ -292,13 +286,6 @@ def _stroke(number: int, count: int) -> Stroke:
     return Stroke(to_hex(style.TONES(number / (count - 1))), width=0.6)
 
 
-def _heights(result: Responses | StudyResults, axis: str, count: int) -> tuple[str, ...]:
-    """Names of the storeys or floors."""
-    if isinstance(result, StudyResults):
-        return result.floor_names if axis == "floor" else result.storey_names
-    return tuple(f"{axis} {number}" for number in range(1, count + 1))
-
-
 def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFrame:
     numbers: Mapping[str, Floats] = history.numbers
     devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
@@ -309,8 +296,7 @@ def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFram
         return over_axis("Energies of a closed loop", "time", time_labels(history.time), columns).to_pandas()
     axes = axes_for(ax)
     add_energies(axes, history.time, given, parts)
-    axes.set_xlabel("Time (s)")
-    axes.set_ylabel("Energy (J)")
+    name_axes(axes, ("Time", "s"), ("Energy", "J"))
     add_key(axes)
     return axes
 
@@ -381,8 +367,7 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
     axes = axes_for(ax)
     volume, dynamic_range = columns["envelope_volume"][0], columns["dynamic_range"][0]
     draw_points(axes, 1e3 * volume, dynamic_range, size=4.5, colour=style.MODEL)
-    axes.set_xlabel("Volume (l)")
-    axes.set_ylabel("Dynamic range")
+    name_axes(axes, ("Volume", "l"), ("Dynamic range", "1"))
     return axes
 
 

@@ -62,10 +62,8 @@ def write_page(
         )
     if kind is STUDY_RUN:
         results = read_results(place)
-        seconds = stated.get("seconds")
-        page = study_page(
-            results, partial(read_history, place, results), command=command, seconds=seconds, summary=summary
-        )
+        histories, seconds = partial(read_history, place, results), stated.get("seconds")
+        page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
     else:
         page = tuning_page(read_tuning(place), command=command, summary=summary)
     name = SUMMARY if summary else REPORT

@@ -43,10 +43,9 @@ _BAR = 0.30
 def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
     shown = [row for row in results.finished_rows(motion) if row in rows]
-    names = [short(results.rows[row].label, 29) for row in reversed(shown)]
+    names = [short(results.rows[row].label, 29) for row in shown]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
-    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in reversed(shown)])
-    axes.set_xlabel("Energy (J)")
+    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in shown])
     vertical_grid(axes)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
