@@ -23,8 +23,6 @@ from matplotlib.ticker import FixedLocator
 from mrwork.base.table import csv_text
 from mrwork.base.values import Floats
 
-_HEADINGS = ("panel", "abscissa", "ordinate", "curve", "x", "y")
-
 
 def drawn_data(figure: Figure) -> str:
     """The points of a figure as the text of a CSV file, x and y to six digits; where a page thins, the thinned ones.
@@ -33,7 +31,7 @@ def drawn_data(figure: Figure) -> str:
     x or y is empty for what runs across the whole panel, and a name where an axis has names.
     """
     rows = (row for number, axes in enumerate(figure.axes, start=1) for row in _rows(axes, str(number)))
-    return csv_text([_HEADINGS, *rows])
+    return csv_text([("panel", "abscissa", "ordinate", "curve", "x", "y"), *rows])
 
 
 def _rows(axes: Axes, panel: str) -> Iterator[tuple[str, ...]]:

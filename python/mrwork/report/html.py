@@ -43,11 +43,9 @@ def symbol(name: str) -> str:
         return symbol(name) + escape(at + command)
     name, dot, coefficient = name.partition(".")
     match = re.fullmatch(r"([A-Za-z]+?)_?(\d\w*|(?<=_).+)?", name)
-    if match is None:
-        return escape(name + dot + coefficient)
-    base, subscript = match.group(1), match.group(2)
+    base, subscript = match.groups() if match else (name, None)
     letter = style.GREEK.get(base, base)
-    if len(letter) > 1:
+    if match is None or len(letter) > 1:
         return escape(name + dot + coefficient)
     subscripts = [part for part in (style.GREEK.get(subscript or "", subscript), coefficient) if part]
     set_subscript = f"<sub>{escape(','.join(subscripts))}</sub>" if subscripts else ""

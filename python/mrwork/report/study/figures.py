@@ -36,15 +36,13 @@ from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 
-_BAR = 0.30
-
 
 @style.drawn_in_style()
 def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
     shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in shown]
-    figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
+    figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + 0.30 * len(shown))
     add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in shown])
     vertical_grid(axes)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
@@ -52,17 +50,14 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     return figure
 
 
-_BINS = 700
-_LOOP_SECONDS = 10.0
-_STRIP_SECONDS, _STRIP_TURNS, _STRIP_HEIGHT = 1.5, 30, 2.0
-_LOOP_POINTS = 1500
-_HEIGHT = 2.5
+# Bins of a history, seconds and points of a loop, seconds and turns of a strip.
+_BINS, _LOOP_SECONDS, _LOOP_POINTS, _STRIP_SECONDS, _STRIP_TURNS = 700, 10.0, 1500, 1.5, 30
 
 
 @style.drawn_in_style()
 def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figure:
     """Lines over time with their colours and widths [pt], in a range that is symmetric about zero."""
-    figure, axes = column_axes(height=_HEIGHT)
+    figure, axes = column_axes(height=2.5)
     for time, values, colour, width in lines:
         axes.plot(*envelope(time, values, _BINS), color=colour, linewidth=width)
     finish(axes, ordinate, "Time (s)")
@@ -91,7 +86,7 @@ def command_figure(history: RunHistory, unit: str, largest: float, stroke: Strok
 
     A strip up to `largest`.
     """
-    figure, axes = column_axes(height=_STRIP_HEIGHT)
+    figure, axes = column_axes(height=2.0)
     part = strip_of(history)
     time, signals = history.time[part], (history.command[part, 0], history.current[part, 0])
     axes.step(time, signals[0], where="post", color=style.DATA, linewidth=2.2, label="sent")
@@ -218,10 +213,6 @@ def device_section(
     )
 
 
-_ROW = 0.26
-_NAME = 36
-
-
 def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results, judged = comparison.results, judged_in_words(comparison.results)
@@ -255,8 +246,8 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
 @style.drawn_in_style()
 def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
-    names = [short(results.rows[row].label, _NAME) for row in reversed(rows)]
-    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + _ROW * len(names))
+    names = [short(results.rows[row].label, 36) for row in reversed(rows)]
+    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + 0.26 * len(names))
     for place, row in enumerate(reversed(rows)):
         colour = of_row[row].colour
         for motion in range(len(results.motions)):

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.base.numbers import NOTHING, counted, format_fixed, shortest, significant
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, name_lines, name_rows, room_for
@@ -36,29 +36,29 @@ from mrwork.tuning.results import (
     speed_in_words,
 )
 
-_LINE = 0.26
-_BELOW, _ABOVE = 0.5, 0.35
+# Letters of a label in a figure and in the table of the front.
 _LONGEST, _IN_TABLE = 30, 40
 
 
 @style.drawn_in_style()
 def score_figure(laws: Sequence[LawResult]) -> Figure:
     """Scores on training and test motions, the best above, with range and quartiles over the test motions."""
-    names = [short(each.label, _LONGEST) for each in laws]
-    figure, axes = column_axes(left=room_for(names), top=_ABOVE, height=_BELOW + _ABOVE + _LINE * len(laws))
-    for place, each in enumerate(reversed(laws)):
-        spread = each.judged.spread.get("score")
-        if spread is not None:
-            axes.plot([spread.least, spread.most], [place, place], color=style.DATA, linewidth=2.0)
-            quartiles = spread.lower_quartile, spread.upper_quartile
-            axes.plot(quartiles, [place, place], color=style.BAND_EDGE, linewidth=5.0)
-        axes.plot(each.train.score, place, "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK)
-        if each.test is not None:
-            axes.plot(each.test.score, place, "o", markersize=5, color=style.MODEL)
-    axes.plot([], [], "o", markersize=5, markerfacecolor="white", color=style.FAINT_INK, label="training")
-    if laws[0].test is not None:
-        axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
-    axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
+    names, places = [short(each.label, _LONGEST) for each in laws], range(len(laws))[::-1]
+    figure, axes = column_axes(left=room_for(names), top=0.35, height=0.85 + 0.26 * len(laws))
+    spreads = [each.judged.spread.get("score", Spread.of(())) for each in laws]
+    least, lower, upper, most = np.array(
+        [(each.least, each.lower_quartile, each.upper_quartile, each.most) for each in spreads]
+    ).T
+    axes.hlines(places, least, most, style.DATA, linewidth=2.0)
+    axes.hlines(places, lower, upper, style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
+    training = [each.train.score for each in laws]
+    testing = [math.nan if each.test is None else each.test.score for each in laws]
+    for scores, colour, filled, label in (
+        (training, style.FAINT_INK, "white", "training"),
+        (testing, style.MODEL, style.MODEL, "test"),
+    ):
+        if np.isfinite(scores).any():
+            axes.plot(scores, places, "o", markersize=5, color=colour, markerfacecolor=filled, label=label)
     name_rows(axes, [escape_text(name) for name in reversed(names)], "Score over i = 0")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2, columnspacing=0.9)
