@@ -232,20 +232,15 @@ class StudyComparison(Summarised):
 
     def _words_of(self, changes: dict[str, QuantityChange]) -> str:
         parts: dict[bool, list[str]] = {False: [], True: []}
+        several = len(self.results.judged_motions) > 1
         for entry in compared_quantities():
             change = changes[entry.name]
             if not math.isnan(change.mean):
-                largest = self._largest(change) if change.worse else ""
-                parts[change.worse].append(
-                    f"{_small_first(entry.title)} {in_percent(change.mean)} %{largest}"
-                )
+                largest = f" ({in_percent(change.largest)} % under {change.motion})"
+                words = f"{_small_first(entry.title)} {in_percent(change.mean)} %"
+                parts[change.worse].append(f"{words}{largest if several and change.worse else ''}")
         better, worse = ", ".join(parts[False]), ", ".join(parts[True])
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
-
-    def _largest(self, change: QuantityChange) -> str:
-        if len(self.results.judged_motions) == 1:
-            return ""
-        return f" ({in_percent(change.largest)} % under {change.motion})"
 
     def scores_in_words(self) -> str:
         """The lowest score of each rank; empty if there are no scores."""
@@ -294,20 +289,16 @@ def _constant_in_effect(results: StudyResults) -> Iterator[str]:
         command = constant_command(results, number) if row.kind == "controller" else None
         if command is None:
             continue
+        same = f"{row.label} sends the same command throughout"
         if not command.any():
             yield (
                 f"{row.label} sends no command under any motion: it is passive-off (i = 0) in effect, for it "
                 "asks for no force beyond that of the dampers."
             )
         elif is_largest(results, command):
-            yield (
-                f"{row.label} sends the same command throughout, under every motion: it is passive-on in effect."
-            )
+            yield f"{same}, under every motion: it is passive-on in effect."
         else:
-            yield (
-                f"{row.label} sends the same command throughout, {_commands_in_words(results, command)}: it is a "
-                "passive damper in effect."
-            )
+            yield f"{same}, {_commands_in_words(results, command)}: it is a passive damper in effect."
 
 
 def _commands_in_words(results: StudyResults, command: Floats) -> str:
@@ -410,11 +401,13 @@ def _on(better: int, count: int, what: str) -> str:
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:
     """Whether the scores of two rows are not told apart by the motions."""
-    scores = [
-        [results.score_under(each, (motion,)) for motion in results.judged_motions]
-        for each in (row, reference)
-    ]
-    return len(scores[0]) > 1 and bool(ties_in_words("", scores[0], {"": scores[1]}))
+    own, other = _scores(results, row), _scores(results, reference)
+    return len(own) > 1 and bool(ties_in_words("", own, {"": other}))
+
+
+def _scores(results: StudyResults, row: int) -> list[float]:
+    """Scores of a row under each judged motion."""
+    return [results.score_under(row, (motion,)) for motion in results.judged_motions]
 
 
 def _ties(comparison: StudyComparison) -> tuple[str, ...]:
@@ -423,12 +416,8 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if not laws or len(results.judged_motions) < 2:
         return ()
-
     rows = (*laws, *([] if comparison.passive is None else [comparison.passive]))
-    scores = {
-        results.rows[row].label: [results.score_under(row, (motion,)) for motion in results.judged_motions]
-        for row in rows
-    }
+    scores = {results.rows[row].label: _scores(results, row) for row in rows}
     leading = results.rows[laws[0]].label
     return ties_in_words(leading, scores.pop(leading), scores)
 

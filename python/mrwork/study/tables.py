@@ -180,7 +180,8 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results, quantities = comparison.results, compared_quantities()
     several = len(results.judged_motions) > 1
-    rows = [row for row in _by_rank(comparison, shown) if row != reference]
+    # Those of each rank together, the lowest score first.
+    rows = [row for _, ranked in comparison.ranks for row in ranked if row in shown and row != reference]
     changes = [comparison.changes(row, reference) for row in rows]
     columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
     return Table(
@@ -214,13 +215,12 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
     sizes = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change.largest, change.motion, entry) for change, entry in sizes if not math.isnan(change.mean)]
+    known = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
     if not known:
         return NOTHING
-    largest, motion, entry = max(known, key=lambda each: each[0])
-    if not rounds_to_increase(largest):
-        return "none"
-    return f"{entry.short} {signed_percent(largest)}, {motion}"
+    worst, entry = max(known, key=lambda each: each[0].largest)
+    rises = rounds_to_increase(worst.largest)
+    return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
 
 
 def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
@@ -320,11 +320,6 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
         note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
         f"{chosen_in_words(results)}".rstrip(),
     )
-
-
-def _by_rank(comparison: StudyComparison, shown: Collection[int]) -> list[int]:
-    """The shown rows, those of each rank together, the lowest score first."""
-    return [row for _, rows in comparison.ranks for row in rows if row in shown]
 
 
 def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:

@@ -263,7 +263,9 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
 
 _MOTIONS = (
     TableColumn(heading="", cell=attrgetter("name")),
-    TableColumn(heading="use", cell=lambda each: each.use + ", synthetic" * each.synthetic, words=True),
+    TableColumn(
+        heading="use", cell=lambda each: f"{each.use}{', synthetic' if each.synthetic else ''}", words=True
+    ),
     TableColumn(heading="groups", cell=lambda each: ", ".join(each.groups), words=True),
     TableColumn(heading="peak", cell=lambda each: significant(each.peak, 4), unit="m/s²"),
     TableColumn(heading="duration", cell=lambda each: significant(each.duration, 4), unit="s"),

@@ -50,7 +50,8 @@ def study_lead(comparison: StudyComparison) -> Lead:
     """The front of the page of a study."""
     results = comparison.results
     drawn = drawn_rows(comparison)
-    warnings = results.warnings()
+    off_balance = [] if results.balanced else [OFF_BALANCE]
+    few = little_said(len(results.judged_motions), "motion")
     return Lead(
         eyebrow="Response of a building with MR dampers",
         title=results.title,
@@ -63,14 +64,7 @@ def study_lead(comparison: StudyComparison) -> Lead:
         "continue.",
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
-        cautions=first_sentences(
-            [
-                *([] if results.balanced else [OFF_BALANCE]),
-                *warnings,
-                *little_said(len(results.judged_motions), "motion"),
-            ],
-            _CAUTIONS,
-        ),
+        cautions=first_sentences([*off_balance, *results.warnings(), *few], _CAUTIONS),
         advice=_advice(comparison),
     )
 

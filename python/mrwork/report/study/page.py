@@ -22,7 +22,7 @@ from mrwork.report.study.figures import (
     spread_section,
 )
 from mrwork.report.study.front import drawn_rows, study_lead
-from mrwork.study.comparison import ADD_BEST_PASSIVE, StudyComparison, compared, findings, judged_in_words
+from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
 from mrwork.study.run_result import RunResult
 from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
@@ -185,11 +185,9 @@ def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | 
     if comparison.leading is None:
         return None
     results = comparison.results
-    lacking = (ADD_BEST_PASSIVE,) if comparison.lacks_best_passive else ()
     groups = [
         Group(
             title=f"Against {results.rows[reference].label}",
-            prose=lacking if reference == comparison.passive else (),
             table=change_table(comparison, reference, shown.listed),
         )
         for reference in reversed(comparison.references)
