@@ -87,13 +87,13 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
     bands, laws, ranking = run.bands, run.laws, run.ranking
     if run.held_out is not None:
         outside = sum(bool(each.outside) for each in run.held_out.tests)
-        beyond = f"{outside} of them beyond the tested ranges." if outside else ""
+        lying = "It lies" if len(run.held_out.tests) == 1 else f"{outside} of them"
         return _Evidence(
             title="Kept for test",
             opening=f"Predicts {_tests(len(run.held_out.tests))} kept for test",
             drawn=run.held_out.drawn,
             spread=run.held_out.spread,
-            remark=beyond,
+            remark=f"{lying} beyond the tested ranges." if outside else "",
         )
     if bands is not None and bands.predictions:
         count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
