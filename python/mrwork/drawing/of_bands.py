@@ -1,8 +1,7 @@
-"""Drawing of bands: the force of one cycle with the bands around it, its error, and quantities of cycles."""
+"""Drawing of bands: the force of one cycle with the bands around it, and its error."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
+from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend
 from mrwork.drawing.of_tests import Motion, axis_values, data_label, even_samples
 from mrwork.drawing.style import DisplayUnit
 from mrwork.records.motion import whole_cycles
@@ -72,33 +70,6 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     finish_signed(axes, f"Force minus model ({unit.symbol})", "Time (s)")
     axes.set_xlim(float(time[0]), float(time[-1]))
     legend(axes, columns=2)
-    return figure
-
-
-@style.drawn_in_style()
-def cycle_figure(title: str, measured: Floats, model: Floats, bands: Sequence[Band], factor: float) -> Figure:
-    """A quantity of each cycle, shape (n_cycles,), times `factor`, with its bands: bars, narrower for parameters."""
-    number = np.arange(1, measured.size + 1)
-    figure, axes = small_axes(labelled=True)
-    for band in bands:
-        lower, upper = band.lower * factor, band.upper * factor
-        wide = band.kind == "prediction"
-        axes.bar(
-            number,
-            upper - lower,
-            bottom=lower,
-            width=0.84 if wide else 0.4,
-            color=style.BAND if wide else style.PARAMETER_BAND,
-            edgecolor=style.BAND_EDGE if wide else style.PARAMETER_BAND,
-            linewidth=0.7,
-        )
-    axes.plot(number, model * factor, linestyle="none", marker="_", markersize=9, color=style.MODEL)
-    draw_points(axes, number, measured * factor, size=3.6, colour=style.INK)
-    name_small_axes(axes, title, "Cycle")
-    axes.use_sticky_edges = False
-    axes.autoscale_view()
-    axes.set_xlim(0.3, measured.size + 0.7)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
     return figure
 
 

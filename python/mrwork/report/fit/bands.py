@@ -1,93 +1,167 @@
-"""Bands: the section on the prediction band of another measurement, and the parameter band of the model force."""
+"""Bands: the section on the coverage of held-out tests, and the parameter band of the model force."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from typing import get_args
 
 import numpy as np
 
-from mrwork.base.numbers import percent, significant
+from mrwork.base.numbers import format_fixed, percent, shortest
+from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats
-from mrwork.drawing.of_bands import Banded, cycle_figure, error_figure, loop_figure
-from mrwork.drawing.of_tests import (
-    Comparison,
-    Motion,
-    common_force_unit,
-)
+from mrwork.drawing.of_bands import Banded, error_figure, loop_figure
+from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit
 from mrwork.drawing.style import DisplayUnit
-from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.report.fit.coverage import (
-    ABSENT,
-    MAIN_LEVEL,
-    conditions_in_words,
-    coverage_groups,
-    coverage_summary,
-)
-from mrwork.report.section import Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.band import (
-    QUANTITIES,
-    Band,
-    CycleQuantity,
-    cycle_band,
-    cycles_of,
-    errors_over_cycles,
-    parameter_band,
-    score,
-    simulate_draws,
-)
+from mrwork.uncertainty.bands.band import parameter_band, score, simulate_draws
 from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
 
+# The level that the text discusses, and the range of coverage that counts as nominal.
+_LEVEL = 0.9
+_NOMINAL = (0.8, 0.97)
+# Fewer tests than this are weak evidence for the next.
+_FEW_TESTS = 5
 # Tests left out that are drawn; draws of the parameters.
 _LEFT_OUT = 3
 _DRAWS = 200
 
-_QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
-    "energy": ("Energy per cycle (J)", 1.0),
-    "stiffness": ("Stiffness (N/mm)", 1e-3),
-    "damping": ("Damping (N s/mm)", 1e-3),
-}
-
-
 _ParameterDraws = tuple[Floats, str]
 """Parameters, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 
+_Levels = dict[float, LeftOutCoverage]
+"""Coverage of a test at every level."""
+
 
 def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | None:
-    """Coverage of tests left out, and bands around some of them; `None` without calibration."""
+    """Coverage of tests left out, and bands around those that are covered least; `None` without calibration."""
     bands = run.bands
     if bands is None:
         return None
-    unit = common_force_unit(comparisons)
-    groups = [*coverage_groups(bands), Group(prose=_prose(bands))]
-    if len(bands.predictions) > 1:
-        for number, prediction in enumerate(filter(bands.others, _choose_predictions(bands)), start=1):
-            groups += _left_out_groups(number, prediction, bands, unit)
-    return Section(
-        anchor="bands", title="Prediction bands", summary=coverage_summary(bands), groups=tuple(groups)
-    )
-
-
-def _prose(bands: StoredBands) -> tuple[str, ...]:
-    names = [conditions_in_words(each.test) for each in bands.predictions] or bands.calibration.tests
-    return (
-        f"The prediction band (light blue) should contain the stated share of a measurement. It is "
+    covered = _by_test(bands)
+    names = [_conditions_in_words(each.test) for each in bands.predictions] or bands.calibration.tests
+    prose = (
+        "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations and commands like these, not "
-        "beyond them. In the small figures, points are measured cycles, dashes those of the model, and bars the bands.",
+        "beyond them.",
         *bands.calibration.remarks,
+        _verdict([row[_LEVEL].samples.coverage for row in covered.values()]),
     )
+    return Section(
+        anchor="bands",
+        title="Prediction bands",
+        summary=coverage_summary(bands),
+        groups=(
+            Group(
+                prose=prose,
+                table=_table(bands, covered) if covered else None,
+                panels=_left_out_panels(bands, covered, common_force_unit(comparisons)),
+            ),
+        ),
+    )
+
+
+def _by_test(bands: StoredBands) -> dict[str, _Levels]:
+    """The tests whose coverage is known at every level."""
+    by_test: dict[str, _Levels] = {}
+    for row in bands.coverage:
+        by_test.setdefault(row.test, {})[row.level] = row
+    return {test: row for test, row in by_test.items() if set(LEVELS) <= set(row)}
+
+
+def _conditions_in_words(test: DamperTest) -> str:
+    """Name of a test with its command, amplitude and frequency, as far as these are known."""
+    parts = [(test.amplitude, "mm", 1e3), (test.frequency, "Hz", 1.0)]
+    known = [f"{shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None]
+    known = [test.command_in_words, *known] if test.commands else known
+    return f"{test.name} ({', '.join(known)})" if known else test.name
+
+
+def coverage_summary(bands: StoredBands) -> str:
+    """What the 90 % bands hold of tests left out, a sentence; of few tests the extremes, not a mean."""
+    shares = [row[_LEVEL].samples.coverage for row in _by_test(bands).values()]
+    if not shares:
+        return "calibrated on one test, so their coverage is not known."
+    span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests left out"
+    if len(shares) < _FEW_TESTS:
+        return f"the 90 % bands contain {span}: too few tests to rely on."
+    return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."
+
+
+def _verdict(shares: Sequence[float]) -> str:
+    """What the coverage of the tests by their 90 % bands says about these bands, beside the summary."""
+    if not shares:
+        return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
+    least, most = _NOMINAL
+    mean, low = float(np.mean(shares)), sum(share < least for share in shares)
+    if mean < least:
+        return "The bands are too narrow: the errors of these tests differ more than a few tests can show."
+    found = "have about their nominal coverage on" if mean <= most else "are wider than necessary for"
+    narrow = f" For {low} of {len(shares)} tests they are still too narrow." if low else ""
+    return f"The bands {found} tests like these.{narrow}"
+
+
+def _table(bands: StoredBands, covered: dict[str, _Levels]) -> Table:
+    def column(heading: str, cell: Callable[[LeftOutCoverage], str], unit: str = "") -> TableColumn:
+        return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[_LEVEL]))
+
+    def share(level: float) -> TableColumn:
+        heading = f"in {100 * level:.0f} % band"
+        return TableColumn(heading=heading, unit="%", cell=lambda row: percent(row[level].samples.coverage))
+
+    names = {each.test.label: each.test.name for each in bands.predictions}
+    return page_table(
+        "Coverage of tests left out",
+        (
+            column("test", lambda row: names.get(row.test, row.test)),
+            *map(share, LEVELS),
+            column("cycles in 90 %", lambda row: percent(row.cycles_inside), "%"),
+            column("width of 90 %", lambda row: format_fixed(row.samples.width, 3)),
+            column("interval score", lambda row: format_fixed(row.samples.interval_score, 3)),
+        ),
+        covered.values(),
+        note="The band of each test is calibrated on the others only. A cycle is inside where its dissipated energy "
+        "lies in the 90 % band of the energy; the cycles of one test are alike, so nearly all or nearly none are. "
+        "Width and interval score are in standard deviations of the test's force. The score is the mean width plus "
+        "twenty times the mean distance of samples outside; lower is better.",
+    )
+
+
+def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: DisplayUnit) -> tuple[Panel, ...]:
+    """Loops of the tests that their bands cover least, with these bands."""
+    shares = {test: row[_LEVEL].samples.coverage for test, row in covered.items()}
+    known = [each for each in bands.predictions if each.test.label in shares and bands.others(each)]
+    panels = []
+    for number, prediction in enumerate(
+        sorted(known, key=lambda each: shares[each.test.label])[:_LEFT_OUT], 1
+    ):
+        test = prediction.test
+        calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
+        banded = Banded(prediction=prediction, predicted=calibration.band(prediction, _LEVEL))
+        name = test.name + (" (synthetic)" if test.synthetic else "")
+        panels += [
+            panel(
+                f"l{number}-{over}",
+                name,
+                loop_figure(banded, unit, over),
+                f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
+                f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test.",
+            )
+            for over in get_args(Motion)
+        ]
+    return tuple(panels)
 
 
 def band_panels(run: StoredRun, comparisons: Sequence[Comparison], number: int) -> tuple[Panel, ...]:
@@ -104,8 +178,8 @@ def band_panels(run: StoredRun, comparisons: Sequence[Comparison], number: int) 
     forces = None if draws is None else _drawn_forces(run.fit, draws[0], comparison.test)
     banded = Banded(
         prediction=prediction,
-        predicted=None if bands is None else bands.calibration.band(prediction, MAIN_LEVEL),
-        parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], MAIN_LEVEL),
+        predicted=None if bands is None else bands.calibration.band(prediction, _LEVEL),
+        parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], _LEVEL),
     )
     shares = [
         f"{percent(score(band, prediction.measured).coverage)} % of its samples lie in the 90 % {band.kind} band"
@@ -123,87 +197,6 @@ def band_panels(run: StoredRun, comparisons: Sequence[Comparison], number: int) 
             f"parameters that the data allow, and need not contain a measurement.{drawn}",
         ),
     )
-
-
-def _left_out_groups(
-    number: int, prediction: Prediction, bands: StoredBands, unit: DisplayUnit
-) -> tuple[Group, Group]:
-    band = calibrate(bands.others(prediction), held_out=bands.calibration.held_out).band(
-        prediction, MAIN_LEVEL
-    )
-    banded = Banded(prediction=prediction, predicted=band)
-    name = prediction.test.name + (" (synthetic)" if prediction.test.synthetic else "")
-    row = bands.row(prediction, MAIN_LEVEL)
-    share = score(band, prediction.measured).coverage if row is None else row.samples.coverage
-    cycles = (
-        f", and {percent(row.cycles_inside, 0)} % of its cycles by their energy"
-        if row is not None and np.isfinite(row.cycles_inside)
-        else ""
-    )
-    inside = f"Inside the 90 % band: {percent(share)} % of the samples of the whole test{cycles}."
-    whole = Group(
-        title=f"A test left out: {prediction.test.name}",
-        synthetic=prediction.test.synthetic,
-        prose=(f"Band {band.basis}; this test is excluded from its calibration.",),
-        panels=tuple(
-            panel(
-                f"l{number}-{over}",
-                f"Force against {over}",
-                loop_figure(banded, unit, over),
-                f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
-                inside,
-            )
-            for over in get_args(Motion)
-        ),
-    )
-    return whole, Group(
-        panels=_cycle_panels(f"l{number}", prediction, bands.others(prediction)), layout="small"
-    )
-
-
-def _choose_predictions(bands: StoredBands) -> list[Prediction]:
-    """All tests, or as many as are drawn, spread from the least covered to the best covered."""
-
-    def find_coverage(prediction: Prediction) -> float:
-        row = bands.row(prediction, MAIN_LEVEL)
-        return 0.0 if row is None else row.samples.coverage
-
-    ordered = sorted(bands.predictions, key=find_coverage)
-    if len(ordered) <= _LEFT_OUT:
-        return list(bands.predictions)
-    return [ordered[index] for index in np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)]
-
-
-def _cycle_panels(identifier: str, prediction: Prediction, others: Sequence[Prediction]) -> tuple[Panel, ...]:
-    """Energy, stiffness and damping of each cycle; none where the test has no whole cycle."""
-    test = prediction.test
-    try:
-        measured, model = cycles_of(test, test.force), cycles_of(test, prediction.model_force)
-    except RecordError:
-        return ()
-    panels = []
-    for name in QUANTITIES:
-        title, factor = _QUANTITIES[name]
-        bands: list[Band] = []
-        scores = []
-        for each in others:
-            with suppress(RecordError):
-                scores.append(errors_over_cycles(each, name))
-        if scores := [each for each in scores if each.size]:
-            bands.append(cycle_band(prediction, name, scores, MAIN_LEVEL))
-        values = measured[name]
-        figure = cycle_figure(title, values, model[name], bands, factor)
-        kinds = " and ".join(band.kind for band in bands) or "no"
-        panels.append(
-            panel(
-                f"{identifier}-{name}",
-                "",
-                figure,
-                f"{title} of each cycle of test {test.name} with {kinds} band, mean "
-                f"{significant(float(values.mean()) * factor, 3)}",
-            )
-        )
-    return tuple(panels)
 
 
 def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None) -> _ParameterDraws | None:
@@ -240,4 +233,12 @@ def _drawn_forces(fit: Fit, theta: Floats, test: DamperTest) -> Floats | None:
     return np.array([observed.with_nuisance(force)[0] for force in forces])
 
 
-BANDS = SectionKind(make=_section, absent=ABSENT)
+BANDS = SectionKind(
+    make=_section,
+    absent=Absent(
+        title="Prediction bands",
+        command="mrwork calibrate RUN TESTS",
+        description="calibrates prediction bands from the errors of the fit on tests that it has not seen; without "
+        "TESTS the run's own tests are left out in turn.",
+    ),
+)

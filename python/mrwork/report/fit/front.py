@@ -27,7 +27,7 @@ from mrwork.identification.minimise.level_search import has_levels, levels_of
 from mrwork.identification.result import FitSpread, rms
 from mrwork.records import DamperTest
 from mrwork.report.fit.agreement import loop_panel
-from mrwork.report.fit.coverage import coverage_summary
+from mrwork.report.fit.bands import coverage_summary
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.held_out import median_place
