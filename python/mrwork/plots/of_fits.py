@@ -12,7 +12,7 @@ from mrwork.base.arguments import Level
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
 from mrwork.drawing import style
 from mrwork.drawing.canvas import draw_points
-from mrwork.drawing.of_bands import Banded, add_bands, middle_cycle
+from mrwork.drawing.of_bands import add_bands, middle_cycle
 from mrwork.drawing.of_fits import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
 from mrwork.drawing.of_tests import Motion, axis_values
 from mrwork.errors import SettingError
@@ -282,7 +282,7 @@ def bands(
     axes = axes_for(ax)
     unit = style.force_unit(float(np.abs(prediction.measured).max()))
     motion: Motion | None = None if over == "time" else over
-    add_bands(axes, Banded(prediction=prediction, predicted=band), unit, motion)
+    add_bands(axes, prediction, band, unit, motion)
     axes.set_xlabel("Time (s)" if motion is None else axis_values(record, motion)[1])
     axes.set_ylabel(f"Force ({unit.symbol})")
     add_key(axes)

@@ -23,6 +23,7 @@ from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
+from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 
 _THIN = "\N{NARROW NO-BREAK SPACE}"
@@ -34,13 +35,12 @@ def tests_section(
     comparisons: Sequence[Comparison],
     *,
     every_test: bool,
-    further: Callable[[int], tuple[Panel, ...]],
     before: Callable[[str], None],
 ) -> Section:
     """The errors of every test, a small loop of each of many, and figures of some in full.
 
-    Of many tests these are the best, the median and the worst, or with `every_test` all. `further` returns further
-    panels of the test with the worst fit, by its index; `before` hears of each test before it is drawn.
+    Of many tests these are the best, the median and the worst, or with `every_test` all; those of the residual are of
+    the worst alone. `before` hears of each test before it is drawn.
     """
     rows = _agreement_rows(fit, comparisons)
     drawn = drawn_in_full(comparisons, every_test=every_test)
@@ -52,13 +52,15 @@ def tests_section(
         test = comparison.test
         before(f"test {test.name}")
         panels = _test_panels(f"t{number + 1}", comparison, rows[number][0], unit)
+        if number == worst:
+            panels += residual_panels(comparison, unit)
         found = sorted(test.findings, key=lambda finding: finding.severity != "warning")
         blocks.append(
             Group(
                 title=f"{role}: {test.name}" if role else test.name,
                 synthetic=test.synthetic,
                 prose=(_conditions(test, comparison.quality),),
-                panels=(*panels, *(further(number) if number == worst else ())),
+                panels=panels,
                 points=tuple(f"{finding.severity}: {finding.message}" for finding in found),
             )
         )

@@ -1,4 +1,4 @@
-"""Bands: the section on the coverage of held-out tests, and the parameter band of the model force."""
+"""The section on prediction bands: their coverage of held-out tests, and loops of those that are covered least."""
 
 from __future__ import annotations
 
@@ -9,37 +9,22 @@ import numpy as np
 
 from mrwork.base.numbers import format_fixed, percent, shortest
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.base.values import Floats
-from mrwork.drawing.of_bands import Banded, error_figure, loop_figure
+from mrwork.drawing.of_bands import loop_figure
 from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit
 from mrwork.drawing.style import DisplayUnit
-from mrwork.errors import SettingError, SimulationError
-from mrwork.identification.fit import Fit
-from mrwork.identification.problem import Problem
-from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.band import parameter_band, score, simulate_draws
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
-from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.laplace import first_walkers
-from mrwork.uncertainty.posterior.target import Target
 
 # The level that the text discusses, and the range of coverage that counts as nominal.
 _LEVEL = 0.9
 _NOMINAL = (0.8, 0.97)
 # Fewer tests than this are weak evidence for the next.
 _FEW_TESTS = 5
-# Tests left out that are drawn; draws of the parameters.
+# Tests left out that are drawn.
 _LEFT_OUT = 3
-_DRAWS = 200
-
-_ParameterDraws = tuple[Floats, str]
-"""Parameters, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 
 _Levels = dict[float, LeftOutCoverage]
 """Coverage of a test at every level."""
@@ -149,88 +134,19 @@ def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: Disp
     ):
         test = prediction.test
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
-        banded = Banded(prediction=prediction, predicted=calibration.band(prediction, _LEVEL))
+        band = calibration.band(prediction, _LEVEL)
         name = test.name + (" (synthetic)" if test.synthetic else "")
         panels += [
             panel(
                 f"l{number}-{over}",
                 name,
-                loop_figure(banded, unit, over),
+                loop_figure(prediction, band, unit, over),
                 f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
                 f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test.",
             )
             for over in get_args(Motion)
         ]
     return tuple(panels)
-
-
-def band_panels(run: StoredRun, comparisons: Sequence[Comparison], number: int) -> tuple[Panel, ...]:
-    """The error of the model over a cycle of a fitted test with the bands that exist; none without any."""
-    comparison, bands = comparisons[number], run.bands
-    draws = (
-        None
-        if run.draws is None and bands is None
-        else _parameter_draws(run.fit, [each.test for each in comparisons], run.draws)
-    )
-    if draws is None and bands is None:
-        return ()
-    prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
-    forces = None if draws is None else _drawn_forces(run.fit, draws[0], comparison.test)
-    banded = Banded(
-        prediction=prediction,
-        predicted=None if bands is None else bands.calibration.band(prediction, _LEVEL),
-        parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], _LEVEL),
-    )
-    shares = [
-        f"{percent(score(band, prediction.measured).coverage)} % of its samples lie in the 90 % {band.kind} band"
-        for band in (banded.parameters, banded.predicted)
-        if band is not None
-    ]
-    drawn = "" if draws is None else f" Parameters were drawn from {draws[1]}."
-    return (
-        panel(
-            "worst-error",
-            "Force minus model force over one cycle",
-            error_figure(banded, common_force_unit(comparisons)),
-            f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
-            f"This test was fitted; {'; '.join(shares)}. The parameter band (orange) contains the model force for the "
-            f"parameters that the data allow, and need not contain a measurement.{drawn}",
-        ),
-    )
-
-
-def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None) -> _ParameterDraws | None:
-    """Draws of the parameters of a fit; `None` where its tests do not determine an ellipsoid."""
-    if stored is not None:
-        theta = stored.theta
-        chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
-        return theta[chosen], "the posterior"
-    problem = Problem.of_fit(fit, tuple(tests))
-    form, start = problem.form, problem.inside(fit.theta)
-    try:
-        target = Target.of(
-            form, problem.objective, noise_model("iid"), start=start, priors={}, tempering=None
-        )
-        position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
-    except (SettingError, np.linalg.LinAlgError):
-        return None
-    values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
-    return np.asarray(form.to_model(values)), "the Fisher ellipsoid about the fit"
-
-
-def _drawn_forces(fit: Fit, theta: Floats, test: DamperTest) -> Floats | None:
-    """Forces of the draws on a test [N], shape (n_draws, n_time), with nuisance parameters removed as in the fit.
-
-    `None` where too many of them cannot be simulated.
-    """
-    try:
-        forces = simulate_draws(fit.spec, theta, test)
-    except SimulationError:
-        return None
-    if not fit.nuisances:
-        return forces
-    observed = ObservedTest.of(fit.spec, test, fit.nuisances)
-    return np.array([observed.with_nuisance(force)[0] for force in forces])
 
 
 BANDS = SectionKind(

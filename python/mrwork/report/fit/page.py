@@ -18,12 +18,12 @@ from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.report.fit.agreement import AMPLITUDES, drawn_in_full, has_small_loops, tests_section
-from mrwork.report.fit.bands import BANDS, band_panels
+from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
 from mrwork.report.fit.front import fit_lead
 from mrwork.report.fit.parameters import PROFILES, parameters_section, profiles_figure
 from mrwork.report.fit.posterior import POSTERIOR
-from mrwork.report.fit.residuals import RESIDUALS, residual_panels
+from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_figure, search_section
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import (
@@ -31,7 +31,6 @@ from mrwork.report.section import (
     Group,
     OnDrawn,
     PageProgress,
-    Panel,
     Section,
     SectionKind,
     ignore_progress,
@@ -72,15 +71,11 @@ def fit_page(
     def before(task: str) -> None:
         on_progress(PageProgress(done=next(done), total=total, task=task))
 
-    def further(worst: int) -> tuple[Panel, ...]:
-        unit = of_tests.common_force_unit(comparisons)
-        return (*band_panels(run, comparisons, worst), *residual_panels(comparisons[worst], unit))
-
     made = []
     for kind in SECTIONS:
         before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
-    tests = tests_section(run.fit, comparisons, every_test=every_test, further=further, before=before)
+    tests = tests_section(run.fit, comparisons, every_test=every_test, before=before)
     absent = [kind.absent for kind, section in made if section is None and kind.absent is not None]
     sections = [
         warning_section(run.fit.warnings),
