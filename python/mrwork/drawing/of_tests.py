@@ -71,6 +71,11 @@ def data_label(test: DamperTest) -> str:
     return "synthetic" if test.synthetic else "measured"
 
 
+def name_of(test: DamperTest) -> str:
+    """Name of a test, which says where its data are synthetic."""
+    return test.name + (" (synthetic)" if test.synthetic else "")
+
+
 def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
     """The minimum and the maximum of a signal in each of `bins` intervals, in their order; keeps the peaks."""
     length = len(time) // bins
@@ -109,6 +114,14 @@ class Window:
     def samples(self) -> slice:
         """The window as a slice."""
         return slice(self.start, self.stop)
+
+    @property
+    def in_words(self) -> str:
+        """Numbers of the cycles."""
+        if self.first_cycle is None:
+            return "Middle of the record"
+        last = self.first_cycle + self.n_cycles - 1
+        return f"Cycles {self.first_cycle} to {last}" if self.n_cycles > 1 else f"Cycle {last}"
 
 
 def zoom_window(displacement: Floats) -> Window:
@@ -234,9 +247,8 @@ def figure_of_test(
 
 
 def _with_heading(comparison: Comparison, unit: DisplayUnit | None, *drawings: Drawing) -> Figure:
-    heading = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
     unit = unit or common_force_unit([comparison])
-    return figure_of_test(comparison, unit, *drawings, heading=heading)
+    return figure_of_test(comparison, unit, *drawings, heading=name_of(comparison.test))
 
 
 def draw_record(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import get_args
@@ -17,7 +18,7 @@ from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.drawing import of_tests
-from mrwork.drawing.of_tests import Comparison, Motion, Simulated, data_label, zoom_window
+from mrwork.drawing.of_tests import Comparison, Motion, Simulated, data_label, name_of, zoom_window
 from mrwork.drawing.style import DisplayUnit
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
@@ -26,32 +27,28 @@ from mrwork.records.findings import gathered_findings
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 
-_THIN = "\N{NARROW NO-BREAK SPACE}"
-_MIDDLE_DOT = " · "
+# Up to so many tests are all drawn in full.
+_ALL_IN_FULL = 4
 
 
 def tests_section(
-    fit: Fit,
-    comparisons: Sequence[Comparison],
-    *,
-    every_test: bool,
-    before: Callable[[str], None],
+    fit: Fit, comparisons: Sequence[Comparison], *, every_test: bool, before: Callable[[str], None]
 ) -> Section:
     """The errors of every test, a small loop of each of many, and figures of some in full.
 
     Of many tests these are the best, the median and the worst, or with `every_test` all; those of the residual are of
     the worst alone. `before` hears of each test before it is drawn.
     """
-    rows = _agreement_rows(fit, comparisons)
+    unit, spread = of_tests.common_force_unit(comparisons), spread_of(comparisons)
+    overview = tuple(_overview(comparisons, unit, before))
     drawn = drawn_in_full(comparisons, every_test=every_test)
-    worst = min(range(len(comparisons)), key=lambda number: comparisons[number].quality.fit_percent)
-    unit = of_tests.common_force_unit(comparisons)
+    worst = min(drawn, key=lambda number: fit_of(comparisons[number]))
     blocks = []
     for number, role in drawn.items():
         comparison = comparisons[number]
         test = comparison.test
         before(f"test {test.name}")
-        panels = _test_panels(f"t{number + 1}", comparison, rows[number][0], unit)
+        panels = _test_panels(f"t{number + 1}", comparison, unit)
         if number == worst:
             panels += residual_panels(comparison, unit)
         found = sorted(test.findings, key=lambda finding: finding.severity != "warning")
@@ -64,72 +61,75 @@ def tests_section(
                 points=tuple(f"{finding.severity}: {finding.message}" for finding in found),
             )
         )
-    names = [_name_of(each.test) for each in comparisons]
-    table = Table(
-        label="Agreement with each test",
-        columns=(
-            "Test",
-            "Fit (%)",
-            "NRMSE",
-            "RMSE (N)",
-            *(Markup("<i>E<sub>{}</sub></i>").format(letter) for letter in "txv"),
-            "Samples",
-            "Sub-steps",
-        ),
-        rows=tuple((name, *row) for name, row in zip(names, rows, strict=False)),
-        foot=("All tests", *rows[-1]) if len(names) > 1 else (),
-        note="The model is simulated freely: its input is the motion, never the force. NRMSE is the RMSE over the "
-        "standard deviation of the force; E with t, x and v are the normed errors over time, displacement and velocity "
-        "(Spencer et al. 1997). Sub-steps are integration steps per sample.",
-    )
-    spread = FitSpread.of(
-        [each.test.name for each in comparisons], [each.quality.fit_percent for each in comparisons]
-    )
-    said = spread.in_words if len(names) > 1 else f"fit {rows[0][0]} %, RMSE {rows[0][2]} N"
+    one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
+    said = spread.in_words if len(comparisons) > 1 else one
     return Section(
         anchor="tests",
         title="Agreement with the fitted tests",
-        summary=f"{said}; {count_findings(comparisons)}",
-        groups=(Group(table=table), *_overview(comparisons, before), *blocks),
+        summary=f"{said}; {_count_findings(comparisons)}",
+        groups=(Group(table=_agreement_table(fit, comparisons)), *overview, *blocks),
     )
 
 
-def _name_of(test: DamperTest) -> str:
-    return test.name + (" (synthetic)" if test.synthetic else "")
-
-
-def _agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[tuple[str, ...]]:
-    """A row per test and, last, one for all tests together; equal decimals down each column."""
-    tested = [comparison.quality for comparison in comparisons]
-    every: list[FitQuality | Fit] = [*tested, fit]
+def _agreement_table(fit: Fit, comparisons: Sequence[Comparison]) -> Table:
+    """A row per test and, of several, one for all together; equal decimals down each column."""
+    every: list[FitQuality | Fit] = [*(each.quality for each in comparisons), fit]
     norms = [entry.error_norms for entry in every]
-    columns = [
-        [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
-        numbers.column([entry.nrmse for entry in every], 3),
-        numbers.column([entry.rmse_n for entry in every], 3),
-        numbers.column([norm.time for norm in norms], 3),
-        numbers.column([norm.displacement for norm in norms], 3),
-        numbers.column([norm.velocity for norm in norms], 3),
-        [numbers.format_fixed(entry.n_time, 0) for entry in every],
-        [*(numbers.format_fixed(each.substeps, 0) for each in tested), ""],
-    ]
-    return list(zip(*columns, strict=True))
+    columns = {
+        "Test": [*(name_of(each.test) for each in comparisons), "All tests"],
+        "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
+        "RMSE (N)": numbers.column([entry.rmse_n for entry in every], 3),
+        _norm("t"): numbers.column([norm.time for norm in norms], 3),
+        _norm("x"): numbers.column([norm.displacement for norm in norms], 3),
+        _norm("v"): numbers.column([norm.velocity for norm in norms], 3),
+        "Samples": [numbers.format_fixed(entry.n_time, 0) for entry in every],
+        "Sub-steps": [*(numbers.format_fixed(each.quality.substeps, 0) for each in comparisons), ""],
+    }
+    *rows, together = zip(*columns.values(), strict=True)
+    return Table(
+        label="Agreement with each test",
+        columns=tuple(columns),
+        rows=tuple(rows),
+        foot=together if len(rows) > 1 else (),
+        note="The model is simulated freely: its input is the motion, never the force. E with t, x and v are the "
+        "normed errors over time, displacement and velocity (Spencer et al. 1997); the first is the NRMSE, the RMSE "
+        "over the standard deviation of the force, and the fit is 100 % less it. Sub-steps are integration steps per "
+        "sample.",
+    )
 
 
-def count_findings(comparisons: Sequence[Comparison]) -> str:
+def _norm(letter: str) -> Markup:
+    return Markup("<i>E<sub>{}</sub></i>").format(letter)
+
+
+def fit_of(drawn: Simulated) -> float:
+    """Fit of a test by a model [%]."""
+    return drawn.quality.fit_percent if isinstance(drawn, Comparison) else 100.0 * (1.0 - drawn.nrmse)
+
+
+def spread_of(drawn: Sequence[Simulated]) -> FitSpread:
+    """Median and worst of the fits of these tests."""
+    return FitSpread.of([each.test.name for each in drawn], [fit_of(each) for each in drawn])
+
+
+def _count_findings(comparisons: Sequence[Comparison]) -> str:
     """The number of findings of the checks, in words."""
-    severities = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
-    parts = [
-        f"{count} {word}{'s' if count > 1 else ''}"
-        for word, count in (
-            ("warning", severities.count("warning")),
-            ("note", severities.count("note")),
-            ("repair", severities.count("repaired")),
-        )
-        if count
-    ]
+    found: Counter[str] = Counter(
+        finding.severity for comparison in comparisons for finding in comparison.test.findings
+    )
+    kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
+    parts = [numbers.counted(found[kind], noun) for kind, noun in kinds.items() if found[kind]]
     records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
     return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
+
+
+def excitation(test: DamperTest) -> list[str]:
+    """Command, amplitude and frequency of a test, as far as these are known."""
+    motion = ((test.amplitude, 1e3, "mm"), (test.frequency, 1.0, "Hz"))
+    known = [
+        f"{numbers.shortest(value * factor)} {unit}" for value, factor, unit in motion if value is not None
+    ]
+    return [test.command_in_words, *known] if test.commands else known
 
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
@@ -137,71 +137,49 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
     observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
     window = test.window
     ends = [
-        f"{end} {numbers.shortest(n_left * test.dt, 2)}{_THIN}s"
+        f"{end} {numbers.shortest(n_left * test.dt, 2)} s"
         for end, n_left in (("first", window.start), ("last", test.n_time - window.stop))
         if n_left
     ]
     n_bridged = len(range(test.n_time)[window]) - test.n_counted
     parts = [
-        test.command_in_words,
-        _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
-        _quantity(test.frequency, "Hz"),
-        f"{numbers.format_fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
+        *excitation(test),
+        f"{numbers.format_fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)} ms",
         f"velocity {test.velocity_source}",
         f"{' and '.join(ends)} not compared" if ends else "",
         f"{n_bridged} interpolated samples not compared" if n_bridged else "",
         f"model force {observed}" if observed else "",
     ]
-    return _MIDDLE_DOT.join(part for part in parts if part)
+    return " · ".join(filter(None, parts))
 
 
-def _test_panels(
-    identifier: str, comparison: Comparison, percent: str, unit: DisplayUnit
-) -> tuple[Panel, ...]:
+def _test_panels(identifier: str, comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
     test, data = comparison.test, data_label(comparison.test)
-    agrees = f"for test {test.name}: {data} and model, fit {percent} %"
     window = zoom_window(test.displacement)
     in_window = _thinning(window.stop - window.start, of_tests.POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, of_tests.POINTS_IN_LOOP)
-    drawings: list[tuple[str, str, of_tests.Drawing, str, str]] = [
-        (
-            "record",
-            "Whole record",
-            of_tests.draw_record,
-            f"Force against time over the whole record, with the residual below, {agrees}",
-            f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
-        ),
-        (
-            "cycles",
-            _window_title(comparison),
-            of_tests.draw_cycles,
-            f"Force against time over a few cycles, with the residual below, {agrees}",
-            in_window,
-        ),
+    shaded = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
+    drawings: list[tuple[str, str, of_tests.Drawing, str]] = [
+        ("record", "Whole record", of_tests.draw_record, shaded),
+        ("cycles", window.in_words, of_tests.draw_cycles, in_window),
         *(
-            (
-                over,
-                f"Force against {over}",
-                partial(of_tests.draw_loop, over),
-                f"Force against {over} {agrees}",
-                in_loop,
-            )
+            (over, f"Force against {over}", partial(of_tests.draw_loop, over), in_loop)
             for over in get_args(Motion)
         ),
     ]
     if test.has_varying_command:
-        drawings.append(
-            (
-                "command",
-                "Command",
-                of_tests.draw_command,
-                f"Command against time of test {test.name}, {test.command_in_words}",
-                "The loops belong to the whole record, so they are wide where the command changes.",
-            )
-        )
+        wide = "The loops belong to the whole record, so they are wide where the command changes."
+        drawings.append(("command", "Command", of_tests.draw_command, wide))
+    what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(fit_of(comparison), 2)} %"
     panels = [
-        panel(f"{identifier}-{suffix}", title, of_tests.figure_of_test(comparison, unit, draw), what, note)
-        for suffix, title, draw, what, note in drawings
+        panel(
+            f"{identifier}-{suffix}",
+            title,
+            of_tests.figure_of_test(comparison, unit, draw),
+            f"{title} {what}",
+            note,
+        )
+        for suffix, title, draw, note in drawings
     ]
     if test.original is not None:
         panels.append(
@@ -216,36 +194,17 @@ def _test_panels(
     return tuple(panels)
 
 
-def _window_title(comparison: Comparison) -> str:
-    window = zoom_window(comparison.test.displacement)
-    if window.first_cycle is None:
-        return "Middle of the record"
-    if window.n_cycles == 1:
-        return f"Cycle {window.first_cycle}"
-    return f"Cycles {window.first_cycle} to {window.first_cycle + window.n_cycles - 1}"
-
-
 def _thinning(n_time: int, drawn: int) -> str:
     if n_time <= drawn:
         return ""
     return f"About {drawn} of {numbers.format_fixed(n_time, 0)} samples are drawn, and the model force at every sample."
 
 
-def _quantity(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{numbers.shortest(value)}{_THIN}{unit}"
-
-
-# Up to so many tests are all drawn in full.
-_ALL_IN_FULL = 4
-
-
 def drawn_in_full(comparisons: Sequence[Comparison], *, every_test: bool = False) -> dict[int, str]:
     """Indices of the tests with figures of their own, and what each stands for: the best, median and worst of many."""
-    if every_test or len(comparisons) <= _ALL_IN_FULL:
+    if every_test or not has_small_loops(comparisons):
         return dict.fromkeys(range(len(comparisons)), "")
-    order = np.argsort(
-        [-comparison.quality.fit_percent for comparison in comparisons], kind="stable"
-    ).tolist()
+    order = np.argsort([-fit_of(each) for each in comparisons], kind="stable").tolist()
     return {order[0]: "Best fit", order[len(order) // 2]: "Median fit", order[-1]: "Worst fit"}
 
 
@@ -254,21 +213,21 @@ def has_small_loops(comparisons: Sequence[Comparison]) -> bool:
     return len(comparisons) > _ALL_IN_FULL
 
 
-def _overview(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> Iterator[Group]:
+def _overview(
+    comparisons: Sequence[Comparison], unit: DisplayUnit, before: Callable[[str], None]
+) -> Iterator[Group]:
     """A small loop of each of many tests, and recurring findings."""
     if has_small_loops(comparisons):
-        loops = of_tests.small_loops(comparisons, of_tests.common_force_unit(comparisons))
+        panels = []
+        for number, figure in enumerate(of_tests.small_loops(comparisons, unit)):
+            before(f"test {comparisons[number].test.name}")
+            panels.append(loop_panel(f"o{number + 1}", comparisons[number], figure))
         yield Group(
             prose=(
                 "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "
                 "the median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test so.",
             ),
-            panels=tuple(
-                loop_panel(f"o{number}", each, figure, each.quality.fit_percent)
-                for number, (each, figure) in enumerate(
-                    zip(_heard(comparisons, before), loops, strict=True), start=1
-                )
-            ),
+            panels=tuple(panels),
             layout="small",
         )
     shared = gathered_findings([each.test for each in comparisons]).shared
@@ -276,22 +235,11 @@ def _overview(comparisons: Sequence[Comparison], before: Callable[[str], None]) 
         yield Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
 
 
-def _heard(comparisons: Sequence[Comparison], before: Callable[[str], None]) -> Iterator[Comparison]:
-    for comparison in comparisons:
-        before(f"test {comparison.test.name}")
-        yield comparison
-
-
-def loop_panel(identifier: str, drawn: Simulated, figure: Figure, percent: float, title: str = "") -> Panel:
+def loop_panel(identifier: str, drawn: Simulated, figure: Figure, title: str = "") -> Panel:
     """A small loop of a test with its name and its fit."""
-    test, fitted = drawn.test, f"fit {numbers.format_fixed(percent, 1)} %"
-    return panel(
-        identifier,
-        title or _name_of(test),
-        figure,
-        f"Force against velocity of test {test.name}, {data_label(test)} and model, {fitted}",
-        f"{_name_of(test)}, {fitted}" if title else fitted,
-    )
+    name, fitted = name_of(drawn.test), f"fit {numbers.format_fixed(fit_of(drawn), 1)} %"
+    what = f"Force against velocity of test {drawn.test.name}, {data_label(drawn.test)} and model, {fitted}"
+    return panel(identifier, title or name, figure, what, f"{name}, {fitted}" if title else fitted)
 
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.

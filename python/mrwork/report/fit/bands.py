@@ -7,12 +7,12 @@ from typing import get_args
 
 import numpy as np
 
-from mrwork.base.numbers import format_fixed, percent, shortest
+from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.drawing.of_bands import loop_figure
-from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit
+from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit, name_of
 from mrwork.drawing.style import DisplayUnit
-from mrwork.records import DamperTest
+from mrwork.report.fit.agreement import excitation
 from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
@@ -36,11 +36,12 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     if bands is None:
         return None
     covered = _by_test(bands)
-    names = [_conditions_in_words(each.test) for each in bands.predictions] or bands.calibration.tests
+    conditions = [(each.test.name, ", ".join(excitation(each.test))) for each in bands.predictions]
+    names = [f"{name} ({known})" if known else name for name, known in conditions]
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
-        f"{bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations and commands like these, not "
-        "beyond them.",
+        f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
+        "commands like these, not beyond them.",
         *bands.calibration.remarks,
         _verdict([row[_LEVEL].samples.coverage for row in covered.values()]),
     )
@@ -64,14 +65,6 @@ def _by_test(bands: StoredBands) -> dict[str, _Levels]:
     for row in bands.coverage:
         by_test.setdefault(row.test, {})[row.level] = row
     return {test: row for test, row in by_test.items() if set(LEVELS) <= set(row)}
-
-
-def _conditions_in_words(test: DamperTest) -> str:
-    """Name of a test with its command, amplitude and frequency, as far as these are known."""
-    parts = [(test.amplitude, "mm", 1e3), (test.frequency, "Hz", 1.0)]
-    known = [f"{shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None]
-    known = [test.command_in_words, *known] if test.commands else known
-    return f"{test.name} ({', '.join(known)})" if known else test.name
 
 
 def coverage_summary(bands: StoredBands) -> str:
@@ -135,7 +128,7 @@ def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: Disp
         test = prediction.test
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
         band = calibration.band(prediction, _LEVEL)
-        name = test.name + (" (synthetic)" if test.synthetic else "")
+        name = name_of(test)
         panels += [
             panel(
                 f"l{number}-{over}",

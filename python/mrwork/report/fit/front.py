@@ -24,9 +24,9 @@ from mrwork.errors import MrworkError
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.identify import identify_from
 from mrwork.identification.minimise.level_search import has_levels, levels_of
-from mrwork.identification.result import FitSpread, rms
+from mrwork.identification.result import FitSpread
 from mrwork.records import DamperTest
-from mrwork.report.fit.agreement import loop_panel
+from mrwork.report.fit.agreement import fit_of, loop_panel, spread_of
 from mrwork.report.fit.bands import coverage_summary
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
@@ -60,12 +60,6 @@ class _Evidence:
     spread: FitSpread
     remark: str = ""
 
-    @staticmethod
-    def of(title: str, opening: str, drawn: Sequence[Simulated], remark: str = "") -> _Evidence:
-        """Predictions of tests that are all to be had."""
-        spread = FitSpread.of([each.test.name for each in drawn], [fit_of(each) for each in drawn])
-        return _Evidence(title=title, opening=opening, drawn=drawn, spread=spread, remark=remark)
-
     @property
     def in_words(self) -> str:
         """The verdict, a sentence or two."""
@@ -78,10 +72,11 @@ class _Evidence:
 
 def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
     """The best evidence that a run has: tests that it has not seen, else those of the fit."""
-    own = _Evidence.of(
+    own = _Evidence(
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(comparisons))} that it was fitted to,",
         drawn=comparisons,
+        spread=spread_of(comparisons),
         remark="How well it predicts others is not known.",
     )
     bands, laws, ranking = run.bands, run.laws, run.ranking
@@ -102,10 +97,11 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
             LATER_CYCLES: "Predicts later cycles of its test, fitted on the earlier ones,",
         }
         left_out = f"Fits to the other tests predict {count}, {held_out},"
-        return _Evidence.of(
+        return _Evidence(
             title="Calibration" if held_out in openings else "Left out",
             opening=openings.get(held_out, left_out),
             drawn=bands.predictions,
+            spread=spread_of(bands.predictions),
         )
     chosen = None
     if laws is not None:
@@ -118,13 +114,6 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
             own, opening=f"{left_out}{chosen[0]} chosen by it, so expect less. {own.opening}", remark=""
         )
     return own
-
-
-def fit_of(drawn: Simulated) -> float:
-    """Fit of a test by a model [%]."""
-    if isinstance(drawn, Comparison):
-        return drawn.quality.fit_percent
-    return 100.0 * (1.0 - rms(drawn.residual) / float(np.std(drawn.measured)))
 
 
 def _tests(count: int) -> str:
@@ -178,9 +167,7 @@ def _specimen(fit: Fit) -> str:
 
 def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evidence) -> tuple[Number, ...]:
     fit, spread, bands = run.fit, evidence.spread, run.bands
-    own = FitSpread.of(
-        [each.test.name for each in comparisons], [each.quality.fit_percent for each in comparisons]
-    )
+    own = spread_of(comparisons)
     worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
     held_out = (
         []
@@ -237,7 +224,7 @@ def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator
         drawn = evidence.drawn[number]
         (figure,) = of_tests.small_loops([drawn], unit, over=over, height=height)
         title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
-        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, fit_of(drawn), title)
+        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, title)
 
 
 def _law_panels(fit: Fit, comparisons: Sequence[Comparison], height: float) -> Iterator[Panel]:

@@ -15,7 +15,7 @@ from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend
 from mrwork.drawing.of_fits import add_residual_points
-from mrwork.drawing.of_tests import Comparison
+from mrwork.drawing.of_tests import Comparison, name_of
 from mrwork.drawing.style import DisplayUnit
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
@@ -169,7 +169,7 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
         (
             TableColumn(
                 heading="test",
-                cell=lambda row: f"{row[0].test.name}{' (synthetic)' if row[0].test.synthetic else ''}",
+                cell=lambda row: name_of(row[0].test),
             ),
             column("lag-1 autocorr.", lambda each: format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
@@ -206,7 +206,7 @@ def _ratio(excess: Excess) -> str:
 def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
     """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
     test = comparison.test
-    name = test.name + (" (synthetic)" if test.synthetic else "")
+    name = name_of(test)
     return (
         panel(
             "residual-lag",
