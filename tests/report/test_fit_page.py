@@ -405,17 +405,6 @@ def test_an_error_that_small_strokes_have_alone_is_said() -> None:
     assert group.prose == ()
 
 
-def test_an_error_at_reversals_is_told_from_one_elsewhere() -> None:
-    test = report_samples.comparison().test
-    at_reversal = np.abs(test.velocity) < np.sin(0.1 * np.pi) * np.max(test.velocity)
-    found = rows(amplitude_section([with_error(0.01, np.where(at_reversal, 30.0, 10.0))]))
-    (row,) = found.values()
-    # A window has 12.5 samples: one at its edge may count on the other side.
-    assert float(row["RMSE at reversals (N)"]) == pytest.approx(30.0, rel=0.04)
-    assert float(row["RMSE elsewhere (N)"]) == pytest.approx(10.0, rel=0.05)
-    assert float(row["At reversals / elsewhere"]) == pytest.approx(3.0, rel=0.1)
-
-
 def test_samples_that_are_not_compared_do_not_count() -> None:
     found = with_error(0.01, 10.0)
     error = np.full(found.test.n_time, 10.0)

@@ -244,26 +244,19 @@ def loop_panel(identifier: str, drawn: Simulated, figure: Figure, title: str = "
 
 # Upper ends of the classes in each decade of millimetres; the amplitudes that rigs are set to lie between them.
 _ENDS = (1.7, 3.4, 7.0)
-# Share of the duration of a half cycle that counts as its reversal, at either end.
-_REVERSAL = 0.1
 # An error relative to the force is larger by this factor before the text says so.
 _LARGER = 2.0
 
 
 @array_dataclass()
 class _HalfCycles:
-    """Half cycles: amplitude [m]; samples that count, their squared errors and squared forces, at reversals or not.
+    """Half cycles: amplitude [m]; samples that count, sum of their squared errors, and of their squared forces [N^2].
 
-    `sums` [1, N^2, N^2] has the shape (3, 2, n_half_cycles); of its rows the first is at reversals.
+    `amplitude` has the shape (n_half_cycles,), `sums` (3, n_half_cycles).
     """
 
     amplitude: Floats
     sums: Floats
-
-    @property
-    def n_samples(self) -> float:
-        """Number of samples that count."""
-        return float(self.sums[0].sum())
 
     @property
     def in_words(self) -> str:
@@ -274,24 +267,14 @@ class _HalfCycles:
     @property
     def rmse(self) -> float:
         """Root mean square error [N]."""
-        return _root(self.sums[1].sum(), self.n_samples)
+        count, errors, _ = self.sums.sum(axis=1)
+        return math.sqrt(errors / count)
 
     @property
     def relative(self) -> float:
         """Root mean square error over that of the force."""
-        return _root(self.sums[1].sum(), self.sums[2].sum())
-
-    @property
-    def rmse_at_and_between_reversals(self) -> tuple[float, float]:
-        """Root mean square error of the samples at reversals and of the others [N]."""
-        at, between = map(_root, self.sums[1].sum(axis=1), self.sums[0].sum(axis=1))
-        return at, between
-
-    @property
-    def excess_at_reversals(self) -> float:
-        """Root mean square error at reversals over that of the other samples."""
-        at, between = self.rmse_at_and_between_reversals
-        return at / between if between > 0.0 else math.nan
+        _, errors, forces = self.sums.sum(axis=1)
+        return math.sqrt(errors / forces) if forces > 0.0 else math.nan
 
 
 def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
@@ -299,29 +282,31 @@ def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
     every = _half_cycles(comparisons)
     number = _classes(every.amplitude)
     chosen = [number == each for each in np.unique(number)]
-    classes = [_HalfCycles(amplitude=every.amplitude[of], sums=every.sums[..., of]) for of in chosen]
-    classes = [each for each in classes if each.n_samples]
+    classes = [
+        _HalfCycles(amplitude=every.amplitude[of], sums=every.sums[:, of])
+        for of in chosen
+        if every.sums[0, of].any()
+    ]
     if not classes:
         return None
     return Section(
         anchor="amplitudes",
         title="Errors by amplitude",
-        summary=f"{_summary(classes)}.",
+        summary=_summary(classes),
         groups=(Group(prose=_prose(classes), table=_table(classes, every)),),
     )
 
 
 def _summary(classes: Sequence[_HalfCycles]) -> str:
     if len(classes) == 1:
-        return f"all half cycles are of {classes[0].in_words}"
+        return f"all half cycles are of {classes[0].in_words}."
     shares = [f"{numbers.percent(each.relative)} % in those of {each.in_words}" for each in classes]
-    return f"RMSE over the RMS force of the half cycles, {', '.join(shares)}"
+    return f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
 
 
 def _prose(classes: Sequence[_HalfCycles]) -> tuple[str, ...]:
-    largest = classes[-1]
-    worst = max(classes[:-1], key=lambda each: each.relative, default=None)
-    if worst is None or not worst.relative > _LARGER * largest.relative:
+    largest, worst = classes[-1], max(classes, key=lambda each: each.relative)
+    if not worst.relative > _LARGER * largest.relative:
         return ()
     return (
         f"In half cycles of {worst.in_words} the error over the force is "
@@ -337,27 +322,18 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     def column(heading: str, cell: Callable[[_HalfCycles], str], unit: str = "") -> TableColumn:
         return TableColumn(heading=heading, unit=unit, cell=cell)
 
-    def rmse(part: int) -> Callable[[_HalfCycles], str]:
-        return lambda each: numbers.significant(each.rmse_at_and_between_reversals[part], 3)
-
     return page_table(
         "Errors by amplitude of the half cycles",
         (
             column("amplitude", lambda each: "all" if each is every else each.in_words),
             column("half cycles", lambda each: numbers.format_fixed(each.amplitude.size, 0)),
-            column("samples", lambda each: numbers.format_fixed(each.n_samples, 0)),
+            column("samples", lambda each: numbers.format_fixed(float(each.sums[0].sum()), 0)),
             column("RMSE", lambda each: numbers.format_fixed(each.rmse, decimals), "N"),
             column("RMSE / RMS force", lambda each: numbers.percent(each.relative), "%"),
-            column("RMSE at reversals", rmse(0), "N"),
-            column("RMSE elsewhere", rmse(1), "N"),
-            column(
-                "at reversals / elsewhere", lambda each: numbers.format_fixed(each.excess_at_reversals, 2)
-            ),
         ),
         rows,
         note="The amplitude is half the displacement from one reversal to the next; the motion before the first "
-        "reversal and after the last has none. At reversals: the first and the last tenth of the duration of each "
-        "half cycle.",
+        "reversal and after the last has none.",
     )
 
 
@@ -367,24 +343,14 @@ def _half_cycles(comparisons: Sequence[Comparison]) -> _HalfCycles:
         test = comparison.test
         ends = half_cycle_ends(test.displacement)
         amplitudes.append(0.5 * np.abs(np.diff(test.displacement[ends])))
-        sums.append(_sums(test, ends, comparison.residual))
+        counts = np.zeros(test.n_time)
+        counts[test.counted] = 1.0
+        squares = counts * np.stack(
+            [np.ones(test.n_time), comparison.residual**2, (test.force - test.force.mean()) ** 2]
+        )
+        before = np.cumsum(np.pad(squares, ((0, 0), (1, 0))), axis=1)
+        sums.append(np.diff(before[:, ends], axis=1))
     return _HalfCycles(amplitude=np.concatenate(amplitudes), sums=np.concatenate(sums, axis=-1))
-
-
-def _sums(test: DamperTest, ends: NDArray[np.intp], residual: Floats) -> Floats:
-    """Samples that count, their squared residuals and forces, shape (3, 2, n_half_cycles)."""
-    counts = np.zeros(test.n_time)
-    counts[test.counted] = 1.0
-    sample = np.arange(ends[0], ends[-1])
-    index = np.searchsorted(ends, sample, side="right") - 1
-    share = (sample - ends[index]) / np.diff(ends)[index]
-    between = (share >= _REVERSAL) & (share < 1.0 - _REVERSAL)
-    place = index + between * (ends.size - 1)
-    weights = counts[sample] * np.stack(
-        [np.ones(sample.size), residual[sample] ** 2, (test.force[sample] - test.force.mean()) ** 2]
-    )
-    sums = [np.bincount(place, weights=each, minlength=2 * (ends.size - 1)) for each in weights]
-    return np.reshape(sums, (3, 2, -1))
 
 
 def _classes(amplitude: Floats) -> NDArray[np.intp]:
@@ -395,9 +361,5 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
     return np.asarray(decade * len(_ENDS) + within, dtype=np.intp)
 
 
-def _root(total: float, count: float) -> float:
-    return math.sqrt(total / count) if count > 0.0 else math.nan
-
-
 AMPLITUDES = SectionKind(make=lambda _, comparisons: amplitude_section(comparisons))
-"""The errors by amplitude, and at reversals."""
+"""The errors by amplitude."""
