@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
@@ -42,122 +41,86 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
         residual_tests(comparison.test, comparison.residual[comparison.test.counted])
         for comparison in comparisons
     ]
-    return Section(
-        anchor="residuals",
-        title="Residuals",
-        summary=_summary(tests),
-        groups=(Group(prose=_prose(tests), table=_table(comparisons, tests)),),
-    )
-
-
-def _summary(tests: Sequence[ResidualTests]) -> str:
     correlated = sum(not each.is_white for each in tests)
-    places = [each.in_words for each in _places(tests)]
-    if correlated == 0:
-        if not places:
-            return "consistent with white noise."
-        return f"{'; those '.join(places)}."
-    parts = [f"correlated on {tests_of(correlated, len(tests))}"]
-    if repeating := _repeating(tests):
-        parts.append(f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle")
-    return f"{'; '.join([*parts, *(f'those {each}' for each in places)])}."
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
-    """Where the residuals are larger than elsewhere, up to `ratio` times, on so many of the tests; what that means."""
-
-    where: str
-    ratio: float
-    count: int
-    total: int
-    meaning: str
-
-    @property
-    def in_words(self) -> str:
-        """Text on residuals such as "after steps of the command are 4 times as large as elsewhere"."""
-        times = f"{shortest(self.ratio, 2)} times as large as elsewhere"
-        if self.total == 1:
-            return f"{self.where} are {times}"
-        return f"{self.where} are up to {times} on {tests_of(self.count, self.total)}"
-
-
-def _places(tests: Sequence[ResidualTests]) -> tuple[_Place, ...]:
-    """Where white noise is rejected because the residuals are larger than elsewhere."""
-    places = (
-        (
-            "after steps of the command",
-            [each.after_steps for each in tests],
-            "the model does not follow the command as the damper does, so look at its lag, its laws and at the times "
-            "of the recorded command",
-        ),
-        (
-            "at reversals of the motion",
-            [each.at_reversals for each in tests],
-            "the force of the model does not change sides as that of the damper does",
-        ),
-    )
-    return tuple(
-        _Place(
-            where=where,
-            ratio=max(each.ratio for each in excesses if each.is_found),
-            count=sum(each.is_found for each in excesses),
-            total=len(excesses),
-            meaning=meaning,
+    repeating = [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
+    places = _places(tests)
+    said = list(places)
+    if correlated:
+        known = [f"correlated on {tests_of(correlated, len(tests))}"]
+        if repeating:
+            known.append(
+                f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"
+            )
+        said.insert(0, "; ".join(known))
+        first = (
+            "Residuals are correlated from sample to sample: standard errors and bands that count every sample as "
+            "independent are too narrow; prediction bands are calibrated on tests that the fit has not seen. "
+            f"{_origin(repeating)}"
         )
-        for where, excesses, meaning in places
-        if any(each.is_found for each in excesses)
-    )
-
-
-def _repeating(tests: Sequence[ResidualTests]) -> list[float]:
-    """Repeating shares of the residuals that are not white, where they are known."""
-    return [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
-
-
-def _prose(tests: Sequence[ResidualTests]) -> tuple[str, ...]:
-    correlated = sum(not each.is_white for each in tests)
-    varying = sum(not each.has_constant_variance for each in tests)
-    places = tuple(f"Residuals {each.in_words}: {each.meaning}." for each in _places(tests))
-    if correlated == 0 and places:
+    elif places:
         first = (
             "The autocorrelation of the residuals is that of white noise, but they are larger at times than at others: "
             "a better model could remove a part of them."
         )
-    elif correlated == 0:
+    else:
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
             "could remove, and the standard errors in the table of parameters hold."
         )
-    else:
-        first = (
-            f"On {tests_of(correlated, len(tests))} the residuals are correlated from sample to sample. Standard "
-            "errors and bands that count every sample as independent are then too narrow; prediction bands are "
-            f"calibrated on tests that the fit has not seen. {_origin(_repeating(tests))}"
-        )
+    return Section(
+        anchor="residuals",
+        title="Residuals",
+        summary=f"{'; those '.join(said) or 'consistent with white noise'}.",
+        groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(comparisons, tests)),),
+    )
+
+
+def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
+    """Where white noise is rejected because the residuals are larger than elsewhere, with what that means."""
+    kinds = (
+        (
+            "after steps of the command",
+            [each.after_steps for each in tests],
+            "After steps of the command the model does not follow it as the damper does: look at its lag, its laws and "
+            "at the times of the recorded command.",
+        ),
+        (
+            "at reversals of the motion",
+            [each.at_reversals for each in tests],
+            "At reversals of the motion the force of the model does not change sides as that of the damper does.",
+        ),
+    )
+    found = {}
+    for where, excesses, meaning in kinds:
+        if ratios := [each.ratio for each in excesses if each.is_found]:
+            times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
+            several = f"up to {times} on {tests_of(len(ratios), len(tests))}"
+            found[f"{where} are {several if len(tests) > 1 else times}"] = meaning
+    return found
+
+
+def _variance(tests: Sequence[ResidualTests]) -> str:
+    varying = sum(not each.has_constant_variance for each in tests)
     if varying == 0:
-        second = "The tests show no dependence of their variance on speed or stroke."
-    else:
-        second = (
-            f"On {tests_of(varying, len(tests))} their variance depends on speed and stroke: a band of constant width "
-            "is too wide in one part of the cycle and too narrow in another."
-        )
-    return first, *places, second
+        return "The tests show no dependence of their variance on speed or stroke."
+    return (
+        f"On {tests_of(varying, len(tests))} their variance depends on speed and stroke: a band of constant width is "
+        "too wide in one part of the cycle and too narrow in another."
+    )
 
 
 def _origin(repeating: Sequence[float]) -> str:
     """Sentence on whether the residuals are mostly model error, from the share that repeats in every cycle."""
     if not repeating:
         return "Model error and correlated noise cannot be distinguished without repeated cycles."
-    low, high = most_of(min(repeating)), most_of(max(repeating))
-    span = low if low == high else f"between {low} and {high}"
-    text = f"Of their mean square {span} % repeats from cycle to cycle"
     if float(np.median(repeating)) > _MOST:
         return (
-            f"{text}: this is error of the model, not noise. Longer records of the same motion do not reduce it; "
-            "another model may."
+            "What repeats from cycle to cycle is error of the model, not noise. Longer records of the same motion do "
+            "not reduce it; another model may."
         )
-    return f"{text}: most of the residual is not a systematic error of the model."
+    return (
+        "Most of the residual does not repeat from cycle to cycle, so is not a systematic error of the model."
+    )
 
 
 def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) -> Table:
@@ -167,10 +130,7 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
     return page_table(
         "Tests of the residuals",
         (
-            TableColumn(
-                heading="test",
-                cell=lambda row: name_of(row[0].test),
-            ),
+            TableColumn(heading="test", cell=lambda row: name_of(row[0].test)),
             column("lag-1 autocorr.", lambda each: format_fixed(each.lag_one, 3)),
             column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
             column(
@@ -205,8 +165,7 @@ def _ratio(excess: Excess) -> str:
 
 def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
     """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
-    test = comparison.test
-    name = name_of(test)
+    name = name_of(comparison.test)
     return (
         panel(
             "residual-lag",
