@@ -80,7 +80,7 @@ def fit_page(
     sections = [
         warning_section(run.fit.warnings),
         tests,
-        parameters_section(run.fit),
+        parameters_section(run),
         *(section for _, section in made),
         search_section(run.fit),
         _absent_section(absent),

@@ -6,26 +6,24 @@ from collections.abc import Mapping, Sequence
 from typing import get_args
 
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
 from mrwork.drawing import style
-from mrwork.drawing.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
+from mrwork.drawing.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.drawing.of_fits import add_profile, shown_unit, with_unit
 from mrwork.drawing.of_tests import Comparison
 from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
 from mrwork.report.html import equation_html, symbol
-from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profile import Profiles
 
 
-def parameters_section(fit: Fit) -> Section:
+def parameters_section(run: StoredRun) -> Section:
     """The model, its parameters with their uncertainty, and what the data determine."""
-    spec, judged = fit.spec, fit.identifiability
+    fit, spec, judged = run.fit, run.fit.spec, run.fit.identifiability
     verdicts = {} if judged is None else {each.name: fit.verdict_on(each.name) for each in judged.verdicts}
     words = {verdict for verdict, _ in verdicts.values()}
     advice = " ".join(_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words)
@@ -42,7 +40,7 @@ def parameters_section(fit: Fit) -> Section:
         groups.append(Group(prose=(digest,), markup=source))
     groups.append(
         Group(
-            table=parameter_table(fit),
+            table=_parameter_table(fit, run.profiles),
             prose=tuple(filter(None, (advice,))),
             points=() if judged is None else tuple(_sentence(each) for each in judged.informative),
         )
@@ -55,20 +53,30 @@ def parameters_section(fit: Fit) -> Section:
     )
 
 
-def parameter_table(fit: Fit) -> Table:
-    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
+def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
+    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict.
+
+    The intervals of `profiles` have a column of their own beside standard errors or posterior intervals.
+    """
     estimates = fit.estimates
+    beside = profiles is not None and (fit.intervals is None or fit.intervals.kind != "profile")
+    profiled = profiles.intervals if profiles is not None and beside else None
     if fit.intervals is None:
         pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
     else:
         pairs = [_value_and_interval(each, fit.intervals.of(each.name)) for each in estimates]
     values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
     verdicts, reasons = zip(*(_verdict(fit, each) for each in estimates), strict=True)
-    relative = [relative_error(each.value, each.standard_error) for each in estimates]
+    relative = [_relative_error(each.value, each.standard_error) for each in estimates]
     columns: list[tuple[str, Sequence[str], bool]] = [
         ("Parameter", [_name_cell(each.name) for each in estimates], True),
         ("Value", _align_texts(values), False),
         (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
+        (
+            profiled.heading if profiled else "",
+            [_value_and_interval(each, profiled.of(each.name))[1] for each in estimates] if profiled else [],
+            False,
+        ),
         ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
         ("Unit", [shown_unit(each.unit) for each in estimates], True),
         ("Lower bound", _align_texts([numbers.shortest(each.lower) for each in estimates]), False),
@@ -109,14 +117,9 @@ def _value_and_interval(estimate: Estimate, interval: Interval | None) -> tuple[
     """An estimate and its interval to the second digit of a quarter of its width, about one standard error."""
     if interval is None:
         return numbers.significant(estimate.value, 5), numbers.NOTHING
-    shown = numbers.rounded_to(quarter(estimate.value, interval.lower, interval.upper))
+    ends = [abs(end - estimate.value) for end in (interval.lower, interval.upper) if end is not None]
+    shown = numbers.rounded_to(sum(ends) / (2.0 * len(ends)) if ends else None)
     return shown(estimate.value), interval.in_words(shown)
-
-
-def quarter(value: float, lower: float | None, upper: float | None) -> float | None:
-    """A quarter of the width of an interval, half of one that is open on a side; `None` without ends."""
-    ends = [abs(end - value) for end in (lower, upper) if end is not None]
-    return sum(ends) / (2.0 * len(ends)) if ends else None
 
 
 def caution(fit: Fit) -> str:
@@ -146,7 +149,7 @@ def caution(fit: Fit) -> str:
     )
 
 
-def relative_error(value: float, error: float | None) -> str:
+def _relative_error(value: float, error: float | None) -> str:
     """A standard error as a percentage of its estimate; a dash where there is none."""
     if error is None or value == 0:
         return numbers.format_fixed(None, 0)
@@ -200,23 +203,21 @@ def _profiles_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None
     open_ended = [each.name for each in profiles.profiles if each.lower is None or each.upper is None]
     count = len(profiles.profiles)
     ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
+    what = f"Likelihood ratio over each of {count} parameters"
+    drawn = panel("profiles", "", profiles_figure(profiles), what)
     return Section(
         anchor="profiles",
         title="Profile likelihood",
         summary=f"{100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(
-            Group(
-                prose=_profiles_prose(profiles),
-                panels=tuple(_profile_panel(profile, profiles.threshold) for profile in profiles.profiles),
-                layout="small",
-            ),
+            Group(title="Likelihood ratio", prose=_profiles_prose(profiles), panels=(drawn,), layout="whole"),
         ),
     )
 
 
 def _profiles_prose(profiles: Profiles) -> tuple[str, ...]:
     text = (
-        "Each figure holds one parameter at values around its estimate and fits all others again. The line is the "
+        "Each panel holds one parameter at values around its estimate and fits all others again. The line is the "
         f"likelihood ratio; the values below the dashed threshold form the {100 * profiles.level:g} % interval "
         "(shaded). Where the line does not reach the threshold, the data do not bound the parameter on that side."
     )
@@ -226,42 +227,17 @@ def _profiles_prose(profiles: Profiles) -> tuple[str, ...]:
 
 
 @style.drawn_in_style()
-def _profile_panel(profile: Profile, threshold: float) -> Panel:
-    figure, axes = small_axes()
-    add_profile(axes, profile, threshold)
-    _add_title(axes, profile)
-    if axes.get_xscale() == "linear":
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
-        plain_ticks(axes, 5)
-    shown = numbers.rounded_to(quarter(profile.estimate, profile.lower, profile.upper))
-    ends = ("open" if end is None else shown(end) for end in (profile.lower, profile.upper))
-    interval = f"{' to '.join(ends)} {shown_unit(profile.unit)}".rstrip()
-    return panel(
-        f"profile-{profile.name.replace('.', '-')}",
-        "",
-        figure,
-        f"Likelihood ratio over {profile.name}, interval {interval}",
-        f"{profile.name}: {shown(profile.estimate)}, {interval}"
-        f"{f'; {profile.reason}' if profile.reason else ''}",
-    )
-
-
-@style.drawn_in_style()
 def profiles_figure(profiles: Profiles) -> Figure:
     """Likelihood ratio against each parameter: threshold dashed, interval shaded, an arrow where it is open."""
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
     for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
         add_profile(axes, profile, profiles.threshold)
-        _add_title(axes, profile)
+        axes.set_title(with_unit(style.symbol_text(profile.name), profile.unit), loc="left", pad=6)
         if number % _COLUMNS:
             axes.tick_params(labelleft=False)
         else:
             axes.set_ylabel("Likelihood ratio")
     return figure
-
-
-def _add_title(axes: Axes, profile: Profile) -> None:
-    axes.set_title(with_unit(style.symbol_text(profile.name), profile.unit), loc="left", pad=6)
 
 
 PROFILES = SectionKind(

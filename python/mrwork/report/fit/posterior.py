@@ -10,13 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.numbers import format_fixed, rounded_to, significant
+from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.values import Floats
 from mrwork.drawing import style
 from mrwork.drawing.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.drawing.of_fits import add_corner, label_corner, shown_unit
+from mrwork.drawing.of_fits import add_corner, label_corner
 from mrwork.drawing.of_tests import Comparison
-from mrwork.report.fit.parameters import quarter
 from mrwork.report.section import Absent, Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
@@ -42,22 +41,18 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     corner = panel(
         "corner",
         "",
-        corner_figure(draws, estimates),
+        _corner_figure(draws, estimates),
         f"Densities of {len(draws.varied)} parameters, alone and in pairs",
     )
     traces, ranks = [], []
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
         made = f"Draws of {each.name} in the order in which they were made"
-        shown = rounded_to(quarter(each.median, each.lower, each.upper))
-        span = f"median {shown(each.median)}, {shown(each.lower)} to {shown(each.upper)}"
-        remark = each.reason or each.remark
-        note = f"{span} {shown_unit(each.unit)}".rstrip() + (f"; {remark}" if remark else "")
-        traces.append(panel(f"trace-{anchor}", "", trace_figure(each.name, chain), made, note))
+        traces.append(panel(f"trace-{anchor}", "", _trace_figure(each.name, chain), made))
         ranked = f"Ranks of the draws of {each.name} in four groups of walkers"
         note = f"ESS {format_fixed(each.ess_bulk, 0)}, of the tails {format_fixed(each.ess_tail, 0)}"
         note += f", R-hat {format_fixed(each.rhat, 3)}" if math.isfinite(each.rhat) else ""
-        ranks.append(panel(f"rank-{anchor}", "", rank_figure(each.name, chain, each.ess_bulk), ranked, note))
+        ranks.append(panel(f"rank-{anchor}", "", _rank_figure(each.name, chain, each.ess_bulk), ranked, note))
     return Section(
         anchor="posterior",
         title="Posterior",
@@ -78,8 +73,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                 title="Trace",
                 prose=(
                     "Median (line) and 5 to 95 % range (band) of all walkers at each draw, with two single walkers in "
-                    "grey; below, the median and the 95 % interval of all draws. A stationary chain looks the same "
-                    "from left to right; a drift means that sampling stopped too early.",
+                    "grey. A stationary chain looks the same from left to right; a drift means that sampling stopped "
+                    "too early.",
                 ),
                 panels=tuple(traces),
                 layout="small",
@@ -114,7 +109,7 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 
 
 @style.drawn_in_style()
-def trace_figure(name: str, chain: Floats) -> Figure:
+def _trace_figure(name: str, chain: Floats) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     kept = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
     lower, median, upper = np.quantile(chain[:, kept], [0.05, 0.5, 0.95], axis=0)
@@ -129,7 +124,7 @@ def trace_figure(name: str, chain: Floats) -> Figure:
 
 
 @style.drawn_in_style()
-def rank_figure(name: str, chain: Floats, ess: float) -> Figure:
+def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     """Share of each sixteenth of the ranks in four groups of walkers, draws of shape (n_walkers, n_kept)."""
     from scipy.stats import rankdata
 
@@ -149,7 +144,7 @@ def rank_figure(name: str, chain: Floats, ess: float) -> Figure:
 
 
 @style.drawn_in_style()
-def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
+def _corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
     names = [each.name for each in draws.varied]
     count = len(names)
