@@ -298,12 +298,8 @@ def _law_figure(spec: DamperSpec, law: Law, points: Sequence[_Point], height: fl
 def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Comparison]) -> tuple[str, ...]:
     """Where the fit does not hold, what misleads most first; what does not fit is counted."""
     fit = run.fit
-    judged = (
-        {}
-        if fit.identifiability is None
-        else {each.name: each.verdict for each in fit.identifiability.verdicts}
-    )
-    doubtful = [name for name, verdict in judged.items() if verdict not in ("identifiable", "negligible")]
+    judged = fit.identifiability.verdicts if fit.identifiability else ()
+    doubtful = [each.name for each in judged if each.verdict not in ("identifiable", "negligible")]
     said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
     if evidence.drawn is comparisons and len(comparisons) == 1:
         said.append("One test cannot show how the damper behaves under another motion or command.")

@@ -26,7 +26,6 @@ def search_section(fit: Fit) -> Section:
     """The convergence of the search, the misfits of its local minimisations, its results and its cost."""
     reached = "refined to" if fit.refinement_steps else "best fit"
     ends, best = _local_minimisations(fit)
-    count, least = numbers.format_fixed(ends.size, 0), numbers.format_fixed(best, 0)
     course = panel(
         "search",
         "Misfit during the search",
@@ -35,15 +34,12 @@ def search_section(fit: Fit) -> Section:
         f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}",
     )
     facts = (
-        ("Local minimisations", f"{count}, {least} at the least misfit" if ends.size else ""),
         ("Search ended", fit.trace.ended),
         ("Generations or iterations", numbers.format_fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
-        ("Refinement steps", numbers.format_fixed(fit.refinement_steps, 0)),
-        ("Samples compared", numbers.format_fixed(fit.n_time, 0)),
         ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
     )
-    said = f"; {least} of {count} local minimisations ended at the least misfit" if ends.size else ""
+    said = f"; {best} of {ends.size} local minimisations ended at the least misfit" if ends.size else ""
     return Section(
         anchor="search",
         title="Search",
