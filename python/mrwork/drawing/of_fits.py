@@ -78,7 +78,6 @@ def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
-    inner = [profile.lower is not None, profile.upper is not None]
     axes.axvspan(
         profile.lower if profile.lower is not None else left,
         profile.upper if profile.upper is not None else right,
@@ -114,8 +113,8 @@ def add_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     axes.set_xlim(left, right)
     axes.set_ylim(0.0, TOP * threshold)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    for closed, way in zip(inner, (-1, 1), strict=True):
-        if not closed:
+    for end, way in ((profile.lower, -1), (profile.upper, 1)):
+        if end is None:
             _mark_open(axes, way)
 
 
@@ -161,11 +160,10 @@ def _span(profile: Profile) -> tuple[float, float]:
         side = slice(centre, None, 1) if way > 0 else slice(centre, None, -1)
         distance, height = np.abs(position[side] - position[centre]), ratio[side]
         if limit is not None:
-            reach = 1.25 * abs(float(own(np.array(limit))) - position[centre])
+            ends.append(1.25 * abs(float(own(np.array(limit))) - float(position[centre])))
         else:
             levelled = int(np.argmax(height >= _LEVEL * height.max()))
-            reach = _FURTHER * distance[levelled] or distance[-1]
-        ends.append(float(min(reach, distance[-1]) if limit is None else reach))
+            ends.append(float(min(_FURTHER * distance[levelled] or distance[-1], distance[-1])))
     widest = max(ends)
     if widest == 0.0:
         widest = 0.01 if profile.log else 0.01 * abs(profile.estimate) or 1.0

@@ -17,7 +17,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import blank, grid_of_axes, name_ordinate, room_for
 from mrwork.drawing.of_tests import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel
+from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
@@ -38,25 +38,23 @@ def _models_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         return None
     chosen = ranking.chosen_standing
     provisionally = " provisionally" if chosen.verdict == "provisional" else ""
-    predicted = [each for each in ranking.standings if each.left_out_percent is not None]
+    predicted = sum(each.left_out_percent is not None for each in ranking.standings)
     return Section(
         anchor="ranking",
         title="Choice of model",
         summary=f"{chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
         groups=(
-            _group(ranking, ranking.remarks),
-            Group(
-                title="Left-out fit of the models",
-                panels=(
-                    panel(
-                        "ranking",
-                        "",
-                        ranking_figure(ranking),
-                        f"Left-out fit of {len(predicted)} models with its standard error; {chosen.title} is "
-                        f"chosen{provisionally}",
-                        f"Mean and standard error over {ranking.held_out}.",
-                    ),
+            _group(
+                ranking,
+                ranking.remarks,
+                panel(
+                    "ranking",
+                    "Left-out fit of the models",
+                    ranking_figure(ranking),
+                    f"Left-out fit of {predicted} models with its standard error; {chosen.title} is "
+                    f"chosen{provisionally}",
+                    f"Mean and standard error over {ranking.held_out}.",
                 ),
             ),
         ),
@@ -79,11 +77,12 @@ def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     )
 
 
-def _group(choice: Ranking | LawTable, remarks: Sequence[str]) -> Group:
+def _group(choice: Ranking | LawTable, remarks: Sequence[str], *panels: Panel) -> Group:
     return Group(
         prose=(choice.sentence, *(f"{remark}." for remark in remarks)),
         table=choice.page_table,
         points=choice.definitions,
+        panels=panels,
     )
 
 

@@ -154,14 +154,8 @@ def _specimen(fit: Fit) -> str:
     """Damper, serial number, date, operator and temperature, as far as the table of tests has them."""
     reading = fit.provenance.settings.get("reading") or {}
     facts = reading.get("facts", {})
-    words = {
-        "damper": "{}",
-        "serial": "no. {}",
-        "date": "tested {}",
-        "operator": "by {}",
-        "temperature": "at {}",
-    }
-    said = [words[name].format(facts[name]) for name in words if name in facts]
+    before = {"damper": "", "serial": "no. ", "date": "tested ", "operator": "by ", "temperature": "at "}
+    said = [f"{word}{facts[name]}" for name, word in before.items() if name in facts]
     return f"{', '.join(said)}. " if said else ""
 
 
@@ -169,21 +163,8 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
     fit, spread, bands = run.fit, evidence.spread, run.bands
     own = spread_of(comparisons)
     worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
-    held_out = (
-        []
-        if evidence.drawn is comparisons
-        else [
-            Number(
-                title=f"{evidence.title}, median fit",
-                value=format_fixed(spread.median_percent, 1),
-                unit="%",
-                note=f"{_tests(spread.n_tests)}, worst {format_fixed(spread.worst_percent, 1)} %",
-            )
-        ]
-    )
     covered = "not calibrated" if bands is None else coverage_summary(bands)
-    return (
-        *held_out,
+    numbers = [
         Number(
             title="Fit to its own tests",
             value=format_fixed(fit.fit_percent, 1),
@@ -192,7 +173,7 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
         ),
         Number(
             title="Prediction bands",
-            value="none" if bands is None else f"{_tests(len(bands.calibration.tests))}",
+            value="none" if bands is None else _tests(len(bands.calibration.tests)),
             note=f"{covered[:1].upper()}{covered[1:]}",
         ),
         Number(
@@ -201,7 +182,16 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
             note=_reason(fit),
             worse=fit.status != "converged",
         ),
-    )
+    ]
+    if evidence.drawn is not comparisons:
+        held_out = Number(
+            title=f"{evidence.title}, median fit",
+            value=format_fixed(spread.median_percent, 1),
+            unit="%",
+            note=f"{_tests(spread.n_tests)}, worst {format_fixed(spread.worst_percent, 1)} %",
+        )
+        numbers.insert(0, held_out)
+    return tuple(numbers)
 
 
 def _reason(fit: Fit) -> str:
@@ -216,15 +206,15 @@ def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator
     count = evidence.spread.n_tests
     # Of tests kept for test only these two are stored, the worst first.
     order = np.argsort([fit_of(each) for each in evidence.drawn], kind="stable").tolist()
-    chosen = [(order[0], "Worst"), (order[median_place(len(order))], "Median")]
-    if count == 1:
-        chosen = [(0, ""), (0, "")]
-    motions: tuple[Motion, ...] = ("velocity", "velocity") if count > 1 else ("displacement", "velocity")
-    for (number, role), over in zip(chosen, motions, strict=True):
+    chosen: list[tuple[int, str, Motion]] = [
+        (order[0], "Worst", "velocity" if count > 1 else "displacement"),
+        (order[median_place(len(order))], "Median", "velocity"),
+    ]
+    for number, role, over in chosen:
         drawn = evidence.drawn[number]
         (figure,) = of_tests.small_loops([drawn], unit, over=over, height=height)
         title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
-        yield loop_panel(f"front-{number}-{role or over}", drawn, figure, title)
+        yield loop_panel(f"front-{number}-{role if count > 1 else over}", drawn, figure, title)
 
 
 def _law_panels(fit: Fit, comparisons: Sequence[Comparison], height: float) -> Iterator[Panel]:
