@@ -64,7 +64,7 @@ def boxes(figure: Figure, axes: int) -> list[tuple[float, float, float, float]]:
 @DESIGNS
 def test_parts_have_their_dimensions(design: DamperDesign) -> None:
     sizes = {
-        (round(width, 6), round(height, 6)) for _, _, width, height in boxes(cross_section_figure(design), 0)
+        (round(width, 9), round(height, 9)) for _, _, width, height in boxes(cross_section_figure(design), 0)
     }
     winding = design.coil_depth - design.coil_clearance
     for length, radial in (
@@ -74,14 +74,14 @@ def test_parts_have_their_dimensions(design: DamperDesign) -> None:
         (design.piston_length, design.core_radius - design.rod / 2.0),
         (design.chamber_length + 2.0 * design.stroke, design.rod),
     ):
-        assert (round(1e3 * length, 6), round(1e3 * radial, 6)) in sizes
+        assert (round(length, 9), round(radial, 9)) in sizes
 
 
 @DESIGNS
 def test_every_coil_has_a_winding_and_two_poles_on_either_side(design: DamperDesign) -> None:
-    heights = [round(height, 6) for _, _, _, height in boxes(cross_section_figure(design), 0)]
-    assert heights.count(round(1e3 * design.coil_depth, 6)) == 4 * design.stages
-    assert heights.count(round(1e3 * (design.coil_depth - design.coil_clearance), 6)) == 2 * design.stages
+    heights = [round(height, 9) for _, _, _, height in boxes(cross_section_figure(design), 0)]
+    assert heights.count(round(design.coil_depth, 9)) == 4 * design.stages
+    assert heights.count(round(design.coil_depth - design.coil_clearance, 9)) == 2 * design.stages
 
 
 @DESIGNS

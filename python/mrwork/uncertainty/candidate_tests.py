@@ -210,10 +210,12 @@ def _check_count(count: int, spec: DamperSpec) -> None:
         )
 
 
-def harmonic_motion(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
-    """Motion of a candidate from mid-stroke, and the samples of the counted cycles."""
-    dt = 1.0 / (candidate.frequency * _SAMPLES_PER_CYCLE)
-    phase = 2.0 * np.pi * np.arange(_CYCLES * _SAMPLES_PER_CYCLE + 1) / _SAMPLES_PER_CYCLE
+def harmonic_motion(
+    candidate: Candidate, spec: DamperSpec, per_cycle: int = _SAMPLES_PER_CYCLE
+) -> tuple[Loading, slice]:
+    """Motion of a candidate from mid-stroke in three cycles, and the samples of the counted ones."""
+    dt = 1.0 / (candidate.frequency * per_cycle)
+    phase = 2.0 * np.pi * np.arange(_CYCLES * per_cycle + 1) / per_cycle
     loading = Loading(
         dt=dt,
         displacement=candidate.amplitude * np.sin(phase),
@@ -221,7 +223,7 @@ def harmonic_motion(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, sl
         command=candidate.command,
         command_unit=None if spec.current is None else spec.current.unit,
     )
-    return loading, slice(_SAMPLES_PER_CYCLE, _CYCLES * _SAMPLES_PER_CYCLE)
+    return loading, slice(per_cycle, _CYCLES * per_cycle)
 
 
 def excitation_of(test: DamperTest) -> Candidate:
