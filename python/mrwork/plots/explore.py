@@ -7,12 +7,11 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.base.numbers import format_fixed
 from mrwork.base.values import Floats
-from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.drawing import style
 from mrwork.drawing.canvas import png_bytes
@@ -25,9 +24,10 @@ from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
+from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
-# The motion without a test: that of Spencer et al. 1997, in three cycles.
-_AMPLITUDE, _FREQUENCY, _CYCLES, _PER_CYCLE = 0.015, 2.5, 3, 400
+# The motion without a test: that of Spencer et al. 1997.
+_AMPLITUDE, _FREQUENCY, _PER_CYCLE = 0.015, 2.5, 400
 _STEPS = 400
 _SIZE = (8.0, 3.4)
 _WIDTH, _PICTURE_WIDTH = "420px", "720px"
@@ -56,7 +56,8 @@ class Explorer:
             name: _slider(spec, name, float(start[spec.names.index(name)]), ends)
             for name, ends in zip(self._objective.names, self._objective.bounds, strict=True)
         }
-        self.figure, self.lines, self._unit = _empty_loops(test, measured=measured)
+        self.figure, self._unit = _empty_loops(test, measured=measured)
+        self.lines = tuple(axes.get_lines()[-1] for axes in self.figure.axes)
         self._picture = ipywidgets.Image(format="png", layout=ipywidgets.Layout(width=_PICTURE_WIDTH))
         self._status = ipywidgets.Label()
         self.button = ipywidgets.Button(description="Fit from these values", disabled=not measured)
@@ -95,10 +96,8 @@ class Explorer:
         except SimulationError as reason:
             force = np.full(self.test.n_time, np.nan)
             self._status.value = str(reason)
-        for line in self.lines:
+        for axes, line in zip(self.figure.axes, self.lines, strict=True):
             line.set_ydata(force * self._unit.factor)
-            axes = line.axes
-            assert axes is not None
             axes.relim()
             axes.autoscale_view()
         self._picture.value = png_bytes(self.figure)
@@ -187,18 +186,17 @@ def explore(
 
 def _nominal_test(spec: DamperSpec, command: float | None) -> DamperTest:
     """The nominal force under a sinusoid."""
-    time = np.arange(_CYCLES * _PER_CYCLE + 1) / (_PER_CYCLE * _FREQUENCY)
-    phase = 2.0 * np.pi * _FREQUENCY * time
-    displacement = _AMPLITUDE * np.sin(phase)
-    velocity = 2.0 * np.pi * _FREQUENCY * _AMPLITUDE * np.cos(phase)
-    unit = None if spec.current is None else spec.current.unit
-    given = None if unit is None else command or 0.0
-    loading = Loading(
-        dt=float(time[1]), displacement=displacement, velocity=velocity, command=given, command_unit=unit
-    )
-    force = simulate_force(spec, spec.nominal, loading)
+    given = None if spec.current is None else command or 0.0
+    motion = Candidate(amplitude=_AMPLITUDE, frequency=_FREQUENCY, command=given)
+    loading, _ = harmonic_motion(motion, spec, _PER_CYCLE)
     return test_from_arrays(
-        time, displacement, force, velocity=velocity, name="nominal", command=given, command_unit=unit
+        loading.dt * np.arange(len(loading.displacement)),
+        loading.displacement,
+        simulate_force(spec, spec.nominal, loading),
+        velocity=loading.velocity,
+        name="nominal",
+        command=given,
+        command_unit=loading.command_unit,
     )
 
 
@@ -207,35 +205,33 @@ def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]
     import ipywidgets
 
     parameter = spec.parameters[spec.names.index(name)]
-    lower, upper = min(ends[0], value), max(ends[1], value)
-    shown: dict[str, Any] = {
-        "description": with_unit(name, parameter.unit),
-        "tooltip": parameter.description,
-        "readout_format": ".4g",
-        "style": {"description_width": "38%"},
-        "layout": ipywidgets.Layout(width=_WIDTH),
-    }
-    if parameter.scale == "log" and lower > 0.0:
-        low, high = float(np.log10(lower)), float(np.log10(upper))
+    low, high, kind = min(ends[0], value), max(ends[1], value), ipywidgets.FloatSlider
+    if parameter.scale == "log" and low > 0.0:
         # Rounded powers of ten must not shut out the bounds themselves.
-        return ipywidgets.FloatLogSlider(
-            value=value, base=10.0, min=low - 1e-9, max=high + 1e-9, step=(high - low) / _STEPS, **shown
-        )
-    return ipywidgets.FloatSlider(value=value, min=lower, max=upper, step=(upper - lower) / _STEPS, **shown)
+        low, high, kind = np.log10(low) - 1e-9, np.log10(high) + 1e-9, ipywidgets.FloatLogSlider
+    return kind(
+        value=value,
+        min=low,
+        max=high,
+        step=(high - low) / _STEPS,
+        description=with_unit(name, parameter.unit),
+        tooltip=parameter.description,
+        readout_format=".4g",
+        style={"description_width": "38%"},
+        layout=ipywidgets.Layout(width=_WIDTH),
+    )
 
 
 @style.drawn_in_style()
-def _empty_loops(test: DamperTest, *, measured: bool) -> tuple[Figure, tuple[Line2D, ...], style.DisplayUnit]:
-    """The loops of a test, and the lines of a model over both, still of no force; the unit of their forces."""
+def _empty_loops(test: DamperTest, *, measured: bool) -> tuple[Figure, style.DisplayUnit]:
+    """The loops of a test, each with a line of a model over it, still of no force; the unit of their forces."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     unit = style.force_unit(float(np.abs(test.force).max()))
     labels = None if measured else ("nominal", "model")
-    lines = []
     for axes, over in zip(figure.subplots(1, 2, sharey=True), get_args(Motion), strict=True):
         abscissa, label = axis_values(test, over)
         add_loop(axes, abscissa, test, test.force, unit, labels=labels)
         axes.set_xlabel(label)
-        lines.append(axes.get_lines()[-1])
     figure.axes[0].set_ylabel(f"Force ({unit.symbol})")
     figure.axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    return figure, tuple(lines), unit
+    return figure, unit
