@@ -193,6 +193,12 @@ _POINT = 2.8
 
 Motion = Literal["displacement", "velocity"]
 """What a force is drawn against."""
+Abscissa = Literal["time"] | Motion
+AXES: dict[Abscissa, DisplayUnit] = {
+    "time": DisplayUnit(symbol="s", factor=1.0),
+    "displacement": style.MILLIMETRE,
+    "velocity": style.MILLIMETRE_PER_SECOND,
+}
 
 Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
 """Draws a test into the column of a figure with this number."""
@@ -326,12 +332,14 @@ def add_residual(axes: Axes, time: Floats, residual: Floats, *, linewidth: float
     axes.plot(time, residual, color=style.RESIDUAL, linewidth=linewidth)
 
 
-def axis_values(test: DamperTest, over: Motion) -> tuple[Floats, str]:
-    """Displacement or velocity of a test in units of its name on an axis, shape (n_time,), and that name."""
-    if over == "displacement":
-        return test.displacement * style.MILLIMETRE.factor, f"Displacement ({style.MILLIMETRE.symbol})"
-    scale = style.MILLIMETRE_PER_SECOND
-    return test.velocity * scale.factor, f"Velocity ({scale.symbol})"
+def axis_values(test: DamperTest, over: Abscissa) -> tuple[Floats, str]:
+    """Time or motion of a test in units of its name on an axis, shape (n_time,), and that name."""
+    return getattr(test, over) * AXES[over].factor, axis_name(over)
+
+
+def axis_name(over: Abscissa) -> str:
+    """Name of an axis with its unit."""
+    return f"{over.capitalize()} ({AXES[over].symbol})"
 
 
 def draw_loop(over: Motion, figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:

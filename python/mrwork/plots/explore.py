@@ -50,8 +50,7 @@ class Explorer:
         # While several sliders are set, nothing is drawn.
         self._is_setting = False
         self._objective = objective(spec, test)
-        self._held = self._objective.theta(self._objective.start)
-        start = self._held if theta is None else theta
+        start = self._objective.theta(self._objective.start) if theta is None else theta
         self.sliders = {
             name: _slider(spec, name, float(start[spec.names.index(name)]), ends)
             for name, ends in zip(self._objective.names, self._objective.bounds, strict=True)
@@ -71,10 +70,7 @@ class Explorer:
     @property
     def theta(self) -> Floats:
         """The parameters of the sliders, with those that are held, shape (n_params,)."""
-        theta = self._held.copy()
-        for name, slider in self.sliders.items():
-            theta[self.spec.names.index(name)] = slider.value
-        return theta
+        return self._objective.theta([slider.value for slider in self.sliders.values()])
 
     @property
     def status(self) -> str:
@@ -88,9 +84,8 @@ class Explorer:
         """Simulate the values of the sliders, and show loops and agreement."""
         if self._is_setting:
             return
-        theta = self.theta
         try:
-            force = simulate(self.spec, theta, self.test)
+            force = simulate(self.spec, self.theta, self.test)
             misfit = float(self._objective([slider.value for slider in self.sliders.values()]))
             self._status.value = f"fit {format_fixed(100.0 * (1.0 - misfit), 2)} %"
         except SimulationError as reason:

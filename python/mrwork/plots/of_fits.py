@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mrwork.base.arguments import Level
-from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, over_axis, time_labels
+from mrwork.base.labelled import labels_of, over_axis
 from mrwork.drawing import style
 from mrwork.drawing.canvas import draw_points
 from mrwork.drawing.of_bands import add_bands, middle_cycle
 from mrwork.drawing.of_fits import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
-from mrwork.drawing.of_tests import Motion, axis_values
+from mrwork.drawing.of_tests import axis_name
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.plots import of_time
@@ -22,13 +22,14 @@ from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
     Plots,
-    add_key,
     axes_for,
     chosen,
     figure,
-    motion_columns,
+    finished,
+    motion_table,
     panels_for,
     short,
+    table_of,
     triangle_for,
 )
 from mrwork.runs.load import StoredRun
@@ -102,8 +103,8 @@ def laws(
         law = known[name]
         add_law(axes, law)
         draw_points(axes, law.commands[[0, -1]], law.values[[0, -1]], size=3.5, colour=style.MODEL)
-        axes.set_xlabel(f"Command ({spec.current.unit})")
-        axes.set_ylabel(with_unit(style.symbol_text(name), law.parameter.unit))
+        unit = law.parameter.unit
+        finished(axes, f"Command ({spec.current.unit})", with_unit(style.symbol_text(name), unit))
     return panels
 
 
@@ -153,8 +154,7 @@ def profiles(
     panels = panels_for(ax, names, "profiles")
     for axes, name in zip(panels, names, strict=True):
         add_profile(axes, by_name[name], threshold)
-        axes.set_xlabel(with_unit(style.symbol_text(name), by_name[name].unit))
-        axes.set_ylabel("Likelihood ratio")
+        finished(axes, with_unit(style.symbol_text(name), by_name[name].unit), "Likelihood ratio")
     return panels
 
 
@@ -202,18 +202,7 @@ def posterior(
     units = {each.name: each.unit for each in result.varied}
     names = _choose(parameters, list(units), "parameter that varied")
     if data:
-        walkers, kept = result.chain(names[0]).shape
-        return NamedArrays(
-            title=f"Draws of {result.model}",
-            rows=("walker", "draw"),
-            labels={"walker": labels_of(np.arange(walkers)), "draw": labels_of(np.arange(kept))},
-            arrays={
-                name: NamedArray.of(
-                    result.chain(name), "walker", "draw", unit=units[name], long_name=f"draws of {name}"
-                )
-                for name in names
-            },
-        ).to_pandas()
+        return table_of(result, f"Draws of {result.model}", *names)
     panels = triangle_for(ax, len(names), "posterior")
     lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
     add_corner(lower, result, names, fitted)
@@ -267,26 +256,19 @@ def bands(
     cycle = middle_cycle(prediction)
     record = prediction.test
     if data:
-        time, displacement, velocity = (
-            each[record.counted][cycle] for each in (record.time, record.displacement, record.velocity)
-        )
+        motion = (record.time, record.displacement, record.velocity)
         columns = {
-            **motion_columns(displacement, velocity),
             "force": (prediction.measured[cycle], "N", "damper force, as recorded"),
             "model_force": (prediction.force[cycle], "N", "force of the model"),
             "lower": (band.lower[cycle], "N", "lower end of the prediction band"),
             "upper": (band.upper[cycle], "N", "upper end of the prediction band"),
         }
         title = f"Band of {record.name}, {band.basis}"
-        return over_axis(title, "time", time_labels(time), columns).to_pandas()
+        return motion_table(title, (each[record.counted][cycle] for each in motion), columns)
     axes = axes_for(ax)
     unit = style.force_unit(float(np.abs(prediction.measured).max()))
-    motion: Motion | None = None if over == "time" else over
-    add_bands(axes, prediction, band, unit, motion)
-    axes.set_xlabel("Time (s)" if motion is None else axis_values(record, motion)[1])
-    axes.set_ylabel(f"Force ({unit.symbol})")
-    add_key(axes)
-    return axes
+    add_bands(axes, prediction, band, unit, None if over == "time" else over)
+    return finished(axes, axis_name(over), f"Force ({unit.symbol})")
 
 
 def _predict_with_band(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -12,18 +12,20 @@ from matplotlib.colors import to_hex
 
 from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
+from mrwork.base.labelled import NamedArray, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
 from mrwork.drawing import style
 from mrwork.drawing.canvas import include_zero
-from mrwork.drawing.of_fits import add_residual_points
+from mrwork.drawing.of_fits import add_residual_points, with_unit
 from mrwork.drawing.of_tests import (
+    AXES,
     Motion,
     add_command,
     add_loop,
     add_record,
     add_residual,
+    axis_name,
     axis_values,
     comparisons_of,
 )
@@ -32,13 +34,14 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots.sheet import (
-    add_key,
     axes_for,
+    check_number,
     chosen,
     figure,
-    motion_columns,
-    name_axes,
+    finished,
+    motion_table,
     shown_unit_of,
+    table_of,
 )
 from mrwork.records.damper_test import DamperTest
 from mrwork.runs.load import StoredRun
@@ -49,8 +52,6 @@ if TYPE_CHECKING:
 
 Pair = tuple[DamperTest, Floats | None]
 """A test and the force of a model on it, if there is a model."""
-
-_TIME = ("Time", "s")
 
 
 @figure
@@ -95,13 +96,10 @@ def histories(
         return _signals(result, ax, signal, data=data)
     pair = _one(result, test)
     if data:
-        return _table([pair], ("force",)).to_pandas()
-    axes, (record, model_force) = axes_for(ax), pair
-    unit = _force_unit([pair])
-    add_record(axes, record, model_force, unit)
-    name_axes(axes, _TIME, ("Force", unit.symbol))
-    add_key(axes)
-    return axes
+        return _table([pair], {"force": "N"})
+    axes, unit = axes_for(ax), _force_unit([pair])
+    add_record(axes, *pair, unit)
+    return finished(axes, "Time (s)", f"Force ({unit.symbol})")
 
 
 @figure
@@ -141,11 +139,9 @@ def loops(
     """
     if isinstance(result, History):
         return _loop_of_device(result, ax, over, device, data=data)
-    pairs = _pairs(result)
-    if test is not None:
-        pairs = [_choose(pairs, test)]
+    pairs = _pairs(result) if test is None else [_one(result, test)]
     if data:
-        return _table(pairs, ("displacement", "velocity", "force")).to_pandas()
+        return _table(pairs, {"displacement": "m", "velocity": "m/s", "force": "N"})
     axes, unit = axes_for(ax), _force_unit(pairs)
     for number, (each, model_force) in enumerate(pairs):
         tone = to_hex(style.TONES(number / max(len(pairs) - 1, 1)))
@@ -154,10 +150,7 @@ def loops(
             add_loop(axes, abscissa, each, model_force, unit)
         else:
             add_loop(axes, abscissa, each, model_force, unit, colours=(tone, tone), labels=(each.name, ""))
-        axes.set_xlabel(label)
-    axes.set_ylabel(f"Force ({unit.symbol})")
-    add_key(axes)
-    return axes
+    return finished(axes, label, f"Force ({unit.symbol})")
 
 
 @figure
@@ -195,25 +188,17 @@ def residuals(
     residual = record.force - model_force
     counted = slice(None) if over == "time" else record.counted
     if data:
-        columns = {
-            **motion_columns(record.displacement[counted], record.velocity[counted]),
-            "residual": (residual[counted], "N", "measured minus model force"),
-        }
-        time = time_labels(record.time[counted])
-        return over_axis(f"Residual of {record.name}", "time", time, columns).to_pandas()
-    axes = axes_for(ax)
+        columns = {"residual": (residual[counted], "N", "measured minus model force")}
+        motion = (each[counted] for each in (record.time, record.displacement, record.velocity))
+        return motion_table(f"Residual of {record.name}", motion, columns)
+    axes, (abscissa, label) = axes_for(ax), axis_values(record, over)
     unit = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force)))
     if over == "time":
-        add_residual(axes, record.time, residual * unit.factor)
-        axes.set_xlabel("Time (s)")
+        add_residual(axes, abscissa, residual * unit.factor)
     else:
-        abscissa, label = axis_values(record, over)
         add_residual_points(axes, abscissa[counted], residual[counted] * unit.factor)
-        axes.set_xlabel(label)
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
-    axes.set_ylabel(f"Residual ({unit.symbol})")
-    add_key(axes)
-    return axes
+    return finished(axes, label, f"Residual ({unit.symbol})")
 
 
 @figure
@@ -249,12 +234,8 @@ def commands(
     1.5
     """
     if isinstance(result, History):
-        _check_device(result, device)
         time, symbol = result.time, COMMAND_UNIT
-        lines = {
-            name: (np.asarray(result.numbers[name][:, device]), symbol, description_of(name))
-            for name in ("command", "current")
-        }
+        lines = _of_device(result, device, "command", "current")
     else:
         record, _ = _one(result, test)
         if not record.commands:
@@ -262,83 +243,57 @@ def commands(
                 f"the command of {record.label} is unknown; give it where the test is read, as `command` of "
                 "`mr.test_from_arrays`"
             )
-        command, symbol = record.commands[0]
-        time = record.time
-        lines = {"command": (np.broadcast_to(command, time.shape), symbol, "command")}
+        time, (command, symbol) = record.time, record.commands[0]
+        lines = {"command": np.broadcast_to(command, time.shape)}
     if data:
-        return over_axis("Command", "time", time_labels(time), lines).to_pandas()
+        columns = {name: (values, symbol, description_of(name)) for name, values in lines.items()}
+        return over_axis("Command", "time", time_labels(time), columns).to_pandas()
     axes = axes_for(ax)
-    add_command(axes, time, lines["command"][0])
+    add_command(axes, time, lines["command"])
     if "current" in lines:
         axes.get_lines()[-1].set_label("command sent")
-        axes.plot(
-            time, lines["current"][0], color=style.MODEL, linewidth=0.9, label="behind the driver's lag"
-        )
-    include_zero(axes, np.stack([values for values, *_ in lines.values()]))
-    name_axes(axes, _TIME, ("Command", symbol))
-    add_key(axes)
-    return axes
+        label = "behind the driver's lag"
+        axes.plot(time, lines["current"], color=style.MODEL, linewidth=0.9, label=label)
+    include_zero(axes, np.stack([*lines.values()]))
+    return finished(axes, "Time (s)", with_unit("Command", symbol))
 
 
 def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, data: bool) -> Axes | DataFrame:
     """A ground acceleration, or a signal of a closed loop at every storey, floor or damper."""
     if isinstance(result, GroundMotion):
-        signal, time, values = "ground_acceleration", result.time, result.acceleration
-    else:
-        check_known(signal, result.numbers, f"a history has no signal {signal!r}")
-        time, values = result.time, np.asarray(result.numbers[signal])
-    columns = values.reshape(len(time), -1)
-    words, axis = description_of(signal), axis_of(signal)
+        signal = "ground_acceleration"
+        result = History(time=result.time, numbers={signal: np.asarray(result.acceleration)})
+    check_known(signal, result.numbers, f"a history has no signal {signal!r}")
+    words = description_of(signal)
     if data:
-        return NamedArrays(
-            title=words,
-            rows=("time",),
-            labels={
-                "time": time_labels(time),
-                **({} if values.ndim == 1 else {axis: labels_of(np.arange(1, columns.shape[1] + 1))}),
-            },
-            arrays={
-                signal: NamedArray.of(
-                    values,
-                    *(("time",) if values.ndim == 1 else ("time", axis)),
-                    unit=unit_of(signal),
-                    long_name=words,
-                )
-            },
-        ).to_pandas()
+        return table_of(result, words, signal)
+    values = np.asarray(result.numbers[signal])
     axes, unit = axes_for(ax), shown_unit_of(unit_of(signal), _largest(values))
-    for number, column in enumerate(columns.T):
-        tone = style.TONES(0.5 if len(columns.T) == 1 else number / (len(columns.T) - 1))
-        label = f"{axis} {number + 1}" if values.ndim > 1 else words
-        axes.plot(time, column * unit.factor, color=to_hex(tone), linewidth=0.9, label=label)
-    name_axes(axes, _TIME, (f"{words[:1].upper()}{words[1:]}", unit.symbol))
-    add_key(axes)
-    return axes
+    columns = values.reshape(len(values), -1).T * unit.factor
+    for number, column in enumerate(columns):
+        tone = to_hex(style.TONES(0.5 if len(columns) == 1 else number / (len(columns) - 1)))
+        label = f"{axis_of(signal)} {number + 1}" if values.ndim > 1 else words
+        axes.plot(result.time, column, color=tone, linewidth=0.9, label=label)
+    return finished(axes, "Time (s)", with_unit(f"{words[:1].upper()}{words[1:]}", unit.symbol))
 
 
 def _loop_of_device(
     history: History, ax: Axes | None, over: Motion, device: int, *, data: bool
 ) -> Axes | DataFrame:
-    _check_device(history, device)
-    force, deformation, rate = (
-        np.asarray(history.numbers[name][:, device]) for name in ("force", "deformation", "rate")
-    )
+    deformation, rate, force = _of_device(history, device, "deformation", "rate", "force").values()
     if data:
-        columns = {**motion_columns(deformation, rate), "force": (force, "N", "damper force")}
-        time = time_labels(history.time)
-        return over_axis(f"Loop of damper {device}", "time", time, columns).to_pandas()
+        columns = {"force": (force, "N", "damper force")}
+        return motion_table(f"Loop of damper {device}", (history.time, deformation, rate), columns)
     axes, unit = axes_for(ax), style.force_unit(_largest(force))
     across = deformation if over == "displacement" else rate
-    scale = style.MILLIMETRE if over == "displacement" else style.MILLIMETRE_PER_SECOND
-    axes.plot(across * scale.factor, force * unit.factor, color=style.MODEL, linewidth=0.7)
-    name_axes(axes, (over.capitalize(), scale.symbol), ("Force", unit.symbol))
-    return axes
+    axes.plot(across * AXES[over].factor, force * unit.factor, color=style.MODEL, linewidth=0.7)
+    return finished(axes, axis_name(over), f"Force ({unit.symbol})")
 
 
-def _check_device(history: History, device: int) -> None:
-    count = history.numbers["force"].shape[1]
-    if device >= count:
-        raise SettingError(f"the history has {count} dampers, counted from 0; give one of them, not {device}")
+def _of_device(history: History, device: int, *names: str) -> dict[str, Floats]:
+    """Signals of one damper by their names, each of shape (n_time,)."""
+    check_number(device, history.numbers["force"].shape[1], "damper")
+    return {name: np.asarray(history.numbers[name][:, device]) for name in names}
 
 
 def _pairs(result: Fit | StoredRun | Prediction | DamperTest) -> list[Pair]:
@@ -360,12 +315,9 @@ def _pairs(result: Fit | StoredRun | Prediction | DamperTest) -> list[Pair]:
     return [(each.test, each.model_force) for each in comparisons_of(fit, tests)]
 
 
-def _choose(pairs: Sequence[Pair], test: str | int | None) -> Pair:
-    return pairs[chosen(test, [each.name for each, _ in pairs], "test")]
-
-
 def _one(result: Fit | StoredRun | Prediction | DamperTest, test: str | int | None) -> Pair:
-    return _choose(_pairs(result), test)
+    pairs = _pairs(result)
+    return pairs[chosen(test, [each.name for each, _ in pairs], "test")]
 
 
 def _force_unit(pairs: Sequence[Pair]) -> style.DisplayUnit:
@@ -376,22 +328,20 @@ def _largest(values: Floats) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0))
 
 
-def _table(pairs: Sequence[Pair], channels: Sequence[str]) -> NamedArrays:
-    """Channels of tests with the force of the model: over time, or of several tests one below the other."""
-    units = {"displacement": "m", "velocity": "m/s", "force": "N"}
+def _table(pairs: Sequence[Pair], channels: Mapping[str, str]) -> DataFrame:
+    """Channels of tests, with their units, and the force of the model, of several tests one below the other."""
     columns = {
-        name: (np.concatenate([getattr(test, name) for test, _ in pairs]), units[name], f"damper {name}")
-        for name in channels
+        name: (np.concatenate([getattr(test, name) for test, _ in pairs]), unit, f"damper {name}")
+        for name, unit in channels.items()
     }
     forces = [force for _, force in pairs if force is not None]
     if forces:
         columns["model_force"] = np.concatenate(forces), "N", "force of the model"
     time = np.concatenate([test.time for test, _ in pairs])
     names = np.concatenate([np.full(test.n_time, test.name) for test, _ in pairs])
-    return replace(
-        over_axis("Damper tests", "sample", number_labels(len(names)), columns),
-        along={
-            "test": NamedArray.of(names, "sample", long_name="test"),
-            "time": NamedArray.of(time, "sample", unit="s", long_name="time"),
-        },
-    )
+    along = {
+        "test": NamedArray.of(names, "sample", long_name="test"),
+        "time": NamedArray.of(time, "sample", unit="s", long_name="time"),
+    }
+    table = over_axis("Damper tests", "sample", number_labels(len(names)), columns)
+    return replace(table, along=along).to_pandas()

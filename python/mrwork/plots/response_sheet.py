@@ -24,6 +24,7 @@ from mrwork.drawing import style
 from mrwork.drawing.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.errors import SettingError
+from mrwork.plots.sheet import check_number
 
 Index = Annotated[int, Within(least=0, most=10_000)]
 
@@ -71,15 +72,17 @@ def response_sheet_figure(
     SettingError
         If the histories are not of one motion and this building, or there is no such damper or floor.
     """
-    _check(controlled, reference, building, device, floor)
-    about = _displacement(reference, building, floor)
+    _check(controlled, reference, building)
+    check_number(device, min(each.force.shape[1] for each in (controlled, reference)), "damper")
+    check_number(floor, len(building.floors), "floor")
+    time, shown = (
+        controlled.time,
+        strong_part(controlled.time, reference.displacement[:, floor], float(seconds)),
+    )
     signals = _signals(controlled, reference, building, device, floor, command_unit)
-    figure, whole, panels = _empty(len(signals))
-    time = controlled.time
-    shown = strong_part(time, about, float(seconds))
+    figure, (whole, *panels) = _empty(1 + len(signals))
     whole.plot(*envelope(time, controlled.ground_acceleration, _BINS), color=style.INK, linewidth=0.7)
     whole.axvspan(time[shown.start], time[shown.stop - 1], color=style.WINDOW, zorder=0.5, linewidth=0.0)
-    whole.margins(x=0.0)
     name_ordinate(whole, "Ground acceleration (m/s²)")
     runs = (
         (reference, style.INK, style.DOTTED, "without control"),
@@ -89,7 +92,6 @@ def response_sheet_figure(
         for run, colour, pattern, label in runs:
             line = envelope(time[shown], values(run)[shown], _BINS)
             axes.plot(*line, color=colour, linewidth=0.9, linestyle=pattern, label=label)
-        axes.margins(x=0.0)
         if is_signed:
             symmetric(axes)
         name_ordinate(axes, title)
@@ -97,8 +99,7 @@ def response_sheet_figure(
     return figure
 
 
-def _check(controlled: History, reference: History, building: Building, device: int, floor: int) -> None:
-    n_states = 2 * building.n_coordinates
+def _check(controlled: History, reference: History, building: Building) -> None:
     if controlled.time.shape != reference.time.shape or not np.array_equal(
         controlled.ground_acceleration, reference.ground_acceleration
     ):
@@ -107,73 +108,56 @@ def _check(controlled: History, reference: History, building: Building, device: 
             "two runs of one motion at one sample time"
         )
     for history in (controlled, reference):
-        if history.state.shape[1] != n_states:
+        if history.state.shape[1] != 2 * building.n_coordinates:
             raise SettingError(
                 f"a history is of {history.state.shape[1] // 2} coordinates, and {building.name} has "
                 f"{building.n_coordinates}; give the building that was simulated"
             )
-        if device >= history.force.shape[1]:
-            raise SettingError(
-                f"a history has {history.force.shape[1]} dampers, counted from 0; give one of them, not {device}"
-            )
-    if floor >= len(building.floors):
-        raise SettingError(
-            f"{building.name} has {len(building.floors)} floors, counted from 0; give one of them, not {floor}"
-        )
-
-
-def _displacement(history: History, building: Building, floor: int) -> Floats:
-    return np.asarray(history.state[:, : building.n_coordinates] @ building.floors[floor])
 
 
 def _signals(
     controlled: History, reference: History, building: Building, device: int, floor: int, unit: str
 ) -> list[_Signal]:
-    n = building.n_coordinates
+    n, of_floor = building.n_coordinates, building.floor_names[floor]
     energy = lyapunov_function(plant_of(building, building.storeys[:1]))
     peak = max(float(np.abs(each.force[:, device]).max()) for each in (controlled, reference))
     force = style.force_unit(peak)
-    of_floor, motion = building.floor_names[floor], building.floors[floor]
     mm, mm_per_s = style.MILLIMETRE.factor, style.MILLIMETRE_PER_SECOND.factor
+    current = "Coil current" if unit == "A" else "Voltage"
     return [
-        (
-            f"{'Coil current' if unit == 'A' else 'Voltage'} ({unit})",
-            lambda run: run.current[:, device],
-            False,
-        ),
+        (f"{current} ({unit})", lambda run: run.current[:, device], False),
         (f"Damper force ({force.symbol})", lambda run: force.factor * run.force[:, device], True),
         ("Lyapunov function (J)", lambda run: energy.value(run.state), False),
-        (f"Displacement, {of_floor} (mm)", lambda run: mm * _displacement(run, building, floor), True),
-        (f"Velocity, {of_floor} (mm/s)", lambda run: mm_per_s * run.state[:, n:] @ motion, True),
+        (f"Displacement, {of_floor} (mm)", lambda run: mm * run.displacement[:, floor], True),
+        (
+            f"Velocity, {of_floor} (mm/s)",
+            lambda run: mm_per_s * run.state[:, n:] @ building.floors[floor],
+            True,
+        ),
         (f"Absolute acceleration, {of_floor} (m/s²)", lambda run: run.acceleration[:, floor], True),
     ]
 
 
-def _empty(count: int) -> tuple[Figure, Axes, list[Axes]]:
-    """Axes of the whole record, and `count` below it over one time; the time is labelled below the last."""
+def _empty(count: int) -> tuple[Figure, list[Axes]]:
+    """Axes one below the other; all but the first share their time, which is labelled below the first and the last."""
     row = _TITLE + _PANEL
-    height = row + _TIME + count * row + _TIME
+    height = count * row + 2.0 * _TIME
     figure = Figure(figsize=(style.PANEL_WIDTH, height))
-
-    def below(top: float, sharing: Axes | None = None) -> Axes:
-        return axes_between(
+    panels: list[Axes] = []
+    for number in range(count):
+        top = height - number * row - _TITLE - (_TIME if number else 0.0)
+        axes = axes_between(
             figure,
             left=_LEFT,
             right=style.PANEL_WIDTH - _RIGHT,
             bottom=top - _PANEL,
             top=top,
-            sharex=sharing,
+            sharex=panels[1] if number > 1 else None,
         )
-
-    whole = below(height - _TITLE)
-    panels: list[Axes] = []
-    for number in range(count):
-        top = height - row - _TIME - number * row - _TITLE
-        panels.append(below(top, panels[0] if panels else None))
-    for axes in (whole, *panels):
         axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
         axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
-    for axes in panels[:-1]:
-        axes.tick_params(labelbottom=False)
+        axes.tick_params(labelbottom=number in (0, count - 1))
+        axes.margins(x=0.0)
+        panels.append(axes)
     panels[-1].set_xlabel("Time (s)")
-    return figure, whole, panels
+    return figure, panels

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
 
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import check_known
+from mrwork.base.labelled import WithAxes, over_axis, time_labels
+from mrwork.base.numbers import counted
 from mrwork.base.values import Floats
 from mrwork.drawing import canvas, style
-from mrwork.drawing.of_fits import with_unit
 from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
 
@@ -92,8 +94,7 @@ def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
     if ax is not None:
         return ax
     height = style.PANEL_HEIGHT if not rows else 1.1 + 0.26 * rows
-    axes: Axes = _new_axes(1, 1, (style.PANEL_WIDTH, height))[0, 0]
-    return axes
+    return cast(Axes, _new_axes(1, 1, (style.PANEL_WIDTH, height))[0, 0])
 
 
 def panels_for(ax: GivenAxes, names: Sequence[str], figure: str) -> Panels:
@@ -122,24 +123,41 @@ def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
     if isinstance(name, str):
         check_known(name, names, f"there is no {what} {name!r}", otherwise="there is")
         return names.index(name)
-    number = 0 if name is None else name
-    if not 0 <= number < len(names):
-        raise SettingError(f"there are {len(names)} {what}s, counted from 0; give one of them, not {number}")
+    return check_number(name or 0, len(names), what)
+
+
+def check_number(number: int, count: int, what: str) -> int:
+    """The number of one of `count` things, counted from 0, of which there is one."""
+    if not 0 <= number < count:
+        there_are = f"there {'is' if count == 1 else 'are'} {counted(count, what)}"
+        raise SettingError(f"{there_are}, counted from 0; give one of them, not {number}")
     return number
 
 
-def motion_columns(displacement: Floats, velocity: Floats) -> dict[str, tuple[Floats, str, str]]:
-    """The motion of a damper as columns of a table, each with its unit and words."""
-    return {
+def table_of(result: WithAxes, title: str, *names: str) -> DataFrame:
+    """Some arrays of a result as a table."""
+    named = result._named_arrays()
+    return replace(named, title=title, arrays={name: named.arrays[name] for name in names}).to_pandas()
+
+
+def motion_table(
+    title: str, motion: Iterable[Floats], further: Mapping[str, tuple[Floats, str, str]]
+) -> DataFrame:
+    """Displacement and velocity of a damper over time, of which `motion` has time and both, and further columns."""
+    time, displacement, velocity = motion
+    columns = {
         "displacement": (displacement, "m", "damper displacement"),
         "velocity": (velocity, "m/s", "damper velocity"),
+        **further,
     }
+    return over_axis(title, "time", time_labels(time), columns).to_pandas()
 
 
-def name_axes(axes: Axes, abscissa: tuple[str, str], ordinate: tuple[str, str]) -> None:
-    """Name both axes, each by words and unit."""
-    axes.set_xlabel(with_unit(*abscissa))
-    axes.set_ylabel(with_unit(*ordinate))
+def finished(axes: Axes, abscissa: str, ordinate: str) -> Axes:
+    """The axes with their names and, where there is something to tell apart, their key."""
+    axes.set(xlabel=abscissa, ylabel=ordinate)
+    add_key(axes)
+    return axes
 
 
 def add_key(axes: Axes) -> None:
