@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -42,6 +42,7 @@ from mrwork.uncertainty.posterior.draws import Draws
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame
 
+T = TypeVar("T")
 # Level of the threshold that a single profile shows.
 _LEVEL = 0.95
 
@@ -89,22 +90,18 @@ def laws(
             "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
         )
     known = {law.parameter.name: law for law in laws_of(fit)}
-    names = _choose(parameters, list(known), "parameter that follows the command")
+    drawn = _choose(parameters, known, "parameter that follows the command")
     if data:
-        drawn = {name: known[name] for name in names}
-        commands = next(iter(drawn.values())).commands
-        over = labels_of(commands, unit=spec.current.unit, long_name="command")
-        columns = {
-            name: (law.values, law.parameter.unit, law.parameter.description) for name, law in drawn.items()
-        }
+        over = labels_of(drawn[0].commands, unit=spec.current.unit, long_name="command")
+        own = [(law.parameter, law.values) for law in drawn]
+        columns = {each.name: (values, each.unit, each.description) for each, values in own}
         return over_axis(f"Laws of {fit.model}", "command", over, columns).to_pandas()
-    panels = panels_for(ax, names, "laws")
-    for axes, name in zip(panels, names, strict=True):
-        law = known[name]
+    panels = panels_for(ax, len(drawn), "laws")
+    for axes, law in zip(panels, drawn, strict=True):
         add_law(axes, law)
         draw_points(axes, law.commands[[0, -1]], law.values[[0, -1]], size=3.5, colour=style.MODEL)
-        unit = law.parameter.unit
-        finished(axes, f"Command ({spec.current.unit})", with_unit(style.symbol_text(name), unit))
+        ordinate = with_unit(style.symbol_text(law.parameter.name), law.parameter.unit)
+        finished(axes, f"Command ({spec.current.unit})", ordinate)
     return panels
 
 
@@ -144,17 +141,16 @@ def profiles(
         if result.profiles is None:
             raise _absent(result, "profile likelihoods", "profile", "draw those of `mr.profile(fit, tests)`")
         result = result.profiles
-    several = [result] if isinstance(result, Profile) else list(result.profiles)
-    threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
-    by_name = {each.name: each for each in several}
-    names = _choose(parameters, list(by_name), "profiled parameter")
+    several = (result,) if isinstance(result, Profile) else result.profiles
+    drawn = _choose(parameters, {each.name: each for each in several}, "profiled parameter")
     if data:
         table = result.to_pandas()
-        return table if isinstance(result, Profile) else table.loc[names]
-    panels = panels_for(ax, names, "profiles")
-    for axes, name in zip(panels, names, strict=True):
-        add_profile(axes, by_name[name], threshold)
-        finished(axes, with_unit(style.symbol_text(name), by_name[name].unit), "Likelihood ratio")
+        return table if isinstance(result, Profile) else table.loc[[each.name for each in drawn]]
+    threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
+    panels = panels_for(ax, len(drawn), "profiles")
+    for axes, profile in zip(panels, drawn, strict=True):
+        add_profile(axes, profile, threshold)
+        finished(axes, with_unit(style.symbol_text(profile.name), profile.unit), "Likelihood ratio")
     return panels
 
 
@@ -199,15 +195,15 @@ def posterior(
         if result.draws is None:
             raise _absent(result, "posterior", "sample", "draw that of `mr.sample(fit, tests)`")
         result = result.draws
-    units = {each.name: each.unit for each in result.varied}
-    names = _choose(parameters, list(units), "parameter that varied")
+    drawn = _choose(parameters, {each.name: each for each in result.varied}, "parameter that varied")
+    names = [each.name for each in drawn]
     if data:
         return table_of(result, f"Draws of {result.model}", *names)
     panels = triangle_for(ax, len(names), "posterior")
     lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
     add_corner(lower, result, names, fitted)
     for (row, column), axes in lower.items():
-        below, left = (with_unit(name, units[name]) for name in (names[column], names[row]))
+        below, left = (with_unit(each.name, each.unit) for each in (drawn[column], drawn[row]))
         label_corner(axes, below if row == len(names) - 1 else "", left if column == 0 < row else "")
     return panels
 
@@ -299,8 +295,9 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
     )
 
 
-def _choose(asked: Sequence[str], known: Sequence[str], what: str) -> list[str]:
-    return [known[chosen(name, known, what)] for name in asked or known]
+def _choose(asked: Sequence[str], known: Mapping[str, T], what: str) -> list[T]:
+    """Those of these names, or all."""
+    return [list(known.values())[chosen(name, list(known), what)] for name in asked or known]
 
 
 class TestPlots(Plots):

@@ -6,15 +6,14 @@ In the form of figures 6.3 to 6.10 of the thesis, for any building and any contr
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.arguments import Positive, checked
-from mrwork.base.hints import Within
+from mrwork.base.arguments import Positive, Whole, checked
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.responses import History
@@ -25,8 +24,6 @@ from mrwork.drawing.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.errors import SettingError
 from mrwork.plots.sheet import check_number
-
-Index = Annotated[int, Within(least=0, most=10_000)]
 
 # Inches: height of a panel, of the title above it, of the labels of the time below it, and the margins at the sides.
 _PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
@@ -44,8 +41,8 @@ def response_sheet_figure(
     reference: History,
     building: Building,
     *,
-    device: Index = 0,
-    floor: Index = 0,
+    device: Whole = 0,
+    floor: Whole = 0,
     command_unit: Literal["A", "V"] = "A",
     seconds: Positive = 12.0,
 ) -> Figure:

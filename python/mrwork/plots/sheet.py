@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
 
@@ -59,13 +59,11 @@ def figure(function: Callable[P, DrawnT_co | DataFrame]) -> Drawing[P, DrawnT_co
     return cast("Drawing[P, DrawnT_co]", checked(style.drawn_in_style()(function)))
 
 
+@dataclass(slots=True, repr=False, eq=False)
 class Plots:
     """Figures of one result."""
 
-    __slots__ = ("result",)
-
-    def __init__(self, result: object) -> None:
-        self.result = result
+    result: object
 
     def __repr__(self) -> str:
         names = ", ".join(name for name in dir(self) if not name.startswith("_") and name != "result")
@@ -97,16 +95,15 @@ def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
     return cast(Axes, _new_axes(1, 1, (style.PANEL_WIDTH, height))[0, 0])
 
 
-def panels_for(ax: GivenAxes, names: Sequence[str], figure: str) -> Panels:
-    """The axes that were given, one for each of the names, or those of a new figure of pyplot, shape (n,)."""
+def panels_for(ax: GivenAxes, count: int, figure: str) -> Panels:
+    """The axes that were given, or those of a new figure of pyplot, shape (count,)."""
     if ax is not None:
-        return _check_axes(ax, (len(names),), figure)
-    columns = min(_COLUMNS, len(names))
-    rows = -(-len(names) // columns)
-    panels = _new_axes(rows, columns, _PANEL).reshape(-1)
-    for spare in panels[len(names) :]:
+        return _check_axes(ax, (count,), figure)
+    columns = min(_COLUMNS, count)
+    panels = _new_axes(-(-count // columns), columns, _PANEL).reshape(-1)
+    for spare in panels[count:]:
         spare.remove()
-    return panels[: len(names)]
+    return panels[:count]
 
 
 def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
@@ -195,8 +192,8 @@ def _new_axes(rows: int, columns: int, size: tuple[float, float]) -> Panels:
         for axes in panels.flat:
             # Ticks are made when the figure is shown, out of this style.
             axes.tick_params(color=style.FAINT_INK, labelcolor=style.INK, labelsize=style.SMALL_TEXT_SIZE)
-            axes.tick_params(axis="y", length=0.0)
             axes.tick_params(grid_color=style.RULE, grid_linewidth=0.6)
+            axes.tick_params(axis="y", length=0.0)
             if rows * columns > 1:
                 canvas.few_ticks(axes)
     return panels
