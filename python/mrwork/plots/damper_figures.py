@@ -33,6 +33,7 @@ _TEXT, _SECOND = 1.05, 0.26
 # Share of the width of the whole drawing beside the rod, for the outer diameter.
 _BESIDE = 0.13
 
+_Align = Literal["left", "center", "right"]
 _ARROW = {"arrowstyle": "<->", "color": style.FAINT_INK, "linewidth": 0.7}
 
 
@@ -153,9 +154,9 @@ def _label_detail(axes: Axes, design: DamperDesign) -> None:
     apart, y = length + coil_length, axes.get_ylim()[0] - 0.1 * inch
     wide, pole_text = apart > _TEXT * inch, f"pole {_mm(length)}"
     below = y if apart > 2.0 * _TEXT * inch else y - _SECOND * inch
-    _dimension(axes, (pole, coil), y, pole_text, align="center" if wide else "right")
+    _dimension(axes, (pole, coil), y, pole_text, "center" if wide else "right")
     _dimension(axes, (coil, right), below, f"coil {_mm(coil_length)}")
-    _dimension(axes, (right, right + length), y, pole_text, align="center" if wide else "left")
+    _dimension(axes, (right, right + length), y, pole_text, "center" if wide else "left")
 
 
 def _inch(axes: Axes) -> float:
@@ -180,14 +181,7 @@ def _leaders(axes: Axes, labels: Mapping[str, tuple[float, float]]) -> None:
         )
 
 
-def _dimension(
-    axes: Axes,
-    ends: tuple[float, float],
-    y: float,
-    text: str,
-    *,
-    align: Literal["left", "center", "right"] = "center",
-) -> None:
+def _dimension(axes: Axes, ends: tuple[float, float], y: float, text: str, align: _Align = "center") -> None:
     """A horizontal dimension with its text below, which ends or begins with it, or stands in its middle."""
     arrow = _ARROW | {"shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (ends[0], y), (ends[1], y), arrowprops=arrow, annotation_clip=False)

@@ -23,15 +23,14 @@ from mrwork.drawing import style
 from mrwork.drawing.canvas import axes_between, legend, name_ordinate, symmetric
 from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.errors import SettingError
-from mrwork.plots.sheet import check_number
+from mrwork.plots.sheet import check_number, shown_unit_of
 
 # Inches: height of a panel, of the title above it, of the labels of the time below it, and the margins at the sides.
 _PANEL, _TITLE, _TIME, _LEFT, _RIGHT = 0.86, 0.34, 0.42, 0.62, 0.16
 _BINS = 300
 
-
-_Signal = tuple[str, Callable[[History], Floats], bool]
-"""A quantity with its unit, its values in a run, shape (n_time,), and whether these are of both signs."""
+_Signal = tuple[str, str, Callable[[History], Floats], bool]
+"""A quantity, its unit, its values in a run, shape (n_time,), and whether these are of both signs."""
 
 
 @checked
@@ -72,11 +71,9 @@ def response_sheet_figure(
     _check(controlled, reference, building)
     check_number(device, min(each.force.shape[1] for each in (controlled, reference)), "damper")
     check_number(floor, len(building.floors), "floor")
-    time, shown = (
-        controlled.time,
-        strong_part(controlled.time, reference.displacement[:, floor], float(seconds)),
-    )
-    signals = _signals(controlled, reference, building, device, floor, command_unit)
+    time = controlled.time
+    shown = strong_part(time, reference.displacement[:, floor], float(seconds))
+    signals = _signals(building, device, floor, command_unit)
     figure, (whole, *panels) = _empty(1 + len(signals))
     whole.plot(*envelope(time, controlled.ground_acceleration, _BINS), color=style.INK, linewidth=0.7)
     whole.axvspan(time[shown.start], time[shown.stop - 1], color=style.WINDOW, zorder=0.5, linewidth=0.0)
@@ -85,21 +82,20 @@ def response_sheet_figure(
         (reference, style.INK, style.DOTTED, "without control"),
         (controlled, style.MODEL, "-", "controlled"),
     )
-    for axes, (title, values, is_signed) in zip(panels, signals, strict=True):
+    for axes, (title, unit_of_values, values, is_signed) in zip(panels, signals, strict=True):
+        unit = shown_unit_of(unit_of_values, max(float(np.abs(values(run)).max()) for run, *_ in runs))
         for run, colour, pattern, label in runs:
-            line = envelope(time[shown], values(run)[shown], _BINS)
+            line = envelope(time[shown], unit.factor * values(run)[shown], _BINS)
             axes.plot(*line, color=colour, linewidth=0.9, linestyle=pattern, label=label)
         if is_signed:
             symmetric(axes)
-        name_ordinate(axes, title)
+        name_ordinate(axes, f"{title} ({unit.symbol})")
     legend(panels[0], columns=2)
     return figure
 
 
 def _check(controlled: History, reference: History, building: Building) -> None:
-    if controlled.time.shape != reference.time.shape or not np.array_equal(
-        controlled.ground_acceleration, reference.ground_acceleration
-    ):
+    if not np.array_equal(controlled.ground_acceleration, reference.ground_acceleration):
         raise SettingError(
             f"the histories are of {len(controlled.time)} and {len(reference.time)} samples of different motions; give "
             "two runs of one motion at one sample time"
@@ -112,26 +108,17 @@ def _check(controlled: History, reference: History, building: Building) -> None:
             )
 
 
-def _signals(
-    controlled: History, reference: History, building: Building, device: int, floor: int, unit: str
-) -> list[_Signal]:
+def _signals(building: Building, device: int, floor: int, command_unit: str) -> list[_Signal]:
     n, of_floor = building.n_coordinates, building.floor_names[floor]
     energy = lyapunov_function(plant_of(building, building.storeys[:1]))
-    peak = max(float(np.abs(each.force[:, device]).max()) for each in (controlled, reference))
-    force = style.force_unit(peak)
-    mm, mm_per_s = style.MILLIMETRE.factor, style.MILLIMETRE_PER_SECOND.factor
-    current = "Coil current" if unit == "A" else "Voltage"
+    current = "Coil current" if command_unit == "A" else "Voltage"
     return [
-        (f"{current} ({unit})", lambda run: run.current[:, device], False),
-        (f"Damper force ({force.symbol})", lambda run: force.factor * run.force[:, device], True),
-        ("Lyapunov function (J)", lambda run: energy.value(run.state), False),
-        (f"Displacement, {of_floor} (mm)", lambda run: mm * run.displacement[:, floor], True),
-        (
-            f"Velocity, {of_floor} (mm/s)",
-            lambda run: mm_per_s * run.state[:, n:] @ building.floors[floor],
-            True,
-        ),
-        (f"Absolute acceleration, {of_floor} (m/s²)", lambda run: run.acceleration[:, floor], True),
+        (current, command_unit, lambda run: run.current[:, device], False),
+        ("Damper force", "N", lambda run: run.force[:, device], True),
+        ("Lyapunov function", "J", lambda run: energy.value(run.state), False),
+        (f"Displacement, {of_floor}", "m", lambda run: run.displacement[:, floor], True),
+        (f"Velocity, {of_floor}", "m/s", lambda run: run.state[:, n:] @ building.floors[floor], True),
+        (f"Absolute acceleration, {of_floor}", "m/s^2", lambda run: run.acceleration[:, floor], True),
     ]
 
 
