@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
 
@@ -59,11 +59,13 @@ def figure(function: Callable[P, DrawnT_co | DataFrame]) -> Drawing[P, DrawnT_co
     return cast("Drawing[P, DrawnT_co]", checked(style.drawn_in_style()(function)))
 
 
-@dataclass(slots=True, repr=False, eq=False)
 class Plots:
     """Figures of one result."""
 
-    result: object
+    __slots__ = ("result",)
+
+    def __init__(self, result: object) -> None:
+        self.result = result
 
     def __repr__(self) -> str:
         names = ", ".join(name for name in dir(self) if not name.startswith("_") and name != "result")
