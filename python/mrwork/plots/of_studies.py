@@ -35,7 +35,7 @@ from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
-from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, name_axes, short, shown_unit_of
+from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, finished, short, shown_unit_of
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
@@ -114,10 +114,8 @@ def spectra(
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
     colour = style.hue(len(axes.get_lines()))
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
-    name_axes(axes, ("Period", "s"), (quantity.replace("_", "-").capitalize(), unit.symbol))
     axes.set_ylim(bottom=0.0)
-    add_key(axes)
-    return axes
+    return finished(axes, "Period (s)", with_unit(quantity.replace("_", "-").capitalize(), unit.symbol))
 
 
 # Bars that fit into a figure.
@@ -296,9 +294,7 @@ def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFram
         return over_axis("Energies of a closed loop", "time", time_labels(history.time), columns).to_pandas()
     axes = axes_for(ax)
     add_energies(axes, history.time, given, parts)
-    name_axes(axes, ("Time", "s"), ("Energy", "J"))
-    add_key(axes)
-    return axes
+    return finished(axes, "Time (s)", "Energy (J)")
 
 
 def _energy_columns(parts: Mapping[str, Floats]) -> dict[str, tuple[Floats, str, str]]:
@@ -367,8 +363,7 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
     axes = axes_for(ax)
     volume, dynamic_range = columns["envelope_volume"][0], columns["dynamic_range"][0]
     draw_points(axes, 1e3 * volume, dynamic_range, size=4.5, colour=style.MODEL)
-    name_axes(axes, ("Volume", "l"), ("Dynamic range", "1"))
-    return axes
+    return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
 
 
 class HistoryPlots(Plots):
