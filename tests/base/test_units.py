@@ -116,6 +116,9 @@ def test_a_unit_of_another_quantity_is_refused(unit: tuple[str, str], other: tup
         ("1 1/kN2", "1/N2", 1e-6),
         ("30 mA", "A or V", 0.03),
         ("2 V/ms", "A/s or V/s", 2e3),
+        ("1 %", "1", 0.01),
+        ("1.5%", "1", 0.015),
+        ("90 deg", "rad", math.pi / 2.0),
     ],
 )
 def test_prefixes_and_products_of_units_follow_the_rule(text: str, unit: str, expected: float) -> None:

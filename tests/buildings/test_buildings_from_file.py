@@ -308,3 +308,21 @@ def test_the_keys_of_an_addition_are_the_arguments_of_its_functions_with_their_r
             stated = [note for note in getattr(hints[name], "__metadata__", ()) if isinstance(note, Within)]
             assert not stated or stated == [keys[name].metadata["within"]], name
     assert taken == set(keys)
+
+
+def test_heights_are_those_of_storeys_and_of_no_addition(refused: Refused) -> None:
+    one = stated(SHEAR + 'height = "3.5 m"')
+    assert one.heights.tolist() == one.drift_heights.tolist() == [3.5, 3.5]
+    isolation = "[isolation]\nmass = 1.0\nperiod = 2.0\nratio = 0.1\n"
+    brace = "[[brace]]\nstorey = 1\nstiffness = 9.0\nmass = 1e-3\n"
+    built = stated(f"{SHEAR}heights = [4.0, 3.0]\n{isolation}{brace}")
+    assert built.storey_names == ("isolation", "storey 1", "storey 2", "damper in isolation")
+    assert built.heights.tolist() == [0.0, 4.0, 3.0, 0.0]
+    assert built.drift_heights.tolist() == [0.0, 4.0, 3.0]
+    for wrong in (
+        "height = 3500",
+        "heights = [3.0]",
+        "height = 3.0\nheights = [3.0, 3.0]",
+        "heights = [0.0, 0.0]",
+    ):
+        refused(stated, SHEAR + wrong)

@@ -39,10 +39,19 @@ class Labels(Labelled):
 
 def test_criteria_of_a_batch_are_those_of_its_runs() -> None:
     batch = responses(4)
-    together = values(batch, weight=10.0)
+    together = values(batch, weight=10.0, heights=[3.0, 4.0, 5.0])
     for run in range(4):
-        for name, value in values(row(batch, run), weight=10.0).items():
+        for name, value in values(row(batch, run), weight=10.0, heights=[3.0, 4.0, 5.0]).items():
             assert value == together[name][run]
+
+
+def test_the_drift_ratio_is_that_of_the_worst_storey_over_its_own_height(refused: Refused) -> None:
+    batch = responses(1)
+    batch.peak_drift[0] = [0.03, 0.02, 0.5]
+    # The last row is no storey.
+    assert values(batch, weight=1.0, heights=[6.0, 2.5, 0.0])["peak_drift_ratio"][0] == 0.02 / 2.5
+    assert np.isnan(values(batch, weight=1.0)["peak_drift_ratio"][0])
+    refused(values, batch, weight=1.0, heights=[3.0, 3.0])
 
 
 def test_the_largest_floor_or_device_counts() -> None:

@@ -168,7 +168,7 @@ def labelled_criteria(
     every = {
         (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
     }
-    return criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY)
+    return criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY, heights=(4.0, 3.0, 3.0))
 
 
 def with_runs(

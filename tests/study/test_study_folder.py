@@ -12,6 +12,7 @@ import pytest
 import study_samples
 from sentences import Refused
 
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
@@ -42,6 +43,21 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
     assert stored.finished_rows(0) == results.finished_rows(0) == [0, 1, 2, 3]
+
+
+def test_a_file_without_the_criteria_that_came_later_leaves_them_unknown(tmp_path: Path) -> None:
+    results, later = study_samples.results(), [entry.name for entry in criteria() if entry.optional]
+    document = study_document(results)
+    for run in document["results"]:
+        for table in ("criteria", "over_uncontrolled", "over_passive_off", "over_best_passive"):
+            for name in later:
+                del run[table][name]
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    stored, own = read_results(tmp_path).criteria(0, 0), results.criteria(0, 0)
+    assert stored is not None
+    assert own is not None
+    assert stored == {name: value for name, value in own.items() if name not in later}
+    assert all(own[name] > 0.0 for name in later)
 
 
 def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: Path) -> None:

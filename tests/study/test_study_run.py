@@ -420,3 +420,14 @@ def test_what_cannot_be_run_is_one_sentence(refused: Refused) -> None:
         ["gone.toml", "--seed", "-1"],
     ):
         refused.command("respond", *arguments)
+
+
+def test_drift_ratios_are_peaks_over_the_heights_of_the_storeys_of_the_bare_building(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.replace("[building]\n", '[building]\nheights = ["4 m", 2.5]\n'), encoding="utf-8")
+    results = run_study(read_study(path), threads=1)
+    for row, motion in results.runs:
+        found, run = results.criteria(row, motion), results.runs[row, motion]
+        assert found is not None
+        assert found["peak_drift_ratio"] == max(run.peak_drift / [4.0, 2.5])
+        assert found["base_shear_coefficient"] == pytest.approx(run.peak_base_shear / (200.0 * 9.80665))

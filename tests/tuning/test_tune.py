@@ -303,6 +303,8 @@ def test_what_cannot_be_tuned_is_refused(tmp_path: Path, refused: Refused) -> No
         '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["rms_current"]',
         '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["switching_rate"]',
         '[[tune]]\nlaws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]',
+        '[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["peak_drift_ratio"]',
+        '[[tune]]\nlaws = ["lyapunov"]\nconstraints = { peak_drift_ratio = "1 %" }',
     ):
         path = tuning_samples.study_file(tmp_path, tune=text)
         refused(tuned, path)

@@ -450,8 +450,8 @@ def _are_right(values: Sequence[Any], notes: Notes, entry: Field[Any]) -> bool:
 
 def _read_scalar(kind: type, notes: Notes, value: Any, place: Place, entry: Field[Any]) -> Any:
     unit = entry.metadata["unit"]
-    if kind is float and isinstance(value, str) and unit:
-        number = number_in(value, unit)
+    if kind is float and isinstance(value, str) and (unit or value.rstrip().endswith("%")):
+        number = number_in(value, unit or "1")
         if isinstance(number, str):
             place.refuse(f"{_name(place)} {number}")
         value = number

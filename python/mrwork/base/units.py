@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -101,10 +102,12 @@ _ACCELERATION_POWERS: Final = {"m": 1, "s": -2}
 # or mkg, nor does one that makes another unit: milli-inches would be minutes.
 _SYMBOLS: Final[Mapping[str, _Unit]] = {
     "1": _Unit(1.0, {}),
+    "%": _Unit(1e-2, {}),
     "s": _Unit(1.0, {"s": 1}, "mun"),
     "min": _Unit(60.0, {"s": 1}),
     "Hz": _Unit(1.0, {"cycle": 1, "s": -1}, "kMm"),
     "rad": _Unit(1.0, {"rad": 1}, "m"),
+    "deg": _Unit(math.pi / 180.0, {"rad": 1}),
     "m": _Unit(1.0, {"m": 1}, "kcmun"),
     "in": _Unit(0.0254, {"m": 1}),
     "ft": _Unit(0.3048, {"m": 1}),
@@ -172,6 +175,9 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
 )
 """Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
 
+# Ratios and angles, which no record has.
+_PURE: Final = (("1", "%"), ("rad", "deg"))
+
 # Units are read in any case, except for mega, which would be milli.
 _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
     (quantity, symbol.casefold()): factor
@@ -207,7 +213,7 @@ _LONGEST: Final = 60
 
 # A letter directly behind a number begins its unit, unless it is the exponent.
 _GLUED: Final = re.compile(
-    r"([+-]?(?:\d[\d_]*+(?:\.[\d_]*+)?+|\.\d[\d_]*+)(?:e[+-]?\d++)?+)([a-z].*)",
+    r"([+-]?(?:\d[\d_]*+(?:\.[\d_]*+)?+|\.\d[\d_]*+)(?:e[+-]?\d++)?+)([a-z%].*)",
     re.ASCII | re.IGNORECASE | re.DOTALL,
 )
 
@@ -223,7 +229,8 @@ def number_in(text: str, unit: str) -> float | str:
         number, given = glued.groups()
     # Usual units of the dimension of each, that one first.
     like = (
-        next((units for units in FACTORS.values() if each in units), (each,)) for each in unit.split(" or ")
+        next((units for units in (*FACTORS.values(), *_PURE) if each in units), (each,))
+        for each in unit.split(" or ")
     )
     known = ", ".join(name for units in like for name in units)
     example = f'"1 {known.split(", ")[:2][-1]}"'

@@ -40,6 +40,7 @@ def shear_building(
     masses: Sequence[float],
     stiffnesses: Sequence[Positive],
     storey_damping: Sequence[NotNegative] = (),
+    heights: Sequence[Positive] = (),
     floor_names: Sequence[str] = (),
     storey_names: Sequence[str] = (),
     source: str = "",
@@ -54,6 +55,8 @@ def shear_building(
     stiffnesses, storey_damping
         Storey stiffnesses [N/m] and dashpots [N s/m], lowest first; damping can instead be added as Rayleigh or modal
         damping.
+    heights
+        Heights of the storeys [m], lowest first, on which drift ratios stand.
     floor_names, storey_names
         Default: "floor 1", "storey 1" and so on.
 
@@ -84,6 +87,7 @@ def shear_building(
         storey_names=tuple(storey_names) or number_names("storey", n),
         source=source,
         status=status,
+        heights=np.array(heights, dtype=np.float64),
     )
 
 
@@ -335,6 +339,7 @@ def with_coordinate(
         storey_names=(*building.storey_names, stroke_name),
         status="ours",
         n_strokes=building.n_strokes + 1,
+        heights=np.append(building.heights, [0.0] * bool(building.heights.size)),
         elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
 
@@ -423,6 +428,7 @@ def with_base_isolation(
         storeys=np.vstack([slab, building.storeys @ relative]),
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
+        heights=np.append([0.0] * bool(building.heights.size), building.heights),
         elements=transform_elements(building.elements, relative),
         source=source_with(building, "base isolation added"),
         status="ours",

@@ -18,6 +18,7 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import choose_way, key, keys_of, read_table, refuse_missing
+from mrwork.base.numbers import counted
 from mrwork.base.places import Place, Unread
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import building as published_building
@@ -306,6 +307,15 @@ class BuildingTable:
         default=None,
         least=0,
     )
+    height: float | None = key(
+        "height of every storey, of which drift ratios are shares", unit="m", default=None, above=0.0
+    )
+    heights: _Numbers | None = key(
+        "heights of the storeys, lowest first, 0 for one that is none, as isolators",
+        unit="m",
+        default=None,
+        least=0.0,
+    )
     element: tuple[ElementTable, ...] = key("passive elements beside the matrices", default=())
     rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
     modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
@@ -425,7 +435,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     known = name
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
-            built = _with_elements(built, table)
+            built = _with_heights(_with_elements(built, table), table)
         for where, way in ways:
             with where.prefix_errors():
                 built = way()(built)
@@ -442,6 +452,21 @@ def _with_elements(building: Building, table: BuildingTable) -> Building:
     )
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     return replace(building, n_strokes=n_strokes, elements=(*building.elements, *elements))
+
+
+def _with_heights(building: Building, table: BuildingTable) -> Building:
+    """The building with the heights of its storeys that a table states."""
+    count = len(building.drifts)
+    if table.height is not None and table.heights is not None:
+        table.place.within("height").refuse("height and heights both give the heights; keep one")
+    given = (table.height,) * count if table.height is not None else table.heights
+    if given is None:
+        return building
+    if len(given) != count:
+        table.place.within("heights").refuse(
+            f"heights has {len(given)} numbers for {counted(count, 'storey')}; give one for each, or one height for all"
+        )
+    return replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
 
 
 def _shear(table: BuildingTable) -> Building:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
@@ -114,6 +114,9 @@ class Building(Summarised):
         They are not drifts and do not count in drift criteria.
     elements
         What yields, slips or loses head; modes, regulators and observers do not see it.
+    heights
+        Height of each storey [m], shape (n_storeys,), lowest first, 0 for a row that is no storey, such as isolators or
+        a stroke; empty where they are not known. Drift ratios stand on them.
 
     Raises
     ------
@@ -137,11 +140,12 @@ class Building(Summarised):
     status: str = "ours"
     n_strokes: int = 0
     elements: tuple[PassiveElement, ...] = ()
+    heights: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
-        for field in _ARRAYS:
-            object.__setattr__(self, field, freeze_samples(getattr(self, field)))
+        for name in (*_ARRAYS, "heights"):
+            object.__setattr__(self, name, freeze_samples(getattr(self, name)))
         _check_building(self)
 
     @property
@@ -153,6 +157,11 @@ class Building(Summarised):
     def drifts(self) -> Floats:
         """The rows of `storeys` that are drifts between floors, shape (n_storeys - n_strokes, n)."""
         return self.storeys[: len(self.storeys) - self.n_strokes]
+
+    @property
+    def drift_heights(self) -> Floats:
+        """Heights of the storeys whose drifts `drifts` has [m], shape (n_storeys - n_strokes,), or empty."""
+        return self.heights[: len(self.drifts)]
 
     @property
     def total_mass(self) -> float:
@@ -268,6 +277,8 @@ _ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storey
 STATUSES: Final = ("verified", "published", "ours")
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
+# Height of a storey [m].
+_TALLEST: Final = 200.0
 # Products of several such numbers are finite.
 _LARGEST: Final = 1e50
 # Ratio of the smallest to the largest eigenvalue, after scaling to a unit diagonal.
@@ -303,6 +314,7 @@ def _check_building(building: Building) -> None:
             raise SettingError(
                 f"{where}: entry {place} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
             )
+    _check_heights(building, where)
     for element in building.elements:
         if element.row.shape != building.influence.shape:
             raise SettingError(
@@ -326,6 +338,20 @@ def _check_building(building: Building) -> None:
         raise SettingError(
             f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are declared as strokes; "
             "give a number from zero to all"
+        )
+
+
+def _check_heights(building: Building, where: str) -> None:
+    heights = building.heights
+    if heights.shape not in ((0,), (len(building.storeys),)):
+        raise SettingError(
+            f"{where}: heights is {_sides(heights)} where {len(building.storeys)} entries were expected, one for each "
+            "storey"
+        )
+    if heights.size and not (((heights >= 0.0) & (heights <= _TALLEST)).all() and heights.any()):
+        wrong = next((each for each in heights.tolist() if not 0.0 <= each <= _TALLEST), 0.0)
+        raise SettingError(
+            f"{where}: the height of a storey is {wrong:g} m, which is beyond any storey; give heights in m, as 3.5"
         )
 
 

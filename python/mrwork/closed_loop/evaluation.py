@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.base.arguments import AnyNumbers, Positive, Whole
+from mrwork.base.arguments import AnyNumbers, NotNegative, Positive, Whole
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import axis_of, unit_of
@@ -24,9 +24,11 @@ class Criterion:
     """One number of a run, computed from one of its quantities; smaller is better.
 
     The value is the maximum of `quantity`, by default the one of its name, over floors, storeys or devices, or the sum
-    if `summed`, divided by the weight of the building if `over_weight`. If `ratio`, papers report its ratio to the
+    if `summed`, divided by the weight of the building if `over_weight`; each is divided by the height of its storey if
+    `over_height`, NaN where heights are not known. If `ratio`, papers report its ratio to the
     value without dampers, under these `labels`. A number that is `of_command` is zero at i = 0, one that is `counted`
-    jumps by whole counts. `over` names the criterion of the building without dampers in the
+    jumps by whole counts, one that is `optional` is unknown in earlier files or without heights.
+    `over` names the criterion of the building without dampers in the
     denominator, if it is another one. `short` is the title in a narrow column.
     """
 
@@ -36,11 +38,13 @@ class Criterion:
     quantity: str = ""
     summed: bool = False
     over_weight: bool = False
+    over_height: bool = False
     labels: tuple[str, ...] = ()
     over: str = ""
     ratio: bool = True
     of_command: bool = False
     counted: bool = False
+    optional: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantity", self.quantity or self.name)
@@ -53,16 +57,23 @@ class Criterion:
     @property
     def unit(self) -> str:
         """Unit of the number, as in tables."""
-        return "1" if self.over_weight else unit_of(self.quantity).replace("^", "")
+        return "1" if self.over_weight or self.over_height else unit_of(self.quantity).replace("^", "")
 
-    def value(self, responses: object, weight: Positive) -> Floats:
-        """The value for each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
+    def value(
+        self, responses: object, weight: Positive, heights: Sequence[NotNegative] | Floats = ()
+    ) -> Floats:
+        """The value for each run of `responses`, which has the quantities of runs as attributes.
+
+        `weight` is that of the building [N], `heights` those of its storeys [m].
+        """
         if isinstance(responses, type) or not hasattr(responses, self.quantity):
             raise ArgumentError(
                 f"`responses` is a {type(responses).__name__} without {self.quantity}; give the Responses of "
                 "mr.simulate_loop, or a run of mr.run_study"
             )
         values = np.asarray(getattr(responses, self.quantity))
+        if self.over_height:
+            values = drift_ratios(values, heights)
         if axis_of(self.quantity) == "run":
             per_run = values
         elif self.summed:
@@ -94,9 +105,29 @@ def criterion(name: str) -> Criterion:
     raise UnknownNameError(f"no criterion is called {name!r}; choose from {known}")
 
 
-def values(responses: object, *, weight: Positive) -> dict[str, Floats]:
-    """Every criterion of `responses`, which has the quantities of runs as attributes; `weight` of the building [N]."""
-    return {entry.name: entry.value(responses, weight) for entry in _CRITERIA}
+def values(
+    responses: object, *, weight: Positive, heights: Sequence[NotNegative] | Floats = ()
+) -> dict[str, Floats]:
+    """Every criterion of `responses`, which has the quantities of runs as attributes.
+
+    `weight` is that of the building [N], `heights` those of its storeys [m], as `Building.heights`.
+    """
+    return {entry.name: entry.value(responses, weight, heights) for entry in _CRITERIA}
+
+
+def drift_ratios(drifts: AnyNumbers, heights: Sequence[NotNegative] | Floats) -> Floats:
+    """Drifts [m], shape (..., n_storeys), over the heights of their storeys [m]; 0 of a row that is no storey.
+
+    NaN where heights are not known, which are none.
+    """
+    tall = np.asarray(heights, dtype=np.float64)
+    if not tall.size:
+        return np.full(np.shape(drifts), np.nan)
+    if tall.shape != np.shape(drifts)[-1:]:
+        raise SettingError(
+            f"there are {tall.size} heights for {np.shape(drifts)[-1]} storeys; give one for each"
+        )
+    return np.divide(drifts, tall, out=np.zeros(np.shape(drifts)), where=tall > 0.0)
 
 
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
@@ -221,12 +252,30 @@ _CRITERIA = (
         name="peak_drift", title="Peak drift", short="Drift", labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}")
     ),
     Criterion(
+        name="peak_drift_ratio",
+        title="Peak drift ratio",
+        short="Drift ratio",
+        quantity="peak_drift",
+        over_height=True,
+        ratio=False,
+        optional=True,
+    ),
+    Criterion(
         name="peak_acceleration",
         title="Peak acceleration",
         short="Acc.",
         labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}"),
     ),
     Criterion(name="peak_base_shear", title="Peak base shear", short="Shear", labels=(f"J3 of {_OHTORI}",)),
+    Criterion(
+        name="base_shear_coefficient",
+        title="Peak base shear over weight",
+        short="Shear over weight",
+        quantity="peak_base_shear",
+        over_weight=True,
+        ratio=False,
+        optional=True,
+    ),
     Criterion(name="rms_displacement", title="RMS displacement", short="RMS displ."),
     Criterion(name="rms_drift", title="RMS drift", short="RMS drift", labels=(f"J4 of {_OHTORI}",)),
     Criterion(

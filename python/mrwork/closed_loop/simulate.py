@@ -167,6 +167,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         building,
         storeys=building.drifts,
         storey_names=building.storey_names[: len(building.drifts)],
+        heights=building.drift_heights,
         n_strokes=0,
         elements=(),
     )

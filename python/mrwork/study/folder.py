@@ -230,23 +230,28 @@ class StoredStudyRun(Related):
     quantities: _Quantities
 
     def disagreement(self) -> str:
-        """First contradiction: missing or unknown names, or a finished run without the value of a criterion."""
+        """First contradiction: missing or unknown names, or a finished run without the value of a criterion.
+
+        A criterion that came after the file was written is unknown there, as is one that stands on unknown heights.
+        """
         tables = [self.criteria, self.over_uncontrolled, self.over_passive_off, self.over_best_passive]
         tables += [] if self.step_check is None else [self.step_check.changes]
-        every = list(_every_criterion(None))
-        named: list[tuple[str, Collection[str], Collection[str]]] = [
-            *(("criterion", every, table) for table in tables),
-            ("quantity", (*_kept_axes(), _LEAST_STROKE), self.quantities),
+        tables += [] if self.step_check is None else [self.step_check.criteria]
+        every = {entry.name for entry in criteria()}
+        needed = {entry.name for entry in criteria() if not entry.optional}
+        of_run = {*_kept_axes(), _LEAST_STROKE}
+        named: list[tuple[str, Collection[str], Collection[str], Collection[str]]] = [
+            *(("criterion", every, needed, table) for table in tables),
+            ("quantity", of_run, of_run, self.quantities),
         ]
         if self.step_check is not None:
-            named.append(("criterion", every, self.step_check.criteria))
-            named.append(("quantity", (*_kept_axes(), _LEAST_STROKE), self.step_check.quantities))
-        for what, known, stored in named:
-            if lacking := [name for name in known if name not in stored]:
+            named.append(("quantity", of_run, of_run, self.step_check.quantities))
+        for what, known, wanted, stored in named:
+            if lacking := [name for name in wanted if name not in stored]:
                 return f"its run under {self.motion} lacks {lacking[0]} in a table"
             if unknown := [name for name in stored if name not in known]:
                 return f"its run under {self.motion} has the unknown {what} {unknown[0]!r} in a table"
-        empty = [name for name in every if not math.isfinite(self.criteria[name])]
+        empty = [name for name in needed if not math.isfinite(self.criteria[name])]
         return f"its run under {self.motion} finished without {empty[0]}" if empty and self.finished else ""
 
     @property
@@ -416,8 +421,10 @@ def _read_realisations(place: Path, labelled: LabelledRuns, count: int) -> None:
     """Fill in the criteria of the realisations, the last ones of their axis; a row without any has NaN."""
     path = place / REALISATIONS
     arrays = read_arrays(path, _REALISED)
-    shape = (*labelled.shape[:2], count)
+    shape, optional = (*labelled.shape[:2], count), {entry.name for entry in criteria() if entry.optional}
     for name, values in labelled.numbers.items():
+        if name not in arrays and name in optional:
+            continue
         if name not in arrays or arrays[name].shape != shape:
             raise RecordError(f"{path} has no {name} of {shape} runs; {_REALISED.remedy}")
         values[..., -count:] = arrays[name]
@@ -569,7 +576,8 @@ def _criteria_csv(results: StudyResults) -> str:
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     for (row, motion), run in sorted(results.runs.items()):
         ratios = results.criteria(row, motion) or {}
-        numbers = [f"{ratios[entry.name]:.9g}" if entry.name in ratios else "" for entry in known]
+        cells = [ratios.get(entry.name, math.nan) for entry in known]
+        numbers = ["" if math.isnan(cell) else f"{cell:.9g}" for cell in cells]
         facts, score = results.motions[motion], results.score_under(row, (motion,))
         run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
         lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
@@ -645,4 +653,5 @@ def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredSte
 
 def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
     values = numbers or {}
-    return {entry.name: values.get(entry.name, math.nan) for entry in criteria()}
+    named = (entry.name for entry in criteria() if not entry.optional or entry.name in values)
+    return {name: values.get(name, math.nan) for name in named}

@@ -191,8 +191,9 @@ def simulate_criteria(
     seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))
     runs = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
-    for name, array in values(own, weight=weight).items():
-        runs.numbers[name][...] = np.where(np.isfinite(array), array, np.inf).reshape(responses.shape)
+    for name, array in values(own, weight=weight, heights=bare.drift_heights).items():
+        known = np.where(np.isfinite(array) | np.isnan(array), array, np.inf)
+        runs.numbers[name][...] = known.reshape(responses.shape)
     runs.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
     return replace(runs, seconds=seconds)
 

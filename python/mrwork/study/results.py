@@ -406,6 +406,7 @@ class StudyResults(Summarised):
         return {
             name: float(ratio(np.array(above[name]), np.array(below[other]))) if other else float("nan")
             for name, other in named.items()
+            if name in above
         }
 
     @arguments.checked

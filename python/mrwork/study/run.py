@@ -173,6 +173,7 @@ def run_study(
                 axes | {"realisation": (*steps, *numbered(n_realisations))},
                 study.command_unit,
                 weight=bare.total_mass * STANDARD_GRAVITY,
+                heights=bare.drift_heights,
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             choices=tuple(choices),

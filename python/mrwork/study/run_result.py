@@ -6,6 +6,7 @@ pages, terminal, files and xarray read.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -456,8 +457,11 @@ class LabelledRuns(Labelled, WithAxes, Summarised):
         return (*first, "device" if name in _ENDS else axis_of(name))
 
     def criteria(self, place: Place) -> dict[str, float]:
-        """Every criterion of a run."""
-        return {entry.name: float(self.numbers[entry.name][place]) for entry in criteria()}
+        """Every criterion of a run that is known."""
+        found = {entry: float(self.numbers[entry.name][place]) for entry in criteria()}
+        return {
+            entry.name: value for entry, value in found.items() if not (entry.optional and math.isnan(value))
+        }
 
     def _named_arrays(self) -> NamedArrays:
         first = tuple(self.axes)[:_N_FIRST]
@@ -515,11 +519,16 @@ def criteria_of_study(
     command_unit: str,
     *,
     weight: float,
+    heights: Sequence[float] | Floats = (),
 ) -> LabelledRuns:
     """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
     labelled = criteria_of_runs(axes, command_unit=command_unit)
     for place, run in runs.items():
-        named = values(run, weight=weight) if run.finished else dict.fromkeys(labelled.numbers, np.inf)
+        named = (
+            values(run, weight=weight, heights=heights)
+            if run.finished
+            else dict.fromkeys(labelled.numbers, np.inf)
+        )
         for name, value in {**named, "energy_error": run.energy_error}.items():
             labelled.numbers[name][place] = value
     for row, part in realised.items():

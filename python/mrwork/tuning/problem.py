@@ -457,7 +457,9 @@ def _judge(
         violation=violation if math.isfinite(violation) else math.inf,
         criteria=numbers,
         largest={
-            entry.name: float(runs.numbers[entry.name][0].max()) for entry in criteria() if not entry.ratio
+            entry.name: largest
+            for entry in criteria()
+            if not (entry.ratio or math.isnan(largest := float(runs.numbers[entry.name][0].max())))
         },
         spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
         motions=tuple(

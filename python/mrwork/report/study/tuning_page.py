@@ -15,7 +15,7 @@ from mrwork.base.numbers import NOTHING, counted, format_fixed, shortest, signif
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion
-from mrwork.closed_loop.responses import in_command_unit
+from mrwork.closed_loop.responses import axis_of, in_command_unit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, name_lines, name_rows, room_for
 from mrwork.drawing.of_studies import add_front, short
@@ -338,7 +338,7 @@ def _demand_section(results: TuningResults) -> Section:
     shown = [
         (entry, *_IN_UNITS.get(entry.unit, (in_command_unit(entry.unit, results.command_unit), 1.0)))
         for entry in criteria()
-        if not entry.ratio
+        if axis_of(entry.quantity) == "device"
     ]
     table = Table(
         label="Demand on the dampers",
