@@ -178,3 +178,44 @@ def test_damping_that_would_drive_a_mode_is_refused(frame: Building, refused: Re
     refused(with_modal_damping, frame, ratios=[0.01, 0.02])
     refused(with_rayleigh_damping, frame, ratios=(2.0, 2.0), modes=(1, 2))
     refused(with_modal_damping, frame, ratios=[-0.01])
+
+
+def test_effective_masses_and_participation_of_two_storeys_are_those_by_hand() -> None:
+    # k / m = 100: omega^2 = 100 (3 -+ sqrt 5) / 2, shapes (1, (1 +- sqrt 5) / 2).
+    golden = (1.0 + np.sqrt(5.0)) / 2.0
+    frame = shear_building(name="frame", masses=[2.0, 2.0], stiffnesses=[200.0, 200.0])
+    np.testing.assert_allclose(
+        frame.periods, 2.0 * np.pi / (10.0 / np.array([golden, golden - 1.0])), rtol=1e-12
+    )
+    shapes = np.array([[1.0, golden], [1.0, 1.0 - golden]])
+    driven, modal = 2.0 * shapes.sum(axis=1), 2.0 * (shapes**2).sum(axis=1)
+    np.testing.assert_allclose(frame.effective_masses, driven**2 / modal, rtol=1e-12)
+    np.testing.assert_allclose(frame.participation, shapes[:, 1] * driven / modal, rtol=1e-12)
+    assert frame.effective_masses.sum() == pytest.approx(frame.total_mass)
+    assert frame.participation.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("storeys", [1, 6, 30])
+@pytest.mark.parametrize(("mass", "stiffness"), [(1e3, 1.0), (1.0, 1e-3), (1e-3, 1.0), (1.0, 1e3)])
+def test_a_mass_or_stiffness_that_is_off_by_a_thousand_is_asked_about(
+    storeys: int, mass: float, stiffness: float
+) -> None:
+    # 0.1 s a storey: omega_1 = 2 sqrt(k / m) sin(pi / (2 (2 n + 1))).
+    lowest = 2.0 * np.sin(np.pi / (2.0 * (2.0 * storeys + 1.0)))
+    stiff = 2e4 * (2.0 * np.pi / (0.1 * storeys) / lowest) ** 2
+
+    def frame(heavier: float, stiffer: float) -> Building:
+        made = shear_building(
+            name="frame", masses=[2e4 * heavier] * storeys, stiffnesses=[stiff * stiffer] * storeys
+        )
+        return with_modal_damping(made, ratios=[0.02])
+
+    assert frame(1.0, 1.0).warnings == ()
+    (said,) = frame(mass, stiffness).warnings
+    assert "off by a thousand" in said
+
+
+def test_a_part_that_is_softer_than_its_frame_is_asked_about() -> None:
+    frame = shear_building(name="frame", masses=[2e4] * 3 + [10.0], stiffnesses=[1e8] * 3 + [1e3])
+    (said,) = with_modal_damping(frame, ratios=[0.02]).warnings
+    assert "mode 2" in said

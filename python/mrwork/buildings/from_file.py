@@ -464,7 +464,8 @@ def _with_heights(building: Building, table: BuildingTable) -> Building:
         return building
     if len(given) != count:
         table.place.within("heights").refuse(
-            f"heights has {len(given)} numbers for {counted(count, 'storey')}; give one for each, or one height for all"
+            f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
+            "height for all"
         )
     return replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from itertools import groupby
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import control_in
-from mrwork.base.numbers import format_rounded
+from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.buildings.modes import damping_warnings, growing_modes, is_positive, modes_of
@@ -176,6 +177,53 @@ class Building(Summarised):
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi))
 
     @property
+    def periods(self) -> Floats:
+        """Undamped natural periods [s], shape (n,), longest first; infinite of a motion without stiffness."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / self.frequencies)
+
+    @property
+    def effective_masses(self) -> Floats:
+        """Effective modal masses `(phi' M r)^2` with phi' M phi = 1 [kg], shape (n,); their sum is `total_mass`.
+
+        The base shear of a mode is that of this mass under its pseudo-acceleration (Chopra, Dynamics of Structures,
+        13.2.5).
+        """
+        return self._modal().effective_masses
+
+    @property
+    def participation(self) -> Floats:
+        """Participation factors `phi' M r / phi' M phi`, shape (n,), of shapes that are 1 at the highest floor.
+
+        A mode that does not move this floor has 0. Where there are no additions, their sum is 1.
+        """
+        return self._modal().participation
+
+    def _modal(self, most: int | None = None) -> _Modal:
+        omega, modes = modes_of(self.mass, self.stiffness, most)
+        driven = modes.T @ self.mass @ self.influence
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return _Modal(
+                period=2.0 * np.pi / omega,
+                damping_ratio=np.einsum("im,im->m", modes, self.damping @ modes) / (2.0 * omega),
+                participation=driven * (self.floors[-1] @ modes),
+                effective_masses=driven**2,
+            )
+
+    @property
+    def storey_stiffnesses(self) -> Floats:
+        """Stiffness of each storey [N/m] of a chain of floors, lowest first; empty where it is no chain."""
+        stiffness, mass = self.stiffness, self.mass
+        # Only the lowest floor of a chain has a spring to the ground.
+        between = -np.diag(stiffness, -1)
+        storeys = np.append(stiffness[0, 0] - between[:1].sum(), between)
+        built = np.diag(storeys + np.append(storeys[1:], 0.0)) - np.diag(between, 1) - np.diag(between, -1)
+        is_chain = np.allclose(
+            built, stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness).max()
+        ) and np.array_equal(mass, np.diag(np.diag(mass)))
+        return storeys if is_chain and (storeys > 0.0).all() else np.empty(0)
+
+    @property
     def modes(self) -> Floats:
         """Mode shapes as columns, shape (n, n), scaled so that modes' M modes = I."""
         return modes_of(self.mass, self.stiffness)[1]
@@ -187,10 +235,8 @@ class Building(Summarised):
         Exact for classical damping (Rayleigh, modal). Otherwise, as with a damper at one storey, the poles give the
         actual decay.
         """
-        omega, modes = modes_of(self.mass, self.stiffness)
         # Infinite or NaN for a mode without stiffness.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.einsum("im,im->m", modes, self.damping @ modes) / (2.0 * omega))
+        return self._modal().damping_ratio
 
     @property
     def damping_warnings(self) -> tuple[str, ...]:
@@ -199,6 +245,27 @@ class Building(Summarised):
         One matrix factorisation or two where there are none. Passive elements do not count, as in all modes.
         """
         return damping_warnings(self.name, self.mass, self.damping, self.stiffness, self.floors)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """`damping_warnings`, and what a colleague would ask about periods, weights and the order of the modes."""
+        if len(self.mass) > _MOST_QUESTIONED or not self.total_mass > 0.0:
+            return self.damping_warnings
+        modal, storeys = self._modal(), len(self.drifts) or 1
+        first, shares = float(modal.period[0]), modal.effective_masses / self.total_mass
+        most = int(shares.argmax())
+        said = []
+        if not _SHORTEST * storeys <= first <= _LONGEST[0] + _LONGEST[1] * storeys and np.isfinite(first):
+            said.append(
+                f"{self.name}: the first period is {first:.3g} s for {counted(storeys, 'storey')}; frames have about "
+                "0.1 s a storey. Masses are in kg, stiffnesses in N/m: check whether one is off by a thousand."
+            )
+        if shares[most] > 2.0 * shares[0]:
+            said.append(
+                f"{self.name}: mode 1 moves {100.0 * shares[0]:.0f} % of the mass and mode {most + 1} "
+                f"{100.0 * shares[most]:.0f} %; a part by itself is softer than the frame, check its stiffness."
+            )
+        return (*self.damping_warnings, *said)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -249,17 +316,53 @@ class Building(Summarised):
         return _index(storey, self.storey_names, f"{self.name}: there is no storey")
 
     def _summary(self) -> Summary:
-        frequencies = self.frequencies
-        elements = [("passive", ", ".join(each.name for each in self.elements))] if self.elements else []
+        modal = self._modal(_SHOWN_MODES)
+        masses = modal.effective_masses / (self.total_mass or 1.0)
+        columns = (
+            modal.period,
+            1.0 / modal.period,
+            100.0 * modal.damping_ratio,
+            modal.participation,
+            100.0 * masses,
+            100.0 * np.cumsum(masses),
+        )
         return Summary(
-            title=f"Building {self.name}: {len(self.floors)} floors, {self.total_mass:.5g} kg",
+            title=f"Building {self.name}: {counted(len(self.floors), 'floor')}, {self.total_mass:.5g} kg",
             facts=(
-                ("frequencies", f"{', '.join(format_rounded(float(each)) for each in frequencies[:6])} Hz"),
-                *elements,
+                ("masses", _listed(np.diag(self.mass), "kg") if len(self.storey_stiffnesses) else ""),
+                ("stiffnesses", _listed(self.storey_stiffnesses, "N/m")),
+                ("heights", _listed(self.drift_heights, "m")),
+                ("passive", ", ".join(each.name for each in self.elements)),
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
-            notes=[f"warning: {each}" for each in self.damping_warnings],
+            columns=("mode", "period [s]", "[Hz]", "damping [%]", "participation", "mass [%]", "sum [%]"),
+            rows=[
+                (str(mode + 1), *(significant(float(column[mode]), 4) for column in columns))
+                for mode in range(len(masses))
+            ],
+            notes=(
+                "damping: diagonal of the modal damping over 2 omega, without coupling; participation: of shapes that "
+                "are 1 at the highest floor; mass: effective modal mass over that of the building",
+                *(f"warning: {each}" for each in self.warnings),
+            ),
         )
+
+
+def _listed(values: Floats, unit: str) -> str:
+    """Numbers with their unit, equal ones beside each other once, as "337, 4 x 330 kg"."""
+    texts = [format_rounded(float(each)) for each in values]
+    runs = [(text, len(list(same))) for text, same in groupby(texts)]
+    return f"{', '.join(text if n == 1 else f'{n} x {text}' for text, n in runs)} {unit}" if texts else ""
+
+
+@array_dataclass()
+class _Modal:
+    """Periods [s], damping ratios, participation factors and effective masses [kg] of the modes, shape (n,) each."""
+
+    period: Floats
+    damping_ratio: Floats
+    participation: Floats
+    effective_masses: Floats
 
 
 def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
@@ -277,6 +380,12 @@ _ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storey
 STATUSES: Final = ("verified", "published", "ours")
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
+# First periods of frames [s]: the shortest for each storey, and the longest by number of storeys, with room for models
+# of a laboratory and for isolation. A mass or stiffness that is off by a thousand changes a period by 32.
+_SHORTEST, _LONGEST = 0.005, (1.5, 0.5)
+_SHOWN_MODES: Final = 10
+# Coordinates of a building whose modes take a fraction of a second.
+_MOST_QUESTIONED: Final = 300
 # Height of a storey [m].
 _TALLEST: Final = 200.0
 # Products of several such numbers are finite.

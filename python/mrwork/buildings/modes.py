@@ -43,12 +43,13 @@ class ModalDamping:
     n_free: int
 
 
-def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
+def modes_of(mass: Floats, stiffness: Floats, most: int | None = None) -> tuple[Floats, Floats]:
     """Circular frequencies [rad/s], shape (n,), lowest first, and mode shapes as columns with modes' M modes = I.
 
-    The largest entry of each shape is positive.
+    The largest entry of each shape is positive. Of large buildings the `most` lowest modes take a fraction of the time.
     """
-    squares, modes = scipy.linalg.eigh(stiffness, mass)
+    some = None if most is None or most >= len(mass) else (0, most - 1)
+    squares, modes = scipy.linalg.eigh(stiffness, mass, subset_by_index=some)
     largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
     # A free coordinate has frequency zero; rounding may make its square negative.
     return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet
+from mrwork.cli.output import is_quiet, print_result
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
+from mrwork.store.codec import finite
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
@@ -43,6 +44,11 @@ def add_options(parser: CommandParser) -> None:
     listings.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
     listings.add_argument(
         "--laws", action="store_true", help="print the control laws with their settings and exit"
+    )
+    listings.add_argument(
+        "--building",
+        action="store_true",
+        help="print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
     )
     add_seed(parser, "noise and synthetic motions")
     study.add_argument(
@@ -86,6 +92,14 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
+    if options.building:
+        from mrwork.study.reading import read_bare_building
+        from mrwork.study.results import BuildingFacts
+
+        building = read_bare_building(options.study)
+        facts = {**asdict(BuildingFacts.of(building)), "participation": building.participation.tolist()}
+        print_result(options, finite({**facts, "warnings": building.warnings}), repr(building))
+        return 0
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 

@@ -20,6 +20,7 @@ from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
+from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -328,13 +329,29 @@ def read_study(
 ) -> Study:
     """Read a study; `identified` reads a damper from a run folder, see `mr.read_study`."""
     path = Path(path)
+    file, document, place = _document_in(path)
+    return study_of_document(document, place, path.parent, identified, seed, on_python, on_progress, file)
+
+
+def read_bare_building(path: str | Path) -> Building:
+    """The building of a study file without its dampers, whatever else the file has."""
+    path = Path(path)
+    _, document, place = _document_in(path)
+    if not isinstance(document.get("building"), dict):
+        place.refuse("the study has no [building]; give one")
+    with place.collecting() as place:
+        table = read_table(BuildingTable, document["building"], place.within("building"))
+        with place.within("building").prefix_errors(SettingError):
+            return table.build(path.parent / str(document.get("folder", "")))
+
+
+def _document_in(path: Path) -> tuple[StudyFile, dict[str, Any], Place]:
     content = bytes_of(path, TOML)
     # Refused here, by the name that was given.
     text_in(content, path, TOML)
     file = StudyFile(path=path.resolve(), content=content)
     document, lines = parse(file.text, str(path))
-    place = Place(origin=str(path), lines=lines)
-    return study_of_document(document, place, path.parent, identified, seed, on_python, on_progress, file)
+    return file, document, Place(origin=str(path), lines=lines)
 
 
 def study_of_document(

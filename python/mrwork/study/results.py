@@ -125,6 +125,8 @@ def _damper_in_words(spec: DamperSpec) -> str:
 class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
+    `heights` are those of the storeys [m], if they are known; `effective_masses` those of the modes [kg].
+
     There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
     """
 
@@ -133,32 +135,21 @@ class BuildingFacts:
     stiffnesses: tuple[float, ...]
     periods: tuple[OrInfinite, ...]
     damping_ratios: tuple[OrNan, ...]
+    heights: tuple[float, ...] = ()
+    effective_masses: tuple[float, ...] = ()
 
     @staticmethod
     def of(building: Building) -> BuildingFacts:
         """Those of a building without dampers."""
-        with np.errstate(divide="ignore"):
-            periods = 1.0 / building.frequencies
         return BuildingFacts(
             name=building.name,
             masses=tuple(np.diag(building.mass).tolist()),
-            stiffnesses=_storey_stiffnesses(building),
-            periods=tuple(periods.tolist()),
+            stiffnesses=tuple(building.storey_stiffnesses.tolist()),
+            periods=tuple(building.periods.tolist()),
             damping_ratios=tuple(building.damping_ratios.tolist()),
+            heights=tuple(building.drift_heights.tolist()),
+            effective_masses=tuple(building.effective_masses.tolist()),
         )
-
-
-def _storey_stiffnesses(building: Building) -> tuple[float, ...]:
-    """Stiffness of each storey [N/m] of a chain of floors, from the lowest; none where it is no chain."""
-    stiffness, mass = building.stiffness, building.mass
-    # Only the lowest floor of a chain has a spring to the ground.
-    between = -np.diag(stiffness, -1)
-    storeys = np.append(stiffness[0, 0] - between[:1].sum(), between)
-    built = np.diag(storeys + np.append(storeys[1:], 0.0)) - np.diag(between, 1) - np.diag(between, -1)
-    is_chain = np.allclose(
-        built, stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness).max()
-    ) and np.array_equal(mass, np.diag(np.diag(mass)))
-    return tuple(storeys.tolist()) if is_chain and (storeys > 0.0).all() else ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

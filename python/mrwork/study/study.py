@@ -273,9 +273,9 @@ class Study(Summarised):
 
     @property
     def building_warnings(self) -> tuple[str, ...]:
-        """Sentences on modes without damping or stiffness, of the building or, if it has none, of the baselines."""
+        """Sentences on the building, see `Building.warnings`; if there are none, on damping of the baselines."""
         baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
-        warnings = (each.damping_warnings for each in (self.building, *baselines))
+        warnings = (self.building.warnings, *(each.damping_warnings for each in baselines))
         return next((sentences for sentences in warnings if sentences), ())
 
     @property
