@@ -413,6 +413,21 @@ def test_the_verb_prints_its_schema_and_its_laws() -> None:
     assert "best_passive" in printed("respond", "--laws")
 
 
+def test_the_verb_prints_its_building_without_reading_the_rest(tmp_path: Path, refused: Refused) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(
+        '[building]\npublished = "uts"\nheight = 3.6\n\n[[controller]]\nlaw = "none"\n', encoding="utf-8"
+    )
+    text = printed("respond", path, "--building")
+    for word in ("337, 4 x 330 kg", "5 x 3.6 m", "0.3334", "87.85"):
+        assert word in text
+    document = json.loads(printed("respond", path, "--building", "--json"))
+    assert document["periods"][0] == pytest.approx(1.0 / 3.0, rel=1e-3)
+    assert sum(document["effective_masses"]) == pytest.approx(1657.0)
+    path.write_text("[hardware]\n", encoding="utf-8")
+    refused.command("respond", path, "--building")
+
+
 def test_what_cannot_be_run_is_one_sentence(refused: Refused) -> None:
     for arguments in (
         [],

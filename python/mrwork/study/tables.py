@@ -15,7 +15,7 @@ import numpy as np
 from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
-from mrwork.closed_loop.responses import in_command_unit
+from mrwork.closed_loop.responses import axis_of, in_command_unit
 from mrwork.study.comparison import (
     BOTH,
     LAWS,
@@ -107,6 +107,7 @@ _MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
 _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
     ("peak_drift", *_MILLIMETRE),
+    ("peak_drift_ratio", "%", 100.0),
     ("peak_acceleration", *_ACCELERATION),
     ("peak_base_shear", *_KILONEWTON),
     ("rms_drift", *_MILLIMETRE),
@@ -124,14 +125,17 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
     by_row = [[_values(results, row, motion) for motion in motions] for row in rows]
+    known = {name for of_row in by_row for of_run in of_row for name in of_run}
+    values = [each for each in _VALUES if each[0] in known or not criterion(each[0]).optional]
     columns = [
-        [factor * float(np.median([each[name] for each in of_row])) for of_row in by_row]
-        for name, _, factor in _VALUES
+        [factor * float(np.median([each.get(name, math.nan) for each in of_row])) for of_row in by_row]
+        for name, _, factor in values
     ]
     heads = tuple(
         f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})"
-        for name, shown, _ in _VALUES
+        for name, shown, _ in values
     )
+    of_building = [axis_of(criterion(name).quantity) != "device" for name, *_ in values].index(False)
     return Table(
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
@@ -139,7 +143,7 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
             (results.rows[row].label, *(significant(column[place], 3) for column in columns))
             for place, row in enumerate(rows)
         ),
-        strong=_best(results, rows, columns[:5]),
+        strong=_best(results, rows, columns[:of_building]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
         "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
         "is a change of more than 10 % of the largest command, until the command turns back by as much.",
@@ -147,14 +151,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 
 def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
-    """The criteria; NaN if the run did not finish, or has nothing of a quantity: no dampers, no stroke."""
-    criteria = results.criteria(row, motion)
-    if criteria is None:
-        return {name: math.nan for name, *_ in _VALUES}
-    run = results.runs[row, motion]
+    """The known criteria; none if the run did not finish, nor of a quantity that it has not: no dampers, no stroke."""
+    criteria, run = results.criteria(row, motion) or {}, results.runs.get((row, motion))
     return {
-        name: criteria[name] if np.size(getattr(run, criterion(name).quantity)) else math.nan
+        name: criteria[name]
         for name, *_ in _VALUES
+        if name in criteria and np.size(getattr(run, criterion(name).quantity))
     }
 
 
