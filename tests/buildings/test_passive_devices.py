@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 from sentences import Refused
@@ -54,6 +55,38 @@ def test_bearings_are_isolators_with_a_core() -> None:
     # The stiffness and the damping of the slab on the rubber, with the building rigid.
     assert element.stiffness == pytest.approx(rubber.influence @ rubber.stiffness @ rubber.influence)
     assert element.damping == pytest.approx(rubber.influence @ rubber.damping @ rubber.influence)
+
+
+def test_bearings_by_their_strength_and_stiffness_are_those_by_period() -> None:
+    total = FRAME.total_mass + 330.0
+    by_period = of.with_lead_rubber_bearings(FRAME, mass=330.0, period=2.0, yield_force=800.0)
+    textbook = of.with_lead_rubber_bearings(
+        FRAME, mass=330.0, post_yield_stiffness=total * np.pi**2, characteristic_strength=800.0
+    )
+    np.testing.assert_allclose(textbook.stiffness, by_period.stiffness, rtol=1e-12)
+    assert textbook.elements[0].numbers == pytest.approx(by_period.elements[0].numbers)
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 2.0, 5.0])
+def test_the_knee_of_bearings_is_passed_at_five_yield_displacements(sharpness: float) -> None:
+    lead = of.with_lead_rubber_bearings(
+        FRAME,
+        mass=330.0,
+        post_yield_stiffness=2e4,
+        characteristic_strength=800.0,
+        yield_displacement=0.01,
+        sharpness=sharpness,
+    ).elements[0]
+    # w' = (1 - w^n) / x_y under a push from rest.
+    pushed = solve_ivp(
+        lambda _, w: (1.0 - w**sharpness) / lead.yield_displacement,
+        (0.0, 0.05),
+        [0.0],
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    force = lead.stiffness * 0.05 + lead.yield_force * pushed.y[0, -1]
+    assert force == pytest.approx(2e4 * 0.05 + 800.0, rel=0.01)
 
 
 def test_a_liquid_column_has_the_mass_and_the_length_of_its_liquid() -> None:
@@ -109,6 +142,8 @@ def test_numbers_that_no_device_has_are_refused(refused: Refused) -> None:
     refused(of.with_yielding_damper, FRAME, storey=1, **plastic, post_yield_ratio=1.0)
     refused(of.with_friction_damper, FRAME, storey=1, slip_load=-1.0, stiffness=1.0)
     refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0, yield_force=0.0)
+    refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, yield_force=1.0)
+    refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0)
     column = {"mass": 1.0, "frequency": 1.0, "width_ratio": 1.0, "head_loss": 1.0}
     refused(of.with_liquid_column, FRAME, floor=1, **column)
 

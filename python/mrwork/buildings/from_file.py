@@ -124,9 +124,22 @@ class LeadRubberTable(Addition):
 
     ways = (with_lead_rubber_bearings,)
     mass: float = key("mass of the slab", unit="kg", above=0.0)
-    period: float = key("period of the rigid building on the rubber alone", unit="s", above=0.0)
+    period: float | None = key(
+        "period of the rigid building on the rubber alone; or post_yield_stiffness",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+    post_yield_stiffness: float | None = key(
+        "stiffness K_d of the rubber of all bearings; or period", unit="N/m", default=None, above=0.0
+    )
     ratio: float | None = key("damping ratio of the rubber, 0 by default", default=None, least=0.0)
-    yield_force: float = key("characteristic strength of all leads together", unit="N", above=0.0)
+    characteristic_strength: float | None = key(
+        "characteristic strength Q_d of all leads together", unit="N", default=None, above=0.0
+    )
+    yield_force: float | None = key(
+        "another name of characteristic_strength", unit="N", default=None, above=0.0
+    )
     yield_displacement: float | None = key(
         "displacement at which the leads yield, 0.01 m by default", unit="m", default=None, above=0.0
     )

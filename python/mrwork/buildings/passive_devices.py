@@ -104,8 +104,10 @@ def with_lead_rubber_bearings(
     building: Building,
     *,
     mass: Positive,
-    period: Positive,
-    yield_force: Positive,
+    period: Positive | None = None,
+    post_yield_stiffness: Positive | None = None,
+    yield_force: Positive | None = None,
+    characteristic_strength: Positive | None = None,
     yield_displacement: Positive = 0.01,
     ratio: NotNegative = 0.0,
     sharpness: float = 2.0,
@@ -114,22 +116,40 @@ def with_lead_rubber_bearings(
     """Return the building on a base slab with lead-rubber bearings between slab and ground.
 
     The rubber is the spring of `with_base_isolation_of_period`, the lead a loop in parallel:
-    `f = K_d x + Q w` with the characteristic strength Q, the force at no displacement (Naeim, Kelly, Design of Seismic
-    Isolated Structures, 1999, ch. 3).
+    `f = K_d x + Q_d w` with the post-yield stiffness K_d and the characteristic strength Q_d, the force at no
+    displacement (Naeim, Kelly, Design of Seismic Isolated Structures, 1999, ch. 3). Before the leads yield the
+    stiffness is `K_d + Q_d / yield_displacement`. At five yield displacements the force is that of the bilinear loop to
+    0.01 % with the sharpness that is taken, to 0.7 % of Q_d with any.
 
     Parameters
     ----------
     mass
         Mass of the slab [kg].
-    period, ratio
-        Period of the rigid building on the rubber alone [s], and damping ratio of the rubber at it.
-    yield_force
-        Characteristic strength Q of all leads together [N]; some per cent of the weight.
+    period, post_yield_stiffness
+        Period of the rigid building on the rubber alone [s], or the stiffness K_d of the rubber [N/m].
+    yield_force, characteristic_strength
+        Q_d of all leads together [N], by either name; some per cent of the weight.
+    ratio
+        Damping ratio of the rubber at its period.
     yield_displacement
         Displacement at which the leads yield [m].
     sharpness, name
         As of `with_yielding_damper`.
+
+    Raises
+    ------
+    SettingError
+        If both or neither of period and post-yield stiffness, or of the names of Q_d, are given.
     """
+    if (period is None) is (post_yield_stiffness is None):
+        raise SettingError(
+            f"{name}: give either period or post_yield_stiffness, which follow from each other"
+        )
+    if (yield_force is None) is (characteristic_strength is None):
+        raise SettingError(f"{name}: give either characteristic_strength or yield_force, which are the same")
+    if period is None:
+        period = 2.0 * pi * sqrt((building.total_mass + mass) / (post_yield_stiffness or 1.0))
+    yield_force = yield_force or characteristic_strength or 0.0
     isolated = with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
     # The first coordinate is the slab; the rubber is in the matrices already.
     rubber = PassiveElement(
