@@ -9,6 +9,7 @@ import pytest
 from sentences import Refused
 from study_samples import ranges
 
+import mrwork as mr
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
 from mrwork.dampers import damper
@@ -104,3 +105,48 @@ def test_a_mistake_is_one_sentence_with_its_line(refused: Refused) -> None:
         'run = "gone"\nlargest_command = 1',
     ):
         refused(chosen, text)
+
+
+def frame(**damper: object) -> mr.Study:
+    return mr.study_of(
+        building={
+            "n_storeys": 3,
+            "masses": [300.0],
+            "stiffnesses": [4e5],
+            "modal_damping": {"ratios": [0.01]},
+        },
+        dampers=[{"storey": 2, "model": "bingham", "passive": True, **damper}] if damper else [],
+        motions=[{"synthetic": "kanai_tajimi", "duration": 4.0, "pga": "0.2 g"}],
+    )
+
+
+@pytest.mark.parametrize("brace", [{}, {"brace": {"stiffness": 3e6}}])
+def test_a_diagonal_damper_resists_by_the_square_of_its_cosine(brace: dict[str, object]) -> None:
+    # Next to no friction, so that the damper is a dashpot.
+    upright = {"f_c": 1e-3, "v_s": 0.1, "f0": 0.0}
+    angle, share = "38 deg", np.cos(np.radians(38.0))
+    diagonal = frame(parameters={"c0": 2e3, **upright}, angle=angle, **brace)
+    softer = {"brace": {"stiffness": 3e6 * share**2}} if brace else {}
+    level = frame(parameters={"c0": 2e3 * share**2, **upright}, **softer)
+    along, across = (mr.run_study(each).runs[1, 0] for each in (diagonal, level))
+    np.testing.assert_allclose(along.peak_drift, across.peak_drift, rtol=2e-5)
+    np.testing.assert_allclose(along.peak_stroke, share * across.peak_stroke, rtol=2e-5)
+    np.testing.assert_allclose(share * along.peak_force, across.peak_force, rtol=2e-5)
+    row = frame(parameters={"c0": 2e3, **upright}, row=[-share, share, 0.0], **brace)
+    np.testing.assert_allclose(mr.run_study(row).runs[1, 0].peak_force, along.peak_force, rtol=1e-9)
+    (facts,) = mr.run_study(diagonal).dampers
+    assert facts.share == pytest.approx(share)
+
+
+def test_two_dampers_in_a_storey_have_names(refused: Refused) -> None:
+    kwok = {"storey": 1, "preset": "kwok2006"}
+    building, motion = {"published": "uts"}, {"synthetic": "kanai_tajimi", "duration": 1.0}
+
+    def names(*dampers: dict[str, object]) -> tuple[str, ...]:
+        return mr.study_of(building=building, dampers=dampers, motions=[motion]).device_names
+
+    assert names({**kwok, "name": "left"}, {**kwok, "name": "right"}) == ("left", "right")
+    refused(names, {**kwok, "name": "left"}, {**kwok, "name": "left"})
+    refused(names, {**kwok, "angle": 38})
+    refused(names, {**kwok, "row": [1.0, 0.0]})
+    refused(names, {**kwok, "row": [1.0, 0.0, 0.0, 0.0, 0.0], "angle": "38 deg"})

@@ -352,6 +352,7 @@ def with_brace(
     stiffness: Positive,
     mass: Positive,
     damping: NotNegative = 0.0,
+    across: Floats | None = None,
     name: str = "",
 ) -> Building:
     """Return the building with a brace in series with a damper: the two share the drift of a storey.
@@ -373,11 +374,18 @@ def with_brace(
         Stiffness [N/m] and damping [N s/m] of the brace along the drift.
     mass
         Mass that moves with the deformation of the brace [kg].
+    across
+        The row e of brace and damper together, shape (n,), where it is not the drift of the storey, as of a diagonal.
     name
         Name of the new row; by default "damper in" and the storey.
     """
-    row = building.storey_row(storey)
+    row = building.storey_row(storey) if across is None else across
     where = building.storey_name(storey)
+    if row.shape != building.influence.shape:
+        raise SettingError(
+            f"brace in {where}: `across` has shape {row.shape}; give ({building.n_coordinates},), as a row of "
+            "`building.storeys`"
+        )
     end = np.append(np.zeros(building.n_coordinates), 1.0)
     braced = with_coordinate(
         building,

@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
-from math import inf
+from math import cos, degrees, inf
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
 from mrwork.base.keys import suggestion
+from mrwork.base.numbers import counted
 from mrwork.base.places import Place
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -247,6 +248,8 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
         place.within(name).refuse(f"{plain.name} has no parameter {name!r}{near}")
 
 
+# Angle of a damper that no drift stretches.
+_UPRIGHT = 1.57
 # Mass of a joint over the mean mass of a floor, negligible for the building.
 _JOINT_SHARE = 1e-3
 
@@ -288,7 +291,7 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and its devices; their dampers are asked for after their storeys."""
-    parts = [table.place.attempt(_storey_row, bare, table) for table in tables]
+    parts = [table.place.attempt(_row_of, bare, table) for table in tables]
     chosen = choose()
     building, rows = bare, [each() for each in parts]
     for number, table in enumerate(tables):
@@ -298,6 +301,7 @@ def equip_building(
                 building = with_brace(
                     building,
                     storey=table.storey,
+                    across=np.append(rows[number], np.zeros(building.n_coordinates - len(rows[number]))),
                     stiffness=table.brace.stiffness,
                     damping=table.brace.damping,
                     mass=mass,
@@ -312,8 +316,12 @@ def equip_building(
             )
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
-        name = f"damper in {bare.storey_name(table.storey)}"
-        before = sum(device.name.startswith(name) for device in devices)
+        name = table.name or f"damper in {bare.storey_name(table.storey)}"
+        before = 0 if table.name else sum(device.name.startswith(name) for device in devices)
+        if table.name in [device.name for device in devices]:
+            table.place.within("name").refuse(
+                f"two dampers are called {table.name!r}; give each its own name"
+            )
         with table.place.prefix_errors(SettingError):
             devices.append(
                 Device(
@@ -330,6 +338,23 @@ def equip_building(
     return building, tuple(devices)
 
 
-def _storey_row(bare: Building, table: DamperTable) -> Floats:
+def _row_of(bare: Building, table: DamperTable) -> Floats:
+    """Stretch of the dampers of a table over the coordinates of the bare building."""
     with table.place.within("storey").prefix_errors(SettingError):
-        return bare.storey_row(table.storey)
+        row = bare.storey_row(table.storey)
+    if table.row is None:
+        angle = table.angle or 0.0
+        if angle >= _UPRIGHT:
+            table.place.within("angle").refuse(
+                f'angle is {angle:g} rad, {degrees(angle):.4g} deg; give one below 90 deg, as "38 deg"'
+            )
+        return cos(angle) * row
+    place = table.place.within("row")
+    if table.angle is not None:
+        place.refuse("angle and row both say how the damper stands; keep one")
+    if len(table.row) != bare.n_coordinates or not any(table.row):
+        place.refuse(
+            f"row has {counted(len(table.row), 'number')} for {counted(bare.n_coordinates, 'coordinate')} of "
+            f"{bare.name}; give one for each, not all 0"
+        )
+    return np.array(table.row)

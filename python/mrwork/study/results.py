@@ -104,7 +104,10 @@ class MotionFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperFacts:
-    """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges."""
+    """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges.
+
+    `share` is that of the drift by which they are stretched, and of their force along it: the cosine of their angle.
+    """
 
     name: str
     model: str
@@ -112,6 +115,7 @@ class DamperFacts:
     largest_command: NotNegative
     storey: Whole
     tested: OperatingRange | None
+    share: float = 1.0
 
 
 def _damper_in_words(spec: DamperSpec) -> str:
@@ -588,20 +592,28 @@ _COMMANDED = ("passive_off", "passive", "best_passive", "controller", "clairvoya
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DevicePlace:
-    """Index and stiffness [N/m] of the storey where a device stands, and the first natural frequency [Hz]."""
+    """Index and stiffness [N/m] of the storey where a device stands, and the first natural frequency [Hz].
+
+    `share` is that of `DamperFacts`.
+    """
 
     storey: int
     stiffness: float
     frequency: float
+    share: float
 
     @staticmethod
-    def of(building: Building, storey: int) -> DevicePlace:
-        """Of a storey of the building without dampers, its stiffness against opposite forces at its two ends."""
+    def of(building: Building, storey: int, stretch: Floats) -> DevicePlace:
+        """Of a storey of the building without dampers, its stiffness against opposite forces at its two ends.
+
+        `stretch` is the row of the device, which has the coordinates of its braces behind those of the building.
+        """
         row = building.storeys[storey]
         return DevicePlace(
             storey=storey,
             stiffness=1.0 / float(row @ np.linalg.solve(building.stiffness, row)),
             frequency=float(building.frequencies[0]),
+            share=float(stretch[: row.size] @ row / (row @ row)),
         )
 
 
@@ -639,6 +651,10 @@ def judged_by_demand(
 ) -> StudyResults:
     """Results with the demands on their devices, which stand in these storeys, and with the warnings on them."""
     motions = results.motions
+    places = [
+        DevicePlace.of(building, storey, np.asarray(device.row))
+        for device, storey in zip(devices, storeys, strict=True)
+    ]
     demanded = {key: demands_of(run, devices, motions[key[1]].duration) for key, run in results.runs.items()}
     results = replace(
         results,
@@ -650,16 +666,16 @@ def judged_by_demand(
                 model=_damper_in_words(device.spec),
                 count=device.count,
                 largest_command=device.largest_command,
-                storey=storey,
+                storey=place.storey,
                 tested=device.tested,
+                share=place.share,
             )
-            for device, storey in zip(devices, storeys, strict=True)
+            for device, place in zip(devices, places, strict=True)
         ),
     )
     named = {
         (results.rows[row].label, motions[motion].name): each for (row, motion), each in demanded.items()
     }
-    places = [DevicePlace.of(building, storey) for storey in storeys]
     warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, devices, places))
     return replace(results, damper_warnings=warnings)
 
@@ -715,7 +731,7 @@ def _stiffness(results: StudyResults, key: Key, device: int, place: DevicePlace)
     commanded = run.finished and results.rows[key[0]].kind in _COMMANDED
     if not commanded or not run.peak_stroke[device] > 0.0:
         return 0.0
-    return float(run.peak_force[device] / run.peak_stroke[device]) / place.stiffness
+    return place.share**2 * float(run.peak_force[device] / run.peak_stroke[device]) / place.stiffness
 
 
 def _fewer(results: StudyResults, device: Device, place: DevicePlace, motion: int) -> str:
@@ -724,9 +740,9 @@ def _fewer(results: StudyResults, device: Device, place: DevicePlace, motion: in
     # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
     if bare is None or not bare.finished or place.storey >= bare.peak_drift.size:
         return ""
-    drift = float(bare.peak_drift[place.storey])
+    drift = place.share * float(bare.peak_drift[place.storey])
     rate = 2.0 * math.pi * place.frequency * drift
-    force = float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
+    force = place.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
     count = device.count * _ADVISED * float(bare.peak_base_shear) / force
     if count < 1.0:
         return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
@@ -741,7 +757,7 @@ def _reaches(results: StudyResults) -> list[_Reach]:
         bare = results.runs.get((0, motion))
         forces = [
             # Passive elements of the building are behind the devices.
-            float(np.sum(run.peak_force[: len(results.dampers)]))
+            float(np.dot(run.peak_force[: len(results.dampers)], [each.share for each in results.dampers]))
             for (row, other), run in results.runs.items()
             if other == motion and run.finished and results.rows[row].kind in _COMMANDED
         ]

@@ -162,7 +162,8 @@ class DamperTable:
 
     `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters are those of a
     single damper. Everything else means the whole group: forces in results and of the law, wanted and full forces,
-    slopes and the control weight of a law, and a brace.
+    slopes and the control weight of a law, and a brace. Forces and strokes are along the damper, which is horizontal
+    unless an `angle` or a `row` is given.
     """
 
     storey: int | str = key("storey of the damper: its number from 1, or its name")
@@ -212,6 +213,18 @@ class DamperTable:
         "whether as many equal dampers act in opposition, with the same command", default=False
     )
     brace: BraceTable | None = key("brace in series", default=None)
+    angle: float | None = key(
+        "angle of the damper and its brace to the horizontal, as 38 deg: it is stretched by the drift times its cosine",
+        unit="rad",
+        default=None,
+        least=0.0,
+    )
+    row: tuple[float, ...] | None = key(
+        "stretch of the damper over the coordinates of the building, a number for each, instead of the drift of its "
+        "storey",
+        default=None,
+    )
+    name: str | None = key("name in tables, by default that of its storey", default=None, label=True)
     amplitude: tuple[float, ...] | None = key(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
