@@ -26,6 +26,7 @@ PREFIXED = {
     "s": ("ms", 1e-3),
     "1/s": ("1/ms", 1e3),
     "Hz": ("mHz", 1e-3),
+    "rad": ("mrad", 1e-3),
     "rad/s": ("mrad/s", 1e-3),
     "m": ("um", 1e-6),
     "m/s": ("mm/s", 1e-3),

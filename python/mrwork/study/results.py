@@ -142,6 +142,11 @@ class BuildingFacts:
     heights: tuple[float, ...] = ()
     effective_masses: tuple[float, ...] = ()
 
+    @property
+    def has_ratios(self) -> bool:
+        """Whether every storey has a height, so that each of its drifts is a drift ratio."""
+        return bool(self.heights) and min(self.heights) > 0.0
+
     @staticmethod
     def of(building: Building) -> BuildingFacts:
         """Those of a building without dampers."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 
@@ -85,7 +86,8 @@ def _subject(results: StudyResults) -> str:
         f", damping {' to '.join(sorted(ratios, key=float)[:: max(len(ratios) - 1, 1)])} %" if ratios else ""
     )
     mass = significant(1e-3 * sum(facts.masses), 3)
-    return f"{storeys}, {mass} t, periods {', '.join(periods)} s{damping}; under {names}"
+    height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
+    return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}; under {names}"
 
 
 def little_said(count: int, noun: str) -> tuple[str, ...]:
@@ -150,11 +152,13 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     others = {comparison.passive: "the reference", results.row_of("passive_off"): "dampers without a command"}
     # The best constant command first.
     references = comparison.references[::-1]
+    ratios = {row: _drift_ratio(results, row) for row in drawn}
 
     def cells(row: int) -> tuple[str, ...]:
         return (
             _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34)),
             format_fixed(results.score(row), 3),
+            *(significant(100.0 * each, 3) for each in ratios[row]),
             *(
                 NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
                 for reference in references
@@ -164,15 +168,24 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         )
 
     more = len(set(laws) - set(drawn))
+    own = ("Drift ratio (%)",) if any(ratios.values()) else ()
     heads = [f"Against {results.rows[each].label.partition(',')[0]} (%)" for each in references]
     return Table(
         label="What each law is worth",
-        columns=("", "Score", *(("Drift", "Acc.") * len(references)), "Verdict"),
+        columns=("", "Score", *own, *(("Drift", "Acc.") * len(references)), "Verdict"),
         rows=tuple(map(cells, drawn)),
-        words=(2 + 2 * len(references),),
-        over=(("", 2), *((head, 2) for head in heads), ("", 1)) if heads else (),
+        words=(2 + len(own) + 2 * len(references),),
+        over=(("", 2 + len(own)), *((head, 2) for head in heads), ("", 1)) if heads else (),
         note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )
+
+
+def _drift_ratio(results: StudyResults, row: int) -> tuple[float, ...]:
+    """The peak drift ratio, mean over the judged motions; none where heights are not known."""
+    of_runs = [results.criteria(row, motion) or {} for motion in results.judged_motions]
+    ratios = [each.get("peak_drift_ratio", math.nan) for each in of_runs]
+    known = results.building is not None and results.building.has_ratios
+    return (float(np.mean(ratios)),) if known else ()
 
 
 # Markers of figures, in the middle of a line 26 wide and 8 high.
@@ -201,7 +214,8 @@ def _line(stroke: Stroke) -> Markup:
 def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
     """Peaks over the height, means over the judged motions; the range over these of the first row is shaded."""
     for quantity in BOTH:
-        title = criterion(quantity).title
+        in_ratios = quantity == BOTH[0] and results.building is not None and results.building.has_ratios
+        title = criterion("peak_drift_ratio" if in_ratios else quantity).title
         rows = [*dict.fromkeys([*drawn, *range(len(results.rows))])][:MOST_DRAWN]
         values = {row: each for row in rows if (each := _peaks(results, row, quantity)) is not None}
         if not values:
@@ -239,7 +253,10 @@ def _profile_figure(
     """A line for each row with values, the first of the `drawn` ones in front, and the range of the `shaded` ones."""
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
-    factor, unit = (1e3, "mm") if drift else (1.0, "m/s²")
+    factor: Floats | float = 1e3 if drift else 1.0
+    abscissa = "Drift (mm)" if drift else "Acceleration (m/s²)"
+    if drift and results.building is not None and results.building.has_ratios:
+        factor, abscissa = 100.0 / np.array(results.building.heights), "Drift ratio (%)"
     figure, axes = small_axes(labelled=True)
     of_row = strokes(results, drawn)
     for row in [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]:
@@ -251,7 +268,7 @@ def _profile_figure(
     name_heights(axes, names, numbers=True)
     axes.set_xlim(left=0.0)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    name_small_axes(axes, "Storey" if drift else "Floor", f"{'Drift' if drift else 'Acceleration'} ({unit})")
+    name_small_axes(axes, "Storey" if drift else "Floor", abscissa)
     return figure
 
 
