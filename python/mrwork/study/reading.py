@@ -119,7 +119,12 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[Motio
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
         return [
-            MotionOfStudy(ground=ground, use=bare.table.use, synthetic=_is_synthetic(bare.table))
+            MotionOfStudy(
+                ground=ground,
+                use=bare.table.use,
+                synthetic=_is_synthetic(bare.table),
+                record=bare.ground.name,
+            )
             for ground in _scale(bare.ground, bare.table)
         ]
 

@@ -83,7 +83,7 @@ OFF_BALANCE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use and groups."""
+    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups and its record."""
 
     name: str
     peak: NotNegative
@@ -93,13 +93,14 @@ class MotionFacts:
     synthetic: bool = False
     use: Use = "test"
     groups: tuple[str, ...] = ()
+    record: str = ""
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """Those of a motion of a study."""
         own = ("name", "peak", "duration", "source", "changes", "groups")
         facts = {name: getattr(motion.ground, name) for name in own}
-        return MotionFacts(**facts, synthetic=motion.synthetic, use=motion.use)
+        return MotionFacts(**facts, synthetic=motion.synthetic, use=motion.use, record=motion.record)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -119,11 +119,15 @@ StudyLaw = ControlLaw | UserLaw
 
 @checked
 class MotionOfStudy:
-    """A ground motion of a study as it is simulated, its use, and whether it was generated."""
+    """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
+
+    A record that is scaled to several peaks is a motion at each.
+    """
 
     ground: GroundMotion
     use: Use = "test"
     synthetic: bool = False
+    record: str = ""
 
     @property
     def name(self) -> str:

@@ -1,0 +1,176 @@
+"""Fragility: censored lognormal distributions, their bands, and what a study says of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.stats import norm
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.study import StudyResults
+from mrwork.study.fragility import lognormal_of
+
+G = 9.80665
+LEVELS = (0.1, 0.14, 0.2, 0.25, 0.3, 0.36, 0.43, 0.51, 0.6)
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+def intervals(reached: Floats, levels: Floats) -> tuple[Floats, Floats]:
+    """The levels around the intensities at which records reach a limit."""
+    ends = np.concatenate([[0.0], levels, [np.inf]])
+    place = np.searchsorted(levels, reached)
+    return ends[place], ends[place + 1]
+
+
+def largest_likelihood(loss: Callable[[Floats], float]) -> Floats:
+    found = minimize(loss, [1.0, -1.0], method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-13})
+    return np.exp(found.x)
+
+
+@pytest.mark.parametrize("censored", [0.0, 0.3, 0.6])
+def test_median_and_dispersion_are_those_of_the_largest_likelihood(censored: float) -> None:
+    reached = 3.0 * np.exp(0.4 * np.random.default_rng(7).standard_normal(24))
+    levels = np.linspace(0.5, float(np.quantile(reached, 1.0 - censored)) + 0.1, 12)
+    above, below = intervals(reached, levels)
+
+    def loss(at: Floats) -> float:
+        with np.errstate(divide="ignore"):
+            ends = [norm.cdf((np.log(each) - at[0]) / np.exp(at[1])) for each in (above, below)]
+        return float(-np.log(ends[1] - ends[0]).sum())
+
+    (median,), (dispersion,) = lognormal_of(above, below, np.ones((1, 24)))
+    np.testing.assert_allclose([median, dispersion], largest_likelihood(loss), rtol=1e-6)
+    # A record that counts twice is two records.
+    twice = np.ones(24)
+    twice[3] = 2.0
+    weighted = lognormal_of(above, below, twice[None])
+    repeated = lognormal_of(np.append(above, above[3]), np.append(below, below[3]), np.ones((1, 25)))
+    np.testing.assert_allclose(np.ravel(weighted), np.ravel(repeated), rtol=1e-9)
+
+
+def test_stripes_have_the_likelihood_of_their_counts() -> None:
+    levels, runs, reached = np.array([1.0, 2.0, 3.0, 4.0]), 10, np.array([1, 3, 6, 9])
+    flags = np.concatenate([np.arange(runs) < count for count in reached])
+    at = np.repeat(levels, runs)
+    (median,), (dispersion,) = lognormal_of(
+        np.where(flags, 0.0, at), np.where(flags, at, np.inf), np.ones((1, at.size))
+    )
+
+    def loss(of: Floats) -> float:
+        p = norm.cdf((np.log(levels) - of[0]) / np.exp(of[1]))
+        return float(-(reached * np.log(p) + (runs - reached) * np.log(1.0 - p)).sum())
+
+    np.testing.assert_allclose([median, dispersion], largest_likelihood(loss), rtol=1e-6)
+
+
+def test_records_that_one_intensity_separates_have_no_dispersion() -> None:
+    above, below = np.array([1.0, 2.0, 0.0, 0.0]), np.array([3.0, np.inf, 2.5, np.inf])
+    medians, dispersions = lognormal_of(
+        above, below, np.array([[1.0, 1.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    )
+    assert medians.tolist() == [pytest.approx(math.sqrt(5.0)), math.inf, 0.0]
+    assert dispersions.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def results() -> StudyResults:
+    motion = {
+        "synthetic": "kanai_tajimi",
+        "duration": 6.0,
+        "pga": [f"{level} g" for level in LEVELS],
+    }
+    study = mr.study_of(
+        building={
+            "n_storeys": 2,
+            "masses": ["20 t"],
+            "stiffnesses": ["12 kN/mm"],
+            "height": "3 m",
+            "modal_damping": {"ratios": ["2 %"]},
+        },
+        dampers=[{"storey": 1, "preset": "kwok2006", "count": 40}],
+        laws=["passive_on"],
+        motions=[{**motion, "name": f"record {seed}", "seed": seed} for seed in range(8)],
+    )
+    return mr.run_study(study)
+
+
+def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyResults) -> None:
+    found = mr.fragility(results, limit={"peak_drift_ratio": "0.8 %"})
+    bare = found["uncontrolled"]
+    # Without dampers drifts are proportional to the intensity.
+    scales = []
+    for number, crossing in enumerate(bare.crossings):
+        peak = float(results.runs[0, len(LEVELS) * number].peak_drift.max()) / 3.0
+        reached = 0.1 * G * 0.008 / peak
+        assert crossing.record == f"record {number}"
+        assert crossing.above < reached <= crossing.below
+        scales.append(math.log(reached))
+    assert not bare.bound
+    assert bare.median == pytest.approx(math.exp(np.mean(scales)), rel=0.05)
+    assert bare.band[0] < bare.median < bare.band[1]
+    assert bare.probability(bare.median) == pytest.approx(0.5)
+    damped = found["Passive-on"]
+    ratio, (low, high) = found.ratio("Passive-on", "uncontrolled")
+    assert ratio == damped.median / bare.median > 1.0
+    assert low <= ratio <= high
+    wider = mr.fragility(results, {"peak_drift_ratio": 0.008}, modelling_dispersion=0.3)["uncontrolled"]
+    assert wider.dispersion == pytest.approx(math.hypot(bare.dispersion, 0.3))
+    assert "records" in repr(found)
+
+
+def test_a_median_beyond_the_levels_is_a_bound(results: StudyResults) -> None:
+    collapse = mr.fragility(results)["uncontrolled"]
+    assert (collapse.bound, collapse.median) == ("above", math.inf)
+    assert "above 0.600 g" in collapse.in_words
+    early = mr.fragility(results, {"peak_drift_ratio": 1e-4})["uncontrolled"]
+    assert (early.bound, early.median) == ("below", 0.0)
+    assert "below 0.100 g" in early.in_words
+
+
+def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above(
+    results: StudyResults,
+) -> None:
+    def with_end(outcome: str) -> mr.study.Fragility:
+        runs = {
+            key: replace(run, outcome=outcome) if key == (0, 2) else run for key, run in results.runs.items()
+        }
+        return mr.fragility(replace(results, runs=runs), {"peak_drift_ratio": 0.1})["uncontrolled"]
+
+    assert (
+        with_end("diverged").crossings[0].above,
+        with_end("diverged").crossings[0].below,
+    ) == pytest.approx((0.14 * G, 0.2 * G))
+    last = with_end("unresolved").crossings[0]
+    assert (last.above, last.below, last.unresolved) == (pytest.approx(0.14 * G), math.inf, True)
+    assert "could not be resolved" in " ".join(with_end("unresolved").cautions)
+
+
+def test_a_folder_has_the_fragility_of_its_results(results: StudyResults, tmp_path: Path) -> None:
+    from mrwork.store.codec import json_document
+    from mrwork.store.run_folder import RESULTS
+    from mrwork.study.folder import read_results, study_document
+
+    (tmp_path / RESULTS).write_text(json_document(study_document(results)), encoding="utf-8")
+    stored, own = (
+        mr.fragility(each, {"peak_drift_ratio": 0.008}) for each in (read_results(tmp_path), results)
+    )
+    assert [each.median for each in stored.rows.values()] == [each.median for each in own.rows.values()]
+
+
+def test_what_has_no_fragility_is_refused(results: StudyResults, refused: Refused) -> None:
+    refused(mr.fragility, results, {"peak_drift_ratio": 0.01, "peak_acceleration": 1.0})
+    refused(mr.fragility, results, {"drift": 0.01})
+    refused(mr.fragility, results, {"peak_drift_ratio": 0.0})
+    refused(mr.fragility, results, {"peak_drift_ratio": "1 mm"})
+    assert results.building is not None
+    refused(mr.fragility, replace(results, building=replace(results.building, heights=())))
+    alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
+    refused(mr.fragility, alone)
+    refused(mr.fragility(results, {"peak_drift_ratio": 0.01}).__getitem__, "passive")
