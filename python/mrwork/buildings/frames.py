@@ -352,7 +352,6 @@ def with_brace(
     stiffness: Positive,
     mass: Positive,
     damping: NotNegative = 0.0,
-    across: Floats | None = None,
     name: str = "",
 ) -> Building:
     """Return the building with a brace in series with a damper: the two share the drift of a storey.
@@ -374,18 +373,26 @@ def with_brace(
         Stiffness [N/m] and damping [N s/m] of the brace along the drift.
     mass
         Mass that moves with the deformation of the brace [kg].
-    across
-        The row e of brace and damper together, shape (n,), where it is not the drift of the storey, as of a diagonal.
     name
         Name of the new row; by default "damper in" and the storey.
     """
-    row = building.storey_row(storey) if across is None else across
     where = building.storey_name(storey)
-    if row.shape != building.influence.shape:
-        raise SettingError(
-            f"brace in {where}: `across` has shape {row.shape}; give ({building.n_coordinates},), as a row of "
-            "`building.storeys`"
-        )
+    row = building.storey_row(storey)
+    return brace_across(
+        building,
+        row,
+        where,
+        stiffness=stiffness,
+        mass=mass,
+        damping=damping,
+        name=name or f"damper in {where}",
+    )
+
+
+def brace_across(
+    building: Building, row: Floats, where: str, *, stiffness: float, mass: float, damping: float, name: str
+) -> Building:
+    """The building with a brace as of `with_brace`, where brace and damper together have any row, shape (n,)."""
     end = np.append(np.zeros(building.n_coordinates), 1.0)
     braced = with_coordinate(
         building,
@@ -395,7 +402,7 @@ def with_brace(
         across=end,
         follows_ground=0.0,
         stroke=np.append(row, -1.0),
-        stroke_name=name or f"damper in {where}",
+        stroke_name=name,
     )
     return replace(
         braced,

@@ -18,7 +18,7 @@ from mrwork.base.places import Place
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
-from mrwork.buildings.frames import with_brace
+from mrwork.buildings.frames import brace_across
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
@@ -298,13 +298,16 @@ def equip_building(
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
             with table.place.within("brace").prefix_errors(SettingError):
-                building = with_brace(
+                row = np.append(rows[number], np.zeros(building.n_coordinates - len(rows[number])))
+                where = bare.storey_name(table.storey)
+                building = brace_across(
                     building,
-                    storey=table.storey,
-                    across=np.append(rows[number], np.zeros(building.n_coordinates - len(rows[number]))),
+                    row,
+                    where,
                     stiffness=table.brace.stiffness,
                     damping=table.brace.damping,
                     mass=mass,
+                    name=table.name or f"damper in {where}",
                 )
             rows[number] = building.storeys[-1]
     devices: list[Device] = []
