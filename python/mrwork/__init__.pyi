@@ -56,7 +56,7 @@ from .runs.load import load as load
 from .runs.study import read_study as read_study
 from .runs.study import study_of as study_of
 from .store.journal import Journal as Journal
-from .study.fragility import fragility as fragility
+from .study.fragilities import fragility as fragility
 from .study.results import StudyResults as StudyResults
 from .study.run import run_study as run_study
 from .study.study import Study as Study

@@ -15,7 +15,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.study import StudyResults
-from mrwork.study.fragility import lognormal_of
+from mrwork.study.fragilities import lognormal_of
 
 G = 9.80665
 LEVELS = (0.1, 0.14, 0.2, 0.25, 0.3, 0.36, 0.43, 0.51, 0.6)

@@ -3,9 +3,9 @@ from ..runs.study import study_of as study_of
 from .comparison import Comparison as Comparison
 from .comparison import compared as compared
 from .folder import read_results as read_results
-from .fragility import Fragilities as Fragilities
-from .fragility import Fragility as Fragility
-from .fragility import fragility as fragility
+from .fragilities import Fragilities as Fragilities
+from .fragilities import Fragility as Fragility
+from .fragilities import fragility as fragility
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
 from .study import Study as Study
