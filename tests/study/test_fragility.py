@@ -174,3 +174,5 @@ def test_what_has_no_fragility_is_refused(results: StudyResults, refused: Refuse
     alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
     refused(mr.fragility, alone)
     refused(mr.fragility(results, {"peak_drift_ratio": 0.01}).__getitem__, "passive")
+    some = {key: run for key, run in results.runs.items() if key != (1, 3)}
+    refused(mr.fragility, replace(results, runs=some))

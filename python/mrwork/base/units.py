@@ -102,12 +102,10 @@ _ACCELERATION_POWERS: Final = {"m": 1, "s": -2}
 # or mkg, nor does one that makes another unit: milli-inches would be minutes.
 _SYMBOLS: Final[Mapping[str, _Unit]] = {
     "1": _Unit(1.0, {}),
-    "%": _Unit(1e-2, {}),
     "s": _Unit(1.0, {"s": 1}, "mun"),
     "min": _Unit(60.0, {"s": 1}),
     "Hz": _Unit(1.0, {"cycle": 1, "s": -1}, "kMm"),
     "rad": _Unit(1.0, {"rad": 1}, "m"),
-    "deg": _Unit(math.pi / 180.0, {"rad": 1}),
     "m": _Unit(1.0, {"m": 1}, "kcmun"),
     "in": _Unit(0.0254, {"m": 1}),
     "ft": _Unit(0.3048, {"m": 1}),
@@ -175,8 +173,11 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
 )
 """Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
 
-# Ratios and angles, which no record has.
-_PURE: Final = (("1", "%"), ("rad", "deg"))
+# Ratios and angles, which no record has, with the factors of their other units: in products these are no units.
+_PURE: Final[Mapping[str, Mapping[str, float]]] = {
+    "1": {"1": 1.0, "%": 1e-2},
+    "rad": {"rad": 1.0, "deg": math.pi / 180.0},
+}
 
 # Units are read in any case, except for mega, which would be milli.
 _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
@@ -229,7 +230,7 @@ def number_in(text: str, unit: str) -> float | str:
         number, given = glued.groups()
     # Usual units of the dimension of each, that one first.
     like = (
-        next((units for units in (*FACTORS.values(), *_PURE) if each in units), (each,))
+        next((units for units in (*FACTORS.values(), *_PURE.values()) if each in units), (each,))
         for each in unit.split(" or ")
     )
     known = ", ".join(name for units in like for name in units)
@@ -244,6 +245,8 @@ def number_in(text: str, unit: str) -> float | str:
         )
     if given in unit.split(" or "):
         return value
+    if given in _PURE.get(unit, {}):
+        return value * _PURE[unit][given]
     given_unit = _unit_of(given) if len(given) <= _LONGEST else None
     if given_unit is None:
         return f"is {text!r}, whose unit is not known; its unit may be {known}"

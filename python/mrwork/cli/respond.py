@@ -97,8 +97,9 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.study.results import BuildingFacts
 
         building = read_bare_building(options.study)
-        facts = {**asdict(BuildingFacts.of(building)), "participation": building.participation.tolist()}
-        print_result(options, finite({**facts, "warnings": building.warnings}), repr(building))
+        modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
+        facts = {**asdict(BuildingFacts.of(building)), **modal, "warnings": building.warnings}
+        print_result(options, finite(facts), repr(building))
         return 0
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study

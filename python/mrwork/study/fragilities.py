@@ -115,7 +115,8 @@ class Fragility(Summarised):
                 f"from {_in_g(min(beyond, default=0.0))} g on dampers go beyond their tests: extrapolated",
             ),
             (
-                self.dispersion == 0.0 and not self.bound,
+                not self.bound
+                and max(each.above for each in self.crossings) <= min(each.below for each in self.crossings),
                 "one intensity separates all records, so that the dispersion is not known: give finer levels",
             ),
         )
@@ -227,8 +228,8 @@ def fragility(
     Raises
     ------
     SettingError
-        If the limit is not one criterion with a positive number, the study does not have the criterion, or there are
-        fewer than two records or one level only.
+        If the study was interrupted, the limit is not one criterion with a positive number, the study does not have the
+        criterion, or there are fewer than two records or one level only.
 
     Examples
     --------
@@ -236,6 +237,11 @@ def fragility(
     >>> found = mr.fragility(results, limit={"peak_drift_ratio": 0.01})  # doctest: +SKIP
     >>> found["Passive-on"].median, found.ratio("Passive-on", "uncontrolled")  # doctest: +SKIP
     """
+    if not results.complete:
+        raise SettingError(
+            f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
+            "runs would look safe; finish it with --resume"
+        )
     name, value = _limit_of(limit, results)
     peaks = {motion: results.motions[motion].peak for motion in results.judged_motions}
     levels = np.unique([round(peak, _DECIMALS) for peak in peaks.values()])
@@ -254,6 +260,9 @@ def fragility(
     weights = np.vstack([np.ones(len(records)), drawn])
     rows = {}
     for row, arrangement in enumerate(results.rows):
+        if arrangement.kind == "clairvoyant":
+            # Its commands are found anew for each motion.
+            continue
         reached = _reached(results, row, name, value)
         crossings = [_crossing(record, peaks, motions, reached) for record, motions in records.items()]
         medians, dispersions = lognormal_of(

@@ -130,7 +130,7 @@ def _damper_in_words(spec: DamperSpec) -> str:
 class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
-    `heights` are those of the storeys [m], if they are known; `effective_masses` those of the modes [kg].
+    `heights` are those of the storeys [m], if they are known.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
     """
@@ -141,7 +141,6 @@ class BuildingFacts:
     periods: tuple[OrInfinite, ...]
     damping_ratios: tuple[OrNan, ...]
     heights: tuple[float, ...] = ()
-    effective_masses: tuple[float, ...] = ()
 
     @property
     def has_ratios(self) -> bool:
@@ -158,7 +157,6 @@ class BuildingFacts:
             periods=tuple(building.periods.tolist()),
             damping_ratios=tuple(building.damping_ratios.tolist()),
             heights=tuple(building.drift_heights.tolist()),
-            effective_masses=tuple(building.effective_masses.tolist()),
         )
 
 
