@@ -195,6 +195,7 @@ def motion_calls(files: Path) -> Calls:
     )
     yield call(motions.suite, soil=("firm", "soft"), n=2, rng=0, pulses="both", peak=2.0, dt=0.05, name="a")
     yield call(mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05)
+    yield call(motions.scaled_to_sa, motion=motion, sa=2.0, period=0.5, damping=0.05)
     yield call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi")
     yield call(motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6)
     values = {"motion": motion, "order": 1, "dt": 0.04, "factor": 0.5, "peak": 2.0, "start": 0.5, "end": 1.5}

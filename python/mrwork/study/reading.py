@@ -17,6 +17,7 @@ import numpy as np
 
 from mrwork.base.keys import read_table, suggestion
 from mrwork.base.places import KeyPath, Place
+from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -43,6 +44,7 @@ from mrwork.motions.ground_motion import (
 from mrwork.motions.networks import refuse_absurd
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
@@ -85,6 +87,8 @@ from mrwork.study.study import (
 )
 
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
+# A mode without stiffness has an infinite period up to rounding [s].
+_LONGEST_PERIOD = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,13 +101,19 @@ class _Bare:
 
 
 def motions_of_study(
-    tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: Callable[[], float], place: Place
+    tables: Sequence[MotionTable],
+    folder: Path,
+    seed: int,
+    *,
+    sample_time: Callable[[], float],
+    first_period: Callable[[], float],
+    place: Place,
 ) -> tuple[MotionOfStudy, ...]:
-    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
+    """The motions of all tables, one for each factor or intensity of each record; files are relative to `folder`."""
     bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
-    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time) for each in read]
+    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time, first_period) for each in read]
     motions = tuple(motion for of_one in scaled for motion in of_one())
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -115,7 +125,9 @@ def motions_of_study(
     return motions
 
 
-def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[MotionOfStudy]:
+def _scaled_motions(
+    bare: _Bare, sample_time: Callable[[], float], first_period: Callable[[], float]
+) -> list[MotionOfStudy]:
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
         return [
@@ -124,8 +136,9 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[Motio
                 use=bare.table.use,
                 synthetic=_is_synthetic(bare.table),
                 record=bare.ground.name,
+                intensity=intensity,
             )
-            for ground in _scale(bare.ground, bare.table)
+            for ground, intensity in _scale(bare.ground, bare.table, first_period)
         ]
 
 
@@ -138,8 +151,13 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     ways = (table.file, table.acceleration, table.synthetic, table.suite)
     if sum(each is not None for each in ways) != 1:
         place.refuse(f"{place.table} needs either a file, samples, a synthetic motion or a suite")
-    if table.factor is not None and table.pga is not None:
-        place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
+    given = [name for name in ("factor", "pga", "sa") if getattr(table, name) is not None]
+    if len(given) > 1:
+        place.within(given[1]).refuse(
+            f"a motion is scaled by a factor, to a pga or to an sa, and here are {list_names(given)}; keep one"
+        )
+    if table.sa is None:
+        _refuse_keys(table, ("sa_period", "sa_damping"), "is of sa, which this motion does not have")
     if isinstance(table.file, str):
         grounds = _read_record(table, table.file, folder)
     elif not _is_synthetic(table):
@@ -297,17 +315,29 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     return motion
 
 
-def _scale(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
-    factors, peaks = _several(table.factor), _several(table.pga)
-    if not factors and not peaks:
-        yield motion
+def _scale(
+    motion: GroundMotion, table: MotionTable, first_period: Callable[[], float]
+) -> Iterator[tuple[GroundMotion, Intensity | None]]:
+    factors, peaks, spectral = _several(table.factor), _several(table.pga), _several(table.sa)
+    if not factors and not peaks and not spectral:
+        yield motion, None
     for factor in factors:
         name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
-        yield replace(scaled(motion, factor), name=name)
+        yield replace(scaled(motion, factor), name=name), None
     for peak in peaks:
         level = f"{peak / STANDARD_GRAVITY:.3g} g"
         name = motion.name if len(peaks) == 1 else f"{motion.name}, {level}"
-        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level))
+        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level)), None
+    if not spectral:
+        return
+    found = spectral_intensity(
+        motion, table.sa_period or first_period(), 0.05 if table.sa_damping is None else table.sa_damping
+    )
+    for value in spectral:
+        level = f"Sa {value / STANDARD_GRAVITY:.3g} g"
+        name = motion.name if len(spectral) == 1 else f"{motion.name}, {level}"
+        ground = replace(scaled_from(motion, found, value), name=name, groups=(*motion.groups, level))
+        yield ground, replace(found, value=value)
 
 
 def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:
@@ -403,11 +433,26 @@ def _study_of(
             return replace(table.hardware, seed=seed)
 
     bare_part, hardware_part = place.attempt(build), place.attempt(loop)
+
+    @cache
+    def first_period() -> float:
+        period = float(bare_part().periods[0])
+        if not period < _LONGEST_PERIOD:
+            raise SettingError(
+                "the first mode of [building] has no stiffness, hence no period; give the motion an sa_period [s]"
+            )
+        return period
+
     chosen_part = place.attempt(lambda: choose_dampers(table.damper, folder, identified))
     equipped_part = place.attempt(lambda: equip_building(bare_part(), table.damper, chosen_part))
     motions_part = place.attempt(
         lambda: motions_of_study(
-            table.motion, folder, seed, sample_time=lambda: hardware_part().sample_time, place=place
+            table.motion,
+            folder,
+            seed,
+            sample_time=lambda: hardware_part().sample_time,
+            first_period=first_period,
+            place=place,
         )
     )
     settings = place.attempt(

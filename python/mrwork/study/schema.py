@@ -337,7 +337,7 @@ class SuiteTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable:
-    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor and each peak gives a motion.
+    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor, peak or Sa gives a motion.
 
     Training and test motions must be different records: files and accelerations are compared.
     """
@@ -385,6 +385,21 @@ class MotionTable:
     )
     pga: float | tuple[float, ...] | None = key(
         "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED
+    )
+    sa: float | tuple[float, ...] | None = key(
+        "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
+        unit="m/s2",
+        default=None,
+        most_items=_MOST_SCALED,
+    )
+    sa_period: float | None = key(
+        "period of the spectral acceleration, by default the first period of [building], before dampers",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+    sa_damping: float | None = key(
+        "damping ratio of the spectral acceleration, 0.05 by default", default=None, least=0.0, most=_WIDEST
     )
     time_scale: float = key("factor of the time axis", default=1.0, above=0.0)
     start: float = key(

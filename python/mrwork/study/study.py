@@ -26,6 +26,7 @@ from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.motions.spectrum import Intensity
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.dampers import OtherSet
@@ -121,13 +122,15 @@ StudyLaw = ControlLaw | UserLaw
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
 
-    A record that is scaled to several peaks is a motion at each.
+    A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
+    to, `None` for the peak ground acceleration that it has.
     """
 
     ground: GroundMotion
     use: Use = "test"
     synthetic: bool = False
     record: str = ""
+    intensity: Intensity | None = None
 
     @property
     def name(self) -> str:
