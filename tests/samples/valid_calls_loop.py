@@ -338,6 +338,7 @@ def studies_calls(place: Path) -> Calls:
         tune={"laws": ["lyapunov"]},
         report={"histories": "none"},
         clairvoyant={"interval": 0.02},
+        design_level=float(sweep(0.1).peak),
         references="none",
         title="a",
         folder=".",
@@ -356,7 +357,7 @@ def studies_calls(place: Path) -> Calls:
     yield call(found.criteria, row=3, motion=0)
     yield call(found.demands, row=3, motion=0)
     yield call(found.step_changes, row=3, motion=0)
-    yield call(mr.study.MotionOfStudy, ground=sweep(0.1), use="test", synthetic=False)
+    yield call(mr.study.MotionOfStudy, ground=sweep(0.1), use="test", synthetic=False, factor=1.0)
     yield call(
         mr.study.TuneTable,
         laws=["clipped_optimal"],

@@ -105,6 +105,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "sa_period": "t1 period first_period fundamental_period period_of_sa",
     "sa_damping": "damping damping_ratio zeta xi",
     "factor": "scale scale_factor scaling sf amplification multiplier",
+    "design_level": "level tuning_level design_intensity design_pga design_sa",
     "time_scale": "time_factor time_scaling scale_time compression",
     "sample_time dt resample": (
         "sampling_time sampling_period sampling_interval sample_period sample_rate sampling_rate sampling_frequency fs "

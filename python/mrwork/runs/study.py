@@ -123,6 +123,7 @@ def study_of(
     tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
     report: Table | None = None,
     clairvoyant: Table | None = None,
+    design_level: float | str | None = None,
     references: References = "best_passive",
     title: str = "",
     folder: str | Path = "",
@@ -154,6 +155,9 @@ def study_of(
         Tables of the building with other devices, each with ``label`` and ``building``.
     hardware, uncertainty, tune, report, clairvoyant
         Their tables, or a `Hardware`, and one or several `TuneTable`.
+    design_level
+        Level of the motions on which laws are designed and the best constant command is chosen, where records have
+        several: one of their ``pga``, ``sa`` [m/s2, or a text as ``"0.3 g"``] or ``factor``; by default every level.
     references
         What laws are compared with besides i = 0: ``"best_passive"`` or ``"none"``.
     title
@@ -202,6 +206,7 @@ def study_of(
         "controller": [_law_table(each) for each in laws],
         "baseline": baselines,
         "motion": [each if isinstance(each, Mapping) else {"file": each} for each in motions],
+        "design_level": design_level,
         "references": references,
         "hardware": hardware,
         "report": report,

@@ -298,16 +298,15 @@ def problem_of(
     motions: Sequence[MotionOfStudy],
     reference_peaks: Callable[[], ReferencePeaks] | None = None,
 ) -> DesignProblem:
-    """The building with its dampers, for which the laws of a study are designed, and the ground of its motions."""
+    """The building with its dampers, for which the laws of a study are designed, and the ground of these motions."""
     first = table.damper[0] if devices else None
-    training = tuple(motion.ground for motion in motions if motion.use == "training")
     return DesignProblem(
         building=building,
         devices=devices,
         sample_time=hardware.sample_time,
         delay=hardware.delay,
-        motions=training or tuple(motion.ground for motion in motions),
-        judged=not training,
+        motions=tuple(motion.ground for motion in motions),
+        judged=motions[0].use == "test",
         reference_peaks=reference_peaks,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),

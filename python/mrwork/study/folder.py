@@ -291,6 +291,7 @@ class _Document(Related):
     best_passive: str | None
     judged_on: str
     chosen_on: tuple[str, ...]
+    design_levels: tuple[str, ...] = ()
     spreads: dict[str, Spread]
     groups: tuple[StoredGroup, ...]
     changes: tuple[StoredChanges, ...]
@@ -354,7 +355,7 @@ class _Document(Related):
 
 _OF_DOCUMENT = (
     "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
-    "building_warnings", "damper_warnings", "chosen_on",
+    "building_warnings", "damper_warnings", "chosen_on", "design_levels",
 )  # fmt: skip
 
 
@@ -514,6 +515,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         best_passive=None if passive is None else results.rows[passive].label,
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
+        design_levels=results.design_levels,
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
         groups=tuple(
             StoredGroup(

@@ -7,6 +7,7 @@ on training motions and judged on test motions; no record may be both.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -77,6 +78,7 @@ from mrwork.study.schema import (
     TuneTable,
 )
 from mrwork.study.study import (
+    Kind,
     MotionOfStudy,
     Realisations,
     Row,
@@ -86,6 +88,8 @@ from mrwork.study.study import (
     realisations_of,
 )
 
+# What a row is that is designed for the motions, or chosen on them.
+_DESIGNED: tuple[Kind, ...] = ("best_passive", "controller", "actuator")
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
 # A mode without stiffness has an infinite period up to rounding [s].
 _LONGEST_PERIOD = 1e3
@@ -137,8 +141,9 @@ def _scaled_motions(
                 synthetic=_is_synthetic(bare.table),
                 record=bare.ground.name,
                 intensity=intensity,
+                factor=factor,
             )
-            for ground, intensity in _scale(bare.ground, bare.table, first_period)
+            for ground, intensity, factor in _scale(bare.ground, bare.table, first_period)
         ]
 
 
@@ -317,17 +322,17 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
 
 def _scale(
     motion: GroundMotion, table: MotionTable, first_period: Callable[[], float]
-) -> Iterator[tuple[GroundMotion, Intensity | None]]:
+) -> Iterator[tuple[GroundMotion, Intensity | None, float | None]]:
     factors, peaks, spectral = _several(table.factor), _several(table.pga), _several(table.sa)
     if not factors and not peaks and not spectral:
-        yield motion, None
+        yield motion, None, None
     for factor in factors:
         name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
-        yield replace(scaled(motion, factor), name=name), None
+        yield replace(scaled(motion, factor), name=name), None, factor
     for peak in peaks:
         level = f"{peak / STANDARD_GRAVITY:.3g} g"
         name = motion.name if len(peaks) == 1 else f"{motion.name}, {level}"
-        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level)), None
+        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level)), None, None
     if not spectral:
         return
     found = spectral_intensity(
@@ -337,7 +342,7 @@ def _scale(
         level = f"Sa {value / STANDARD_GRAVITY:.3g} g"
         name = motion.name if len(spectral) == 1 else f"{motion.name}, {level}"
         ground = replace(scaled_from(motion, found, value), name=name, groups=(*motion.groups, level))
-        yield ground, replace(found, value=value)
+        yield ground, replace(found, value=value), None
 
 
 def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:
@@ -460,12 +465,13 @@ def _study_of(
     )
     tunes = place.attempt(lambda: tuple(resolve_settings(each, folder) for each in table.tune))
     detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
+    design_part = place.attempt(lambda: _design_motions(table, motions_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
     if lacking := beyond_twin(building, devices, hardware):
         table.damper[0].place.refuse(lacking)
-    training = tuple(motion.ground for motion in motions if motion.use == "training")
-    chosen_on = training or tuple(motion.ground for motion in motions)
+    designed_on, levels = design_part()
+    chosen_on = tuple(motion.ground for motion in designed_on)
 
     @cache
     def reference_peaks() -> ReferencePeaks:
@@ -475,7 +481,9 @@ def _study_of(
         row = Row(label=PASSIVE_OFF, kind="passive_off")
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
 
-    problem = problem_of(table, building, devices, hardware, motions, reference_peaks if devices else None)
+    problem = problem_of(
+        table, building, devices, hardware, designed_on, reference_peaks if devices else None
+    )
     compared = arrangements(table, bare, problem, folder, hardware, settings(), on_progress)
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
@@ -509,6 +517,7 @@ def _study_of(
         arrangements=compared,
         motions=motions,
         chosen_on=chosen_on,
+        design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
         hardware=hardware,
         devices=devices,
         device_storeys=tuple(bare.storey_names.index(bare.storey_name(each.storey)) for each in table.damper),
@@ -591,6 +600,28 @@ def _refuse_unknown_labels(table: ReportTable, labels: Sequence[str], place: Pla
         if label not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
+
+
+def _design_motions(
+    table: StudyTable, motions: Sequence[MotionOfStudy], place: Place
+) -> tuple[tuple[MotionOfStudy, ...], tuple[str, ...]]:
+    """The motions on which laws are designed, and their levels where there is a `design_level` or records have several.
+
+    They are the training motions, or all where there are none; with a `design_level` those of it.
+    """
+    chosen = tuple(each for each in motions if each.use == "training") or tuple(motions)
+    levels = tuple(each.level_in_words for each in sorted(chosen, key=lambda each: each.level))
+    levels, several = tuple(dict.fromkeys(levels)), max(Counter(each.record for each in chosen).values()) > 1
+    wanted = table.design_level
+    if wanted is None:
+        return chosen, levels if several else ()
+    of_level = tuple(each for each in chosen if math.isclose(each.level, wanted, rel_tol=1e-6))
+    if not of_level:
+        what = f"{chosen[0].use} motion" if chosen[0].use == "training" else "motion"
+        place.within("design_level").refuse(
+            f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; give one of {list_names(levels)}"
+        )
+    return of_level, (of_level[0].level_in_words,)
 
 
 def _choose_detailed(table: ReportTable, motions: Sequence[MotionOfStudy], place: Place) -> int:

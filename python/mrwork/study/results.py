@@ -41,7 +41,7 @@ from mrwork.study.run_result import (
     quantities_of_runs,
 )
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, MotionOfStudy, Row
+from mrwork.study.study import Kind, MotionOfStudy, Row, level_warnings
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
@@ -232,7 +232,7 @@ class StudyResults(Summarised):
     are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half
     the step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the
     dampers by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
-    `choices` sentences on constant commands that were chosen, `building_warnings` sentences on modes of the building
+    `design_levels` their levels where the study names one or its records have several, `choices` sentences on constant commands that were chosen, `building_warnings` sentences on modes of the building
     without damping or stiffness, `damper_warnings` on demand outside the tested ranges, on laws out of their range and
     on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose histories the page
     shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts nearly as well,
@@ -255,6 +255,7 @@ class StudyResults(Summarised):
     dampers: tuple[DamperFacts, ...] = ()
     demanded: Mapping[Key, tuple[DeviceDemand, ...]] = field(default_factory=dict)
     chosen_on: tuple[str, ...] = ()
+    design_levels: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
@@ -448,8 +449,8 @@ class StudyResults(Summarised):
         return all(run.balanced for run in self.runs.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """Warnings on undamped modes, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [*self.building_warnings, *self.damper_warnings]
+        """Warnings on undamped modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
+        warnings = [*self.building_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [
                 (each.name, self.runs[number, motion])

@@ -176,6 +176,7 @@ def run_study(
                 heights=bare.drift_heights,
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
+            design_levels=study.design_levels,
             choices=tuple(choices),
             command_unit=study.command_unit,
             facts=study.facts,

@@ -466,6 +466,13 @@ class StudyTable:
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
+    design_level: float | None = key(
+        "level of the motions on which laws are designed and the best constant command is chosen, to be kept at all "
+        "others: one of their pga, sa or factor; by default every level",
+        unit="m/s2",
+        default=None,
+        above=0.0,
+    )
     references: References = key(
         "what laws are compared with besides i = 0: the best constant command of the dampers, added where the study "
         "does not list it, or none",

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -123,7 +124,7 @@ class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
 
     A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
-    to, `None` for the peak ground acceleration that it has.
+    to, `None` for the peak ground acceleration that it has; `factor` is that which it was scaled by, if it was.
     """
 
     ground: GroundMotion
@@ -131,11 +132,24 @@ class MotionOfStudy:
     synthetic: bool = False
     record: str = ""
     intensity: Intensity | None = None
+    factor: float | None = None
 
     @property
     def name(self) -> str:
         """Name of the motion in tables."""
         return self.ground.name
+
+    @property
+    def level(self) -> float:
+        """Its factor, if it was scaled by one, else its intensity [m/s^2]."""
+        found = self.ground.peak if self.intensity is None else self.intensity.value
+        return found if self.factor is None else self.factor
+
+    @property
+    def level_in_words(self) -> str:
+        """Text such as "0.3 g" or "factor 2"."""
+        factor = self.factor is not None
+        return f"factor {self.level:g}" if factor else f"{self.level / STANDARD_GRAVITY:.3g} g"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +253,8 @@ class Study(Summarised):
     The first arrangements are the building without dampers and the dampers at i = 0.
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
-    training motions of the study file, or all motions where none is for training. `histories` are the indices of the
+    training motions of the study file, or all motions where none is for training, of these the ones of the
+    `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of the
     motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
@@ -258,6 +273,7 @@ class Study(Summarised):
     arrangements: tuple[Arrangement, ...]
     motions: tuple[MotionOfStudy, ...]
     chosen_on: tuple[GroundMotion, ...]
+    design_levels: tuple[str, ...]
     hardware: Hardware
     devices: tuple[Device, ...]
     device_storeys: tuple[int, ...]
@@ -418,6 +434,16 @@ class Study(Summarised):
             columns=("arrangement", "description"),
             rows=[(row.label, row.description) for row in self.rows],
         )
+
+
+def level_warnings(levels: Sequence[str]) -> tuple[str, ...]:
+    """A sentence on laws that are designed for several levels at once, if they are."""
+    if len(levels) < 2:
+        return ()
+    return (
+        f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once ({levels[0]} to "
+        f"{levels[-1]}): give the study the design_level at which this is done, and all levels have the same law.",
+    )
 
 
 def uses_in_words(uses: Sequence[Use]) -> str:

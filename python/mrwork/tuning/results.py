@@ -35,7 +35,7 @@ from mrwork.store.run_folder import (
     read_kind,
 )
 from mrwork.study.results import RealisationBand
-from mrwork.study.study import StudyFile
+from mrwork.study.study import StudyFile, level_warnings
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
     DEAD_ZONE,
@@ -300,7 +300,8 @@ class TuningResults(WithAxes, Summarised):
     settings of each law that are numbers.
     `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
     `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
-    demand of the tuned laws outside the tested ranges of the dampers.
+    demand of the tuned laws outside the tested ranges of the dampers; `design_levels` are the levels of the motions
+    that laws are tuned on, where the study names one or its records have several.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -320,6 +321,7 @@ class TuningResults(WithAxes, Summarised):
     facts: tuple[tuple[str, str], ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
+    design_levels: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> tuple[LawResult, ...]:
@@ -331,6 +333,7 @@ class TuningResults(WithAxes, Summarised):
         """Sentences on undamped modes, demand out of tested ranges, what scores cannot say, and exceeded limits."""
         sentences = [
             *self.building_warnings,
+            *level_warnings(self.design_levels),
             *self.damper_warnings,
             *(() if self.testing else (TRAINING_ONLY,)),
         ]

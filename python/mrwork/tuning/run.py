@@ -130,6 +130,7 @@ def tune(
             facts=study.facts,
             fronts=tuple(fronts),
             building_warnings=study.building_warnings,
+            design_levels=study.design_levels,
             damper_warnings=damper_warnings(demands),
         )
 
