@@ -7,7 +7,7 @@ the two is called, and nowhere else but for the files of a posterior.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -67,6 +67,33 @@ class NamedArrays:
             expected = tuple(self.labels[axis].values.size for axis in array.axes)
             if array.values.shape != expected:
                 raise ValueError(f"{name} has the shape {array.values.shape} where {expected} was expected")
+
+    def split_axis(
+        self, axis: str, places: NDArray[np.int64], labels: Mapping[str, NamedArray]
+    ) -> NamedArrays:
+        """The arrays with axes of these labels in the place of one, at the `places` along that, shape (n, ..., m)."""
+
+        def split(names: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(new for name in names for new in (labels if name == axis else (name,)))
+
+        def own(arrays: Mapping[str, NamedArray]) -> dict[str, NamedArray]:
+            return {
+                name: replace(
+                    each, values=np.take(each.values, places, each.axes.index(axis)), axes=split(each.axes)
+                )
+                if axis in each.axes
+                else each
+                for name, each in arrays.items()
+            }
+
+        others = {name: each for name, each in self.labels.items() if name != axis}
+        return replace(
+            self,
+            rows=split(self.rows),
+            labels={**others, **labels},
+            arrays=own(self.arrays),
+            along=own(self.along),
+        )
 
     def to_xarray(self) -> Dataset:
         """A variable for each array, with its unit and words as attributes."""

@@ -9,12 +9,13 @@ its maximum. With one level for each record it is that of counts at each level (
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.numbers import counted, format_rounded, significant
@@ -26,12 +27,13 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import FINISHED
+from mrwork.study.study import Kind
 
 _DRAWS = 2000
 _COLLAPSE = 0.1
 _FEWEST = 2
-# Peaks of one level agree to so many decimals [m/s^2].
-_DECIMALS = 9
+# Rows that are no alternative to others.
+_BARE = ("uncontrolled", "passive_off")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,16 +51,19 @@ class Crossing:
 
 @array_dataclass(repr=False)
 class Fragility(Summarised):
-    """The intensity, peak ground acceleration [m/s^2], at which an arrangement reaches the limit, over records.
+    """The intensity [m/s^2] at which an arrangement reaches the limit, over records.
 
     Parameters
     ----------
+    label, kind, measure
+        Label and kind of the arrangement, and the measure of intensity in words, as "PGA".
     median, dispersion
         Median [m/s^2], and standard deviation of the logarithm; with added modelling dispersion, if any was given.
         The median is infinite where no record reaches the limit, 0 where all do at their lowest level. The dispersion
         is 0 where one intensity separates all records, so that finer levels are needed.
     band
-        Lower and upper end of the band of the median [m/s^2], by bootstrap over the records.
+        Lower and upper end of the band of the median [m/s^2], by bootstrap over the records. An infinite median of a
+        draw is known to lie above the highest level only, one of 0 below the lowest.
     medians
         Medians of the bootstrap [m/s^2], shape (n_draws,), of the same records for every arrangement.
     crossings
@@ -66,13 +71,18 @@ class Fragility(Summarised):
     bound
         "above" or "below" where the median lies beyond all levels, so that these bound it only; else empty.
     levels, crossed, outside
-        Levels [m/s^2], shape (n_levels,), the share of the runs at each that reach the limit, and of those that go
-        beyond the tested ranges of a damper.
+        Levels [m/s^2], shape (n_levels,), the share of the resolved runs at each that reach the limit, and of all runs
+        that go beyond the tested ranges of a damper; NaN where there is none.
+    responses
+        The criterion of each record at each level, shape (n_records, n_levels): infinite where the run diverged, NaN
+        where it could not be resolved, and where there is none.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})[label]"
 
     label: str
+    kind: Kind
+    measure: str
     median: float
     dispersion: float
     band: tuple[float, float]
@@ -82,6 +92,7 @@ class Fragility(Summarised):
     levels: Floats
     crossed: Floats
     outside: Floats
+    responses: Floats
 
     @checked
     def probability(self, intensity: Positive) -> float:
@@ -91,14 +102,29 @@ class Fragility(Summarised):
         return float(scipy.special.ndtr(math.log(intensity / self.median) / self.dispersion))
 
     @property
+    def ends(self) -> tuple[Floats, Floats]:
+        """Between which each of `medians` lies: itself, or a level and 0 or infinity [m/s^2]."""
+        return _known_ends(self.medians, self.levels)
+
+    @property
+    def reaching(self) -> str:
+        """Text such as "7 of 20"."""
+        return f"{sum(each.below < math.inf for each in self.crossings)} of {len(self.crossings)}"
+
+    @property
+    def median_in_words(self) -> str:
+        """The median in g, or how it is bounded, as "above 0.6 g"."""
+        end = {"above": self.levels[-1], "below": self.levels[0], "": self.median}[self.bound]
+        return f"{self.bound} {_in_g(end)} g".lstrip()
+
+    @property
     def in_words(self) -> str:
-        """The median in g with its band, or how it is bounded."""
-        reached = sum(each.below < math.inf for each in self.crossings)
-        count = f"{reached} of {counted(len(self.crossings), 'record')} reach it"
-        if self.bound:
-            end = self.levels[-1] if self.bound == "above" else self.levels[0]
-            return f"{self.label}: {self.bound} {_in_g(end)} g, beyond the levels ({count})"
-        return f"{self.label}: {_in_g(self.median)} g, {_in_g(self.band[0])} to {_in_g(self.band[1])} g ({count})"
+        """The median with its band, or how it is bounded."""
+        band = f"{_in_g(self.band[0])} to {_in_g(self.band[1])} g"
+        return (
+            f"{self.label}: {self.median_in_words}, {'beyond the levels' if self.bound else band} "
+            f"({self.reaching} records reach it)"
+        )
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -124,7 +150,7 @@ class Fragility(Summarised):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Fragility: {self.in_words}",
+            title=f"Fragility, {self.measure}: {self.in_words}",
             facts=(("dispersion", format_rounded(self.dispersion)),),
             columns=("level [g]", "reached [%]", "beyond tests [%]"),
             rows=[
@@ -143,13 +169,14 @@ def _in_g(intensity: float) -> str:
 class Fragilities(Summarised):
     """The fragility of each arrangement of a study by its label: `fragilities["Passive-on"].median`.
 
-    `level` is that of the bands, `limit` the criterion with its limit.
+    `level` is that of the bands, `criterion` has the `limit`, in this unit.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
 
     criterion: str
     limit: float
+    unit: str
     level: float
     rows: Mapping[str, Fragility]
 
@@ -162,22 +189,51 @@ class Fragilities(Summarised):
     def ratio(self, label: str, against: str) -> tuple[float, tuple[float, float]]:
         """Ratio of the medians of two arrangements, and its band, by bootstrap over the records of both together.
 
-        NaN where a median is not known.
+        NaN where a median lies beyond the levels; the band then says what is known.
         """
         one, other = self[label], self[against]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = one.medians / other.medians
-            found = float(np.divide(one.median, other.median))
-        return found, _band(ratios, self.level, len(one.crossings))
+        (low, high), (other_low, other_high) = one.ends, other.ends
+        with np.errstate(divide="ignore"):
+            band = _band(low / other_high, high / other_low, self.level, len(one.crossings))
+        return math.nan if one.bound or other.bound else one.median / other.median, band
+
+    @property
+    def reference(self) -> str:
+        """Label of what others are compared with: the best constant command, else the building without dampers."""
+        kinds = {each.kind: label for label, each in reversed(self.rows.items())}
+        return kinds.get("best_passive") or kinds.get("uncontrolled") or next(iter(self.rows))
+
+    @property
+    def limit_in_words(self) -> str:
+        """Text such as "the peak drift ratio reaches 1 %"."""
+        known = criterion(self.criterion)
+        value, unit = (100.0 * self.limit, "%") if known.unit == "1" else (self.limit, self.unit)
+        return f"the {known.title[:1].lower()}{known.title[1:]} reaches {format_rounded(value)} {unit}"
+
+    @checked
+    def in_words(self, against: str | None = None) -> tuple[str, ...]:
+        """A sentence on the median of each other arrangement against one, by default the `reference`."""
+        base = self[self.reference if against is None else against]
+        kept = [each for each in self.rows.values() if each is not base and each.kind not in _BARE]
+        return tuple(self._against(each, base) for each in kept)
+
+    def _against(self, one: Fragility, base: Fragility) -> str:
+        ratio, (low, high) = self.ratio(one.label, base.label)
+        band = f"{100.0 * self.level:.0f} % band of the ratio {significant(low, 3)} to {significant(high, 3)}"
+        what = f"{one.label}: the median {one.measure} at which {self.limit_in_words}"
+        if math.isnan(ratio):
+            return f"{what} is {one.median_in_words}, with {base.label} {base.median_in_words}; {band}."
+        verb = "rises" if ratio > 1.0 else "falls" if ratio < 1.0 else "stays"
+        tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
+        return f"{what} {verb} from {_in_g(base.median)} g with {base.label} to {_in_g(one.median)} g; {band}{tied}."
 
     def _summary(self) -> Summary:
         first = next(iter(self.rows.values()))
         return Summary(
-            title=f"Fragility over {counted(len(first.crossings), 'record')}, where the "
-            f"{criterion(self.criterion).title.lower()} reaches {format_rounded(self.limit)}",
+            title=f"Fragility over {counted(len(first.crossings), 'record')}, where {self.limit_in_words}",
             columns=(
                 "",
-                "median [g]",
+                f"median {first.measure} [g]",
                 f"{100.0 * self.level:.0f} % band [g]",
                 "dispersion",
                 "records that reach it",
@@ -185,15 +241,14 @@ class Fragilities(Summarised):
             rows=[
                 (
                     label,
-                    {"above": "> ", "below": "< ", "": ""}[each.bound]
-                    + _in_g({"above": each.levels[-1], "below": each.levels[0], "": each.median}[each.bound]),
+                    each.median_in_words.removesuffix(" g"),
                     " to ".join(map(_in_g, each.band)),
                     significant(each.dispersion, 2),
-                    f"{sum(one.below < math.inf for one in each.crossings)} of {len(each.crossings)}",
+                    each.reaching,
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[sentence for each in self.rows.values() for sentence in each.cautions],
+            notes=[*self.in_words(), *(note for each in self.rows.values() for note in each.cautions)],
         )
 
 
@@ -209,9 +264,9 @@ def fragility(
     """The intensity at which each arrangement of a study reaches a limit, lognormal over the records of its motions.
 
     Give the records several levels, as `pga = ["0.1 g", "0.2 g", ...]` of a `[[motion]]` (incremental dynamic
-    analysis), or each record one (stripes). The intensity is the peak ground acceleration. The laws and the best
-    constant command are those of the study, the same at every level. A run that diverged has reached the limit; one
-    that could not be resolved is taken to lie above the level before.
+    analysis), or each record one (stripes). The intensity is what the motions are scaled to, `sa` or `pga`. The laws
+    and the best constant command are those of the study, the same at every level. A run that diverged has reached the
+    limit; one that could not be resolved is taken to lie above the level before.
 
     Parameters
     ----------
@@ -229,7 +284,7 @@ def fragility(
     ------
     SettingError
         If the study was interrupted, the limit is not one criterion with a positive number, the study does not have the
-        criterion, or there are fewer than two records or one level only.
+        criterion, there are fewer than two records or one level only, or intensities of several measures.
 
     Examples
     --------
@@ -242,55 +297,55 @@ def fragility(
             f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
             "runs would look safe; finish it with --resume"
         )
-    name, value = _limit_of(limit, results)
-    peaks = {motion: results.motions[motion].peak for motion in results.judged_motions}
-    levels = np.unique([round(peak, _DECIMALS) for peak in peaks.values()])
-    records: dict[str, list[int]] = {}
-    for motion in peaks:
-        facts = results.motions[motion]
-        records.setdefault(facts.record or facts.name, []).append(motion)
-    if len(records) < _FEWEST or levels.size < _FEWEST:
+    name, value, unit = _limit_of(limit, results)
+    at = results.record_levels
+    levels, measure, count = at.levels, at.measure, len(at.records)
+    if count < _FEWEST or levels.size < _FEWEST:
         raise SettingError(
-            "a fragility is over two records or more at several levels, and here are "
-            f"{counted(len(records), 'record')} "
+            f"a fragility is over two records or more at several levels, and here are {counted(count, 'record')} "
             f'and {counted(levels.size, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
         )
-    equal = np.full(len(records), 1.0 / len(records))
-    drawn = np.random.default_rng(seed).multinomial(len(records), equal, size=_DRAWS)
-    weights = np.vstack([np.ones(len(records)), drawn])
+    weights = drawn_weights(count, seed)
+    there = at.places >= 0
     rows = {}
     for row, arrangement in enumerate(results.rows):
         if arrangement.kind == "clairvoyant":
             # Its commands are found anew for each motion.
             continue
-        reached = _reached(results, row, name, value)
-        crossings = [_crossing(record, peaks, motions, reached) for record, motions in records.items()]
+        responses = np.array(
+            [[_response(results, row, each, name) for each in line] for line in at.places.tolist()]
+        )
+        crossings = [
+            _crossing(record, levels[own], line[own], value)
+            for record, own, line in zip(at.records, there, responses, strict=True)
+        ]
         medians, dispersions = lognormal_of(
             np.array([each.above for each in crossings]),
             np.array([each.below for each in crossings]),
             weights,
         )
-        at_level = [
-            [each for each in reached if round(peaks[each], _DECIMALS) == each_level] for each_level in levels
-        ]
+        outside = np.array(
+            [[_is_outside(results, row, each) for each in line] for line in at.places.tolist()]
+        )
         rows[arrangement.label] = Fragility(
             label=arrangement.label,
+            kind=arrangement.kind,
+            measure=measure,
             median=float(medians[0]),
             dispersion=math.hypot(float(dispersions[0]), modelling_dispersion),
-            band=_band(medians[1:], level, len(records)),
+            band=_band(*_known_ends(medians[1:], levels), level, count),
             medians=medians[1:],
             crossings=tuple(crossings),
             bound="above" if medians[0] > levels[-1] else "below" if medians[0] < levels[0] else "",
             levels=levels,
-            crossed=np.array([_share(reached[each] is True for each in motions) for motions in at_level]),
-            outside=np.array(
-                [_share(_is_outside(results, row, each) for each in motions) for motions in at_level]
-            ),
+            crossed=_share(responses >= value, ~np.isnan(responses)),
+            outside=_share(outside, there),
+            responses=responses,
         )
-    return Fragilities(criterion=name, limit=value, level=level, rows=rows)
+    return Fragilities(criterion=name, limit=value, unit=unit, level=level, rows=rows)
 
 
-def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) -> tuple[str, float]:
+def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) -> tuple[str, float, str]:
     given = {"peak_drift_ratio": _COLLAPSE} if limit is None else dict(limit)
     if len(given) != 1:
         raise SettingError(
@@ -310,59 +365,63 @@ def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) ->
         raise SettingError(
             f"{name} stands on the heights of the storeys; give height or heights in [building]"
         )
-    return name, float(value)
+    return name, float(value), unit
 
 
-def _reached(results: StudyResults, row: int, name: str, limit: float) -> dict[int, bool | None]:
-    """Whether each run reached the limit, by its motion; `None` of one that could not be resolved."""
-    reached: dict[int, bool | None] = {}
-    for motion in results.judged_motions:
-        run = results.runs.get((row, motion))
-        if run is None:
-            continue
-        if run.outcome in FINISHED:
-            value = (results.criteria(row, motion) or {}).get(name, math.nan)
-            reached[motion] = None if math.isnan(value) else value >= limit
-        else:
-            reached[motion] = True if run.outcome == "diverged" else None
-    return reached
+def _response(results: StudyResults, row: int, motion: int, name: str) -> float:
+    """The criterion of a run: infinite if it diverged, NaN if it could not be resolved, or of no motion (-1)."""
+    run = results.runs.get((row, motion))
+    if run is None or run.outcome not in FINISHED:
+        return math.inf if run is not None and run.outcome == "diverged" else math.nan
+    return (results.criteria(row, motion) or {}).get(name, math.nan)
 
 
-def _crossing(
-    record: str, peaks: Mapping[int, float], motions: Sequence[int], reached: Mapping[int, bool | None]
-) -> Crossing:
-    """The interval of a record, of whose motions some were simulated."""
+def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> Crossing:
+    """The interval of a record from its responses at its levels, rising."""
     above = 0.0
-    for motion in sorted((each for each in motions if each in reached), key=lambda each: peaks[each]):
-        if reached[motion] is None:
+    for level, response in zip(levels.tolist(), responses.tolist(), strict=True):
+        if math.isnan(response):
             return Crossing(record=record, above=above, below=math.inf, unresolved=True)
-        if reached[motion]:
-            return Crossing(record=record, above=above, below=peaks[motion])
-        above = peaks[motion]
+        if response >= limit:
+            return Crossing(record=record, above=above, below=level)
+        above = level
     return Crossing(record=record, above=above, below=math.inf)
 
 
 def _is_outside(results: StudyResults, row: int, motion: int) -> bool:
-    return any(each.outside.exceedances for each in results.demands(row, motion))
+    return motion >= 0 and any(each.outside.exceedances for each in results.demands(row, motion))
 
 
-def _share(values: Iterable[bool]) -> float:
-    flags = list(values)
-    return sum(flags) / len(flags) if flags else math.nan
+def _share(flags: NDArray[np.bool_], among: NDArray[np.bool_]) -> Floats:
+    """Share of the flags at each level, of those among which they are."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((flags & among).sum(axis=0) / among.sum(axis=0))
 
 
-def _band(numbers: Floats, level: float, n_records: int) -> tuple[float, float]:
-    """Ends of a bootstrap band; of few records its quantiles lie further out, as those of Student's t.
+def drawn_weights(n_records: int, seed: int) -> Floats:
+    """How often each record counts: once, and then as in each draw of the bootstrap, shape (1 + n_draws, n_records)."""
+    equal = np.full(n_records, 1.0 / n_records)
+    drawn = np.random.default_rng(seed).multinomial(n_records, equal, size=_DRAWS)
+    return np.vstack([np.ones(n_records), drawn])
+
+
+def _known_ends(medians: Floats, levels: Floats) -> tuple[Floats, Floats]:
+    low, high = np.where(np.isinf(medians), levels[-1], medians), np.where(medians == 0.0, levels[0], medians)
+    return low, high
+
+
+def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[float, float]:
+    """Bootstrap band of numbers between these ends; of few records its quantiles lie further out, as Student's t.
 
     The expanded percentile interval of Hesterberg, The American Statistician 69, 2015, 371-386.
     """
     reach = scipy.stats.t.ppf(0.5 + level / 2.0, n_records - 1) * math.sqrt(n_records / (n_records - 1.0))
     tail = float(scipy.stats.norm.sf(reach))
-    known = numbers[~np.isnan(numbers)]
-    if not known.size:
-        return math.nan, math.nan
-    low, high = np.quantile(known, (tail, 1.0 - tail), method="inverted_cdf")
-    return float(low), float(high)
+    ends = (
+        np.quantile(each, share, method="inverted_cdf") for each, share in ((low, tail), (high, 1.0 - tail))
+    )
+    lower, upper = map(float, ends)
+    return lower, upper
 
 
 # Steps of Newton's method, largest step in standard deviations, and the least probability of an interval.
@@ -383,7 +442,8 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     -------
     medians, dispersions
         Shape (n_draws,). Where one intensity separates all records the dispersion is 0, and the median is that
-        intensity; it is infinite if no record has an upper end, 0 if none has a lower one.
+        intensity; it is infinite if no record has an upper end above it and fewer than half have one below, 0 if none
+        has a lower end below it and more than half have an upper one.
     """
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
@@ -391,6 +451,11 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     with np.errstate(invalid="ignore"):
         medians = np.where(np.isinf(lowest), np.inf, np.sqrt(highest * lowest))
     dispersions = np.zeros(len(weights))
+    # A level that separates them all is the median only if records lie on its either side to that of the majority.
+    at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
+    higher = (counts & (at < below) & np.isfinite(below)).any(axis=1)
+    lower = (counts & (above > 0.0) & (above < at)).any(axis=1)
+    medians = np.where(~higher & (share < 0.5), np.inf, np.where(~lower & (share > 0.5), 0.0, medians))
     open_ = highest > lowest
     if open_.any():
         medians[open_], dispersions[open_] = _newton(above, below, weights[open_])

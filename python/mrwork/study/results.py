@@ -15,7 +15,7 @@ import numpy as np
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
-from mrwork.base.labelled import NamedArrays, tree_of
+from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded, round_to
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -32,6 +32,7 @@ from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
 from mrwork.store.codec import OrInfinite, OrNan, Related
+from mrwork.study.levels import RecordLevels
 from mrwork.study.run_result import (
     DeviceDemand,
     LabelledRuns,
@@ -99,6 +100,11 @@ class MotionFacts:
     groups: tuple[str, ...] = ()
     record: str = ""
     intensity: Intensity | None = None
+
+    @property
+    def at_level(self) -> tuple[str, Intensity]:
+        """The record, and the intensity; of results without one the peak ground acceleration."""
+        return self.record or self.name, self.intensity or Intensity(measure="pga", value=self.peak)
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
@@ -229,15 +235,16 @@ class StudyResults(Summarised):
     """Runs of a study, as far as they are done: those of `run_study`, or read back from its folder.
 
     `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
-    are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half
-    the step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the
-    dampers by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
-    `design_levels` their levels where the study names one or its records have several, `choices` sentences on constant commands that were chosen, `building_warnings` sentences on modes of the building
-    without damping or stiffness, `damper_warnings` on demand outside the tested ranges, on laws out of their range and
-    on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose histories the page
-    shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts nearly as well,
-    `None` if run without ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their motion, of
-    which a folder has the file `results.json` only.
+    are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half the
+    step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the dampers
+    by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
+    `design_levels` their levels where the study names one or its records have several, `choices` sentences on constant
+    commands that were chosen, `building_warnings` sentences on modes of the building without damping or stiffness,
+    `damper_warnings` on demand outside the tested ranges, on laws out of their range and on the size of dampers.
+    `facts` are further lines of the page. `detailed` is the motion whose histories the page shows, of the rows
+    `with_histories`. `ensemble` is the study with each set of laws that predicts nearly as well, `None` if run without
+    ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their motion, of which a folder has the
+    file `results.json` only.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -315,6 +322,11 @@ class StudyResults(Summarised):
         rows = range(len(self.rows))
         return [row for row in rows if _values(self, row, self.judged_motions, "energy_error") is not None]
 
+    @property
+    def record_levels(self) -> RecordLevels:
+        """The judged motions by record and intensity."""
+        return RecordLevels.of({number: self.motions[number].at_level for number in self.judged_motions})
+
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
         return {name: runs._named_arrays() for name, runs in groups.items()}
@@ -328,10 +340,21 @@ class StudyResults(Summarised):
         runs = {(*key, number): run for number, each in enumerate(steps) for key, run in each.items()}
         return quantities_of_runs(runs, axes, self.command_unit)
 
-    def to_xarray(self) -> DataTree:
+    @arguments.checked
+    def to_xarray(self, *, by_record: bool = False) -> DataTree:
         """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
 
         Quantities are those of the nominal realisation, and of half the step where it was checked.
+
+        Parameters
+        ----------
+        by_record
+            Whether the judged motions have the axes "record" and "intensity" [m/s^2] instead of "motion".
+
+        Raises
+        ------
+        SettingError
+            If they are to have these axes, and not every record has the same levels.
 
         Examples
         --------
@@ -340,7 +363,20 @@ class StudyResults(Summarised):
         >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
         >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
         """
-        return tree_of(self.title, self._named_groups())
+        groups = self._named_groups()
+        if by_record:
+            at = self.record_levels
+            if not at.is_full:
+                raise SettingError(
+                    f"not each of {counted(len(at.records), 'record')} has the same levels, several of one measure of "
+                    "intensity; give all the same pga or sa, or leave by_record out"
+                )
+            axes = {
+                "record": labels_of(at.records),
+                "intensity": labels_of(at.levels, unit="m/s^2", long_name=at.measure),
+            }
+            groups = {name: each.split_axis("motion", at.places, axes) for name, each in groups.items()}
+        return tree_of(self.title, groups)
 
     def to_pandas(self) -> DataFrame:
         """Criteria as a table: a row for each row of the study, motion and realisation; units are in `attrs`.
@@ -449,7 +485,7 @@ class StudyResults(Summarised):
         return all(run.balanced for run in self.runs.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """Warnings on undamped modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
+        """Warnings on modes, design levels, dampers out of tested ranges, runs that did not finish or do not balance."""
         warnings = [*self.building_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [

@@ -254,8 +254,8 @@ class Study(Summarised):
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training, of these the ones of the
-    `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of the
-    motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
+    `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of
+    the motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
     `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
@@ -441,8 +441,8 @@ def level_warnings(levels: Sequence[str]) -> tuple[str, ...]:
     if len(levels) < 2:
         return ()
     return (
-        f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once ({levels[0]} to "
-        f"{levels[-1]}): give the study the design_level at which this is done, and all levels have the same law.",
+        f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once ({levels[0]} "
+        f"to {levels[-1]}): give the study the design_level at which this is done, and all levels keep that law.",
     )
 
 
