@@ -200,7 +200,7 @@ class Fragilities(Summarised):
     @property
     def reference(self) -> str:
         """Label of what others are compared with: the best constant command, else the building without dampers."""
-        kinds = {each.kind: label for label, each in reversed(self.rows.items())}
+        kinds = {each.kind: label for label, each in [*self.rows.items()][::-1]}
         return kinds.get("best_passive") or kinds.get("uncontrolled") or next(iter(self.rows))
 
     @property
@@ -223,9 +223,12 @@ class Fragilities(Summarised):
         what = f"{one.label}: the median {one.measure} at which {self.limit_in_words}"
         if math.isnan(ratio):
             return f"{what} is {one.median_in_words}, with {base.label} {base.median_in_words}; {band}."
-        verb = "rises" if ratio > 1.0 else "falls" if ratio < 1.0 else "stays"
+        verb = "rises" if ratio > 1.0 else "falls"
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
-        return f"{what} {verb} from {_in_g(base.median)} g with {base.label} to {_in_g(one.median)} g; {band}{tied}."
+        if ratio == 1.0:
+            return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
+        change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
+        return f"{what} {change} against {base.label}; {band}{tied}."
 
     def _summary(self) -> Summary:
         first = next(iter(self.rows.values()))

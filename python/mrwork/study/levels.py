@@ -57,7 +57,7 @@ class RecordLevels:
         """The one measure of all intensities, refused where there are several."""
         if len(self.measures) > 1:
             raise SettingError(
-                f"the motions have intensities of several measures, {list_names(self.measures)}; scale all to a pga, or "
-                "all to an sa of one sa_period and sa_damping"
+                f"the motions have intensities of several measures, {list_names(self.measures)}; scale all to a pga, "
+                "or all to an sa of one sa_period and sa_damping"
             )
         return self.measures[0]

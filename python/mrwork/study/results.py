@@ -485,7 +485,7 @@ class StudyResults(Summarised):
         return all(run.balanced for run in self.runs.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """Warnings on modes, design levels, dampers out of tested ranges, runs that did not finish or do not balance."""
+        """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
         warnings = [*self.building_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
         for number, row in enumerate(self.rows):
             runs = [
