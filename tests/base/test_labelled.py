@@ -119,6 +119,11 @@ TYPES: dict[str, tuple[Callable[[], Any], tuple[str, ...], dict[str, tuple[str, 
         {"peak_drift": (*STUDY, "storey"), "peak_force": (*STUDY, "device"), "outcome": STUDY},
     ),
     "front": (front, ("point",), {"train": ("point", "objective")}),
+    "fragilities": (
+        lambda: mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"}),
+        ("row", "intensity"),
+        {"reached": ("row", "intensity"), "response": ("row", "record", "intensity")},
+    ),
     "sensitivities": (
         lambda: mr.sensitivities("bingham", np.tile(mr.damper("bingham").nominal, (2, 1)), small_test()),
         ("candidate", "time"),

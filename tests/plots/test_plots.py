@@ -25,7 +25,17 @@ from mrwork.drawing import style
 from mrwork.drawing.style import symbol_text
 
 # Units of labels, by what one of them is in SI.
-UNITS = {"mm": 1e-3, "mm/s": 1e-3, "kN": 1e3, "m/s²": 1.0, "N": 1.0, "s": 1.0, "J": 1.0, "l": 1e-3}
+UNITS = {
+    "mm": 1e-3,
+    "mm/s": 1e-3,
+    "kN": 1e3,
+    "m/s²": 1.0,
+    "N": 1.0,
+    "s": 1.0,
+    "J": 1.0,
+    "l": 1e-3,
+    "g": 9.80665,
+}
 # Labels of ratios and counts have no unit.
 UNITLESS = ("Likelihood ratio", "Dynamic range", "over i = 0")
 
@@ -94,6 +104,8 @@ DRAWN = [
     *(Drawn(figure="energies", kind=kind) for kind in RUNS),
     Drawn(figure="energies", kind="History", pairs=(("time", "input"),)),
     *(Drawn(figure="fronts", kind=kind) for kind in ("Front", "TuningResults")),
+    Drawn(figure="ida", kind="Fragilities", options={"rows": ["uncontrolled", 1]}),
+    Drawn(figure="fragility", kind="Fragilities", pairs=(("intensity", "reached"),)),
     Drawn(figure="fronts", kind="SizeFront", pairs=(("envelope_volume", "dynamic_range"),)),
 ]
 
@@ -131,7 +143,7 @@ def axes_of(case: Drawn) -> Any:
     """Axes of the caller, as many as the figure takes."""
     from matplotlib.figure import Figure
 
-    count = {"laws": 2, "profiles": 1 if case.kind == "Profile" else 2}.get(case.figure, 0)
+    count = {"laws": 2, "ida": 2, "profiles": 1 if case.kind == "Profile" else 2}.get(case.figure, 0)
     if case.figure == "posterior":
         n = len(plotted_results.draws().varied)
         return Figure().subplots(n, n)

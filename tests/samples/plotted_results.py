@@ -192,6 +192,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "History": history,
     "Responses": responses,
     "StudyResults": study_samples.results,
+    "Fragilities": lambda: mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"}),
     "GroundMotion": motion,
     "ResponseSpectrum": lambda: mr.response_spectrum(motion(), np.linspace(0.1, 2.0, 20)),
     "Front": front,

@@ -9,8 +9,9 @@ import numpy as np
 
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.dampers.tested_range import OperatingRange
+from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
-from mrwork.study.results import DamperFacts, MotionFacts
+from mrwork.study.results import BuildingFacts, DamperFacts, MotionFacts
 from mrwork.study.run_result import (
     HALF_STEP,
     NOMINAL,
@@ -212,3 +213,35 @@ def many_motions(count: int = 12) -> StudyResults:
     }
     chosen = tuple(motion.name for motion in motions if motion.use == "training")
     return replace(with_runs(few, runs, motions=motions), chosen_on=chosen)
+
+
+def incremental(n_records: int = 5, n_levels: int = 4) -> StudyResults:
+    """The study under records at several levels, whose responses are proportional to both."""
+    motions = tuple(
+        MotionFacts(
+            name=f"record {record}, 0.{level} g",
+            peak=0.1 * level * STANDARD_GRAVITY,
+            duration=8.0,
+            record=f"record {record}",
+            intensity=Intensity(measure="pga", value=0.1 * level * STANDARD_GRAVITY),
+        )
+        for record in range(n_records)
+        for level in range(1, n_levels + 1)
+    )
+    runs = {
+        (row, motion): run(
+            0.5 * amplitude(row, 0) * (1 + motion % n_levels) * (1.0 + 0.2 * (motion // n_levels)),
+            devices(row),
+        )
+        for row in range(len(ROWS))
+        for motion in range(len(motions))
+    }
+    building = BuildingFacts(
+        name="three storeys",
+        masses=(1e3, 1e3, 1e3),
+        stiffnesses=(1e6, 1e6, 1e6),
+        periods=(0.5, 0.2, 0.1),
+        damping_ratios=(0.02, 0.02, 0.02),
+        heights=(4.0, 3.0, 3.0),
+    )
+    return replace(with_runs(results(), runs, motions=motions), building=building)

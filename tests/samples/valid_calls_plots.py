@@ -45,6 +45,8 @@ def plots_calls(_: Path) -> Calls:
         (plots.storey_profiles, "Responses", {"quantity": "peak_drift", "rows": (0, "candidate 2")}),
         (plots.energies, "StudyResults", {"motion": 0}),
         (plots.fronts, "Front", {}),
+        (plots.ida, "Fragilities", {"rows": (0,)}),
+        (plots.fragility, "Fragilities", {"rows": (0, "Passive-off")}),
     ):
         yield from calls_with({**values, "result": RESULTS[result](), **own}, figure)
 

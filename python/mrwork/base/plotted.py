@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mrwork.plots import DrawsPlots as DrawsPlots
     from mrwork.plots import FitPlots as FitPlots
+    from mrwork.plots import FragilityPlots as FragilityPlots
     from mrwork.plots import FrontPlots as FrontPlots
     from mrwork.plots import HistoryPlots as HistoryPlots
     from mrwork.plots import MotionPlots as MotionPlots

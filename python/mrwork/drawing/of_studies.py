@@ -1,4 +1,4 @@
-"""Drawing of what a study or a tuning has: lines of rows, profiles over the height, energies, and a Pareto front."""
+"""Drawing of what a study or a tuning has: lines of rows, profiles over the height, energies, fragilities, a front."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.drawing import style
+from mrwork.drawing.style import DisplayUnit
+from mrwork.study.fragilities import Fragilities, Fragility
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front
 
@@ -34,7 +37,9 @@ class Stroke:
     marker: str = "o"
 
 
-def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> tuple[Stroke, ...]:
+def strokes(
+    results: StudyResults | Fragilities, coloured: Collection[int] | None = None
+) -> tuple[Stroke, ...]:
     """The stroke of each row: dark tones and grey for references, a hue for each of six others, thin grey for more.
 
     Of the others those in `coloured` have hues, in its order; by default the first.
@@ -44,13 +49,14 @@ def strokes(results: StudyResults, coloured: Collection[int] | None = None) -> t
         "passive_off": Stroke(colour=style.FAINT_INK, pattern=_DASHED, width=1.3),
         "best_passive": Stroke(colour=style.INK, width=1.6),
     }
-    rows = range(len(results.rows)) if coloured is None else coloured
-    others = [row for row in rows if results.rows[row].kind not in references]
+    kinds = [
+        each.kind for each in (results.rows if isinstance(results, StudyResults) else results.rows.values())
+    ]
+    rows = range(len(kinds)) if coloured is None else coloured
+    others = [row for row in rows if kinds[row] not in references]
     named = (Stroke(hue, marker=marker) for hue, marker in zip(style.HUES, MARKERS, strict=True))
     own = dict(zip(others, named, strict=False))
-    return tuple(
-        references.get(row.kind) or own.get(number, _OTHER) for number, row in enumerate(results.rows)
-    )
+    return tuple(references.get(kind) or own.get(number, _OTHER) for number, kind in enumerate(kinds))
 
 
 _OTHER = Stroke(colour=style.DATA, width=0.6, marker="")
@@ -127,3 +133,60 @@ def add_front(axes: Axes, front: Front) -> None:
             axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
     axes.set_xlabel(f"{criterion(first).title} over i = 0")
     axes.set_ylabel(f"{criterion(second).title} over i = 0")
+
+
+# Shares of the records in an incremental dynamic analysis, and how far beyond the limit responses are drawn.
+_SHARES, _BEYOND = (0.16, 0.5, 0.84), 3.0
+_CURVE_POINTS = 120
+
+
+def response_unit(found: Fragilities) -> DisplayUnit:
+    """The unit in which the criterion of a limit is drawn: per cent of a ratio."""
+    percent = found.unit == "1"
+    return DisplayUnit(
+        symbol="%" if percent else found.unit.replace("2", "²"), factor=100.0 if percent else 1.0
+    )
+
+
+def add_ida(axes: Axes, found: Fragilities, one: Fragility, stroke: Stroke) -> None:
+    """Intensity [g] over the response, a line for each record, with 16, 50 and 84 % of the records and the limit."""
+    unit, levels = response_unit(found), np.concatenate([[0.0], one.levels]) / STANDARD_GRAVITY
+    limit = unit.factor * found.limit
+    responses = unit.factor * np.pad(one.responses, ((0, 0), (1, 0)))
+    axes.axvline(limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit")
+    for number, line in enumerate(responses):
+        known = np.isfinite(line)
+        label = "a record" if number == 0 else f"_{one.crossings[number].record}"
+        axes.plot(line[known], levels[known], color=style.DATA, linewidth=0.6, label=label)
+    whole = ~np.isnan(responses).any(axis=0)
+    for share, width in zip(_SHARES, (1.1, 1.9, 1.1), strict=True):
+        at = np.quantile(responses[:, whole], share, axis=0, method="inverted_cdf")
+        known = np.isfinite(at)
+        label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
+        axes.plot(at[known], levels[whole][known], color=stroke.colour, linewidth=width, label=label)
+    every = np.concatenate([each.responses for each in found.rows.values()])
+    largest = unit.factor * float(every[np.isfinite(every)].max(initial=0.0))
+    axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
+    axes.set_ylim(0.0, 1.02 * float(levels[-1]))
+
+
+def add_fragility(axes: Axes, one: Fragility, stroke: Stroke) -> None:
+    """Probability that the limit is reached over intensity [g]: curve, shares at the levels, band of the median."""
+    levels = one.levels / STANDARD_GRAVITY
+    over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]
+    axes.plot(
+        over,
+        [one.probability(STANDARD_GRAVITY * float(each)) for each in over],
+        color=stroke.colour,
+        linestyle=stroke.pattern,
+        linewidth=stroke.width,
+        label=one.label,
+    )
+    axes.plot(
+        levels, one.crossed, linestyle="none", marker=stroke.marker, markersize=3.6, color=stroke.colour
+    )
+    if not one.bound:
+        ends = np.minimum(np.array(one.band) / STANDARD_GRAVITY, over[-1])
+        axes.plot(ends, [0.5, 0.5], color=stroke.colour, linewidth=4.0, alpha=0.35, solid_capstyle="butt")
+    axes.set_xlim(0.0, float(over[-1]))
+    axes.set_ylim(-0.02, 1.02)

@@ -3,7 +3,9 @@ from .of_fits import laws as laws
 from .of_fits import posterior as posterior
 from .of_fits import profiles as profiles
 from .of_studies import energies as energies
+from .of_studies import fragility as fragility
 from .of_studies import fronts as fronts
+from .of_studies import ida as ida
 from .of_studies import spectra as spectra
 from .of_studies import storey_profiles as storey_profiles
 from .of_time import commands as commands
@@ -18,6 +20,7 @@ if True:  # the lower tier
     from .of_fits import ProfilesPlots as ProfilesPlots
     from .of_fits import RunPlots as RunPlots
     from .of_fits import TestPlots as TestPlots
+    from .of_studies import FragilityPlots as FragilityPlots
     from .of_studies import FrontPlots as FrontPlots
     from .of_studies import HistoryPlots as HistoryPlots
     from .of_studies import MotionPlots as MotionPlots

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.drawing import style
@@ -25,17 +26,34 @@ from mrwork.drawing.of_studies import (
     Stroke,
     add_energies,
     add_energy_bars,
+    add_fragility,
     add_front,
     add_height_line,
+    add_ida,
     energy_parts,
     name_heights,
+    response_unit,
     strokes,
 )
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.plots import of_time
-from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, finished, short, shown_unit_of
+from mrwork.plots.sheet import (
+    GivenAxes,
+    Panels,
+    Plots,
+    add_key,
+    axes_for,
+    chosen,
+    figure,
+    finished,
+    panels_for,
+    short,
+    shown_unit_of,
+    table_of,
+)
+from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
@@ -366,6 +384,93 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
     return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
 
 
+# Panels of incremental dynamic analyses that can be read.
+_MOST_PANELS = 6
+
+
+@figure
+def ida(
+    result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] = (), data: bool = False
+) -> Panels | DataFrame:
+    """Incremental dynamic analysis: intensity over the criterion of the limit, a panel for each arrangement.
+
+    A thin line for each record, thick ones below which 16, 50 and 84 % of the records lie, and the limit dashed. A line
+    ends where the record's run diverged or could not be resolved.
+
+    Parameters
+    ----------
+    result
+        What `mr.fragility` has found, of a study with records at several levels.
+    ax
+        Axes to draw into, as many as there are panels; by default those of a new figure.
+    rows
+        Labels or numbers of arrangements; by default the first six.
+    data
+        Whether to return the table behind the figure instead, of all arrangements.
+
+    Raises
+    ------
+    SettingError
+        If there are not as many axes as panels.
+    UnknownNameError
+        If there is no arrangement of this name.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> found = mr.fragility(results, limit={"peak_drift_ratio": "1 %"})  # doctest: +SKIP
+    >>> panels = found.plot.ida(rows=["uncontrolled", "Passive-on"])  # doctest: +SKIP
+    """
+    if data:
+        return table_of(result, "Responses of the records", "response")
+    unit, of_row, labels = response_unit(result), strokes(result), [*result.rows]
+    drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
+    panels = panels_for(ax, len(drawn), "ida")
+    for axes, row in zip(panels, drawn, strict=True):
+        one = result[labels[row]]
+        add_ida(axes, result, one, of_row[row])
+        axes.set(xlabel=f"{criterion(result.criterion).title} ({unit.symbol})", ylabel=f"{one.measure} (g)")
+        axes.set_title(one.label, loc="left", fontsize="small")
+    return panels
+
+
+@figure
+def fragility(
+    result: Fragilities, ax: Axes | None = None, *, rows: Sequence[str | int] = (), data: bool = False
+) -> Axes | DataFrame:
+    """Probability that the limit is reached over intensity: the lognormal curve of each arrangement.
+
+    Points are the shares of the records at each level, the bar at one half is the band of the median.
+
+    Parameters
+    ----------
+    result
+        What `mr.fragility` has found.
+    ax, data
+        As in `histories`.
+    rows
+        As in `ida`; by default all.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no arrangement of this name.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> axes = mr.fragility(results, limit={"peak_drift_ratio": "1 %"}).plot.fragility()  # doctest: +SKIP
+    """
+    if data:
+        return table_of(result, "Probability that the limit is reached", "probability", "reached", "outside")
+    axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
+    for row in [chosen(each, labels, "arrangement") for each in rows] or range(len(labels)):
+        add_fragility(axes, result[labels[row]], of_row[row])
+    return finished(
+        axes, f"{result[labels[0]].measure} (g)", f"Probability ({result.title} ≥ {result.limit_value})"
+    )
+
+
 class HistoryPlots(Plots):
     """Figures of the history of a closed loop."""
 
@@ -393,6 +498,13 @@ class SpectrumPlots(Plots):
     """Figures of a response spectrum."""
 
     spectra = short(spectra)
+
+
+class FragilityPlots(Plots):
+    """Figures of fragilities."""
+
+    ida = short(ida)
+    fragility = short(fragility)
 
 
 class FrontPlots(Plots):

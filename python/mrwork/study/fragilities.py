@@ -11,14 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -28,6 +30,9 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import FINISHED
 from mrwork.study.study import Kind
+
+if TYPE_CHECKING:
+    from mrwork.base.plotted import FragilityPlots
 
 _DRAWS = 2000
 _COLLAPSE = 0.1
@@ -166,9 +171,11 @@ def _in_g(intensity: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Fragilities(Summarised):
+class Fragilities(WithAxes, Summarised):
     """The fragility of each arrangement of a study by its label: `fragilities["Passive-on"].median`.
 
+    Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
+    of tested ranges over row and intensity, and the response of each record.
     `level` is that of the bands, `criterion` has the `limit`, in this unit.
     """
 
@@ -179,6 +186,49 @@ class Fragilities(Summarised):
     unit: str
     level: float
     rows: Mapping[str, Fragility]
+
+    @property
+    def plot(self) -> FragilityPlots:
+        """Figures of the responses and of the probabilities, see `mr.plots`."""
+        made: FragilityPlots = plots_of(self, "FragilityPlots")
+        return made
+
+    def _named_arrays(self) -> NamedArrays:
+        first, every = next(iter(self.rows.values())), self.rows.values()
+        fitted = [[each.probability(float(level)) for level in each.levels] for each in every]
+        return NamedArrays(
+            title=f"Fragility, {self.title}",
+            rows=("row", "intensity"),
+            labels={
+                "row": labels_of([*self.rows]),
+                "record": labels_of([each.record for each in first.crossings]),
+                "intensity": labels_of(first.levels, unit="m/s^2", long_name=first.measure),
+            },
+            arrays={
+                **{
+                    name: NamedArray.of(values, "row", "intensity", unit="1", long_name=words)
+                    for name, values, words in (
+                        ("probability", fitted, f"probability that {self.limit_in_words}"),
+                        (
+                            "reached",
+                            [each.crossed for each in every],
+                            "share of the runs that reach the limit",
+                        ),
+                        (
+                            "outside",
+                            [each.outside for each in every],
+                            "share of the runs beyond tested ranges",
+                        ),
+                    )
+                },
+                "response": NamedArray.of(
+                    [each.responses for each in every],
+                    *("row", "record", "intensity"),
+                    unit=self.unit,
+                    long_name=self.title,
+                ),
+            },
+        )
 
     def __getitem__(self, label: str) -> Fragility:
         if label not in self.rows:
@@ -206,9 +256,19 @@ class Fragilities(Summarised):
     @property
     def limit_in_words(self) -> str:
         """Text such as "the peak drift ratio reaches 1 %"."""
-        known = criterion(self.criterion)
-        value, unit = (100.0 * self.limit, "%") if known.unit == "1" else (self.limit, self.unit)
-        return f"the {known.title[:1].lower()}{known.title[1:]} reaches {format_rounded(value)} {unit}"
+        return f"the {self.title} reaches {self.limit_value}"
+
+    @property
+    def title(self) -> str:
+        """The criterion within a sentence."""
+        title = criterion(self.criterion).title
+        return f"{title[:1].lower()}{title[1:]}"
+
+    @property
+    def limit_value(self) -> str:
+        """The limit with its unit, a ratio in per cent."""
+        value, unit = (100.0 * self.limit, "%") if self.unit == "1" else (self.limit, self.unit)
+        return f"{format_rounded(value)} {unit}"
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
