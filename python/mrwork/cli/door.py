@@ -33,6 +33,7 @@ _VERBS = {
     "plan": "rank possible next tests by the variance reduction of a band",
     "respond": "simulate a building with MR dampers under earthquakes",
     "tune": "tune control laws on training motions and judge them on test motions",
+    "fragility": "find the intensity at which the arrangements of a study reach a limit",
     "convert": "convert Bouc-Wen parameters between conventions",
     "export": "write a run for MATLAB or OpenSees, or as a table",
     "cite": "print what to cite for a run, as BibTeX",

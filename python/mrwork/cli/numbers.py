@@ -124,6 +124,7 @@ EVERY = Range(within=Within(least=1, most=1_000_000), whole=True)
 POPULATION = Range(within=Within(least=2, most=LARGEST_POPULATION), whole=True)
 GENERATIONS = Range(within=Within(least=1, most=1_000_000), whole=True)
 SHARE = Range(within=Within(least=0.001, most=0.999999))
+DISPERSION = Range(within=Within(least=0.0, most=10.0))
 TEMPERING = OrWord("effective", Range(within=Within(least=1e-9, most=1.0)))
 SUBSTEP_FACTOR = Range(within=Within(least=1, most=256), whole=True)
 # What a rig can do, with room.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -292,6 +292,7 @@ class _Document(Related):
     judged_on: str
     chosen_on: tuple[str, ...]
     design_levels: tuple[str, ...] = ()
+    limit: dict[str, Positive] = field(default_factory=dict)
     spreads: dict[str, Spread]
     groups: tuple[StoredGroup, ...]
     changes: tuple[StoredChanges, ...]
@@ -355,7 +356,7 @@ class _Document(Related):
 
 _OF_DOCUMENT = (
     "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
-    "building_warnings", "damper_warnings", "chosen_on", "design_levels",
+    "building_warnings", "damper_warnings", "chosen_on", "design_levels", "limit",
 )  # fmt: skip
 
 
@@ -516,6 +517,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
         design_levels=results.design_levels,
+        limit=dict(results.limit),
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
         groups=tuple(
             StoredGroup(

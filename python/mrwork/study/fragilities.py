@@ -9,7 +9,7 @@ its maximum. With one level for each record it is that of counts at each level (
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from mrwork.base.plotted import FragilityPlots
 
 _DRAWS = 2000
-_COLLAPSE = 0.1
+USUAL_LIMIT: Mapping[str, float] = {"peak_drift_ratio": 0.01}
+"""Limit of a study that names none."""
+
 _FEWEST = 2
 # Rows that are no alternative to others.
 _BARE = ("uncontrolled", "passive_off")
@@ -282,6 +284,8 @@ class Fragilities(WithAxes, Summarised):
         band = f"{100.0 * self.level:.0f} % band of the ratio {significant(low, 3)} to {significant(high, 3)}"
         what = f"{one.label}: the median {one.measure} at which {self.limit_in_words}"
         if math.isnan(ratio):
+            if (low, high) == (0.0, math.inf):
+                band = "their ratio is not known: give further levels"
             return f"{what} is {one.median_in_words}, with {base.label} {base.median_in_words}; {band}."
         verb = "rises" if ratio > 1.0 else "falls"
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
@@ -290,7 +294,7 @@ class Fragilities(WithAxes, Summarised):
         change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
-    def _summary(self) -> Summary:
+    def _summary(self, against: str | None = None) -> Summary:
         first = next(iter(self.rows.values()))
         return Summary(
             title=f"Fragility over {counted(len(first.crossings), 'record')}, where {self.limit_in_words}",
@@ -311,7 +315,7 @@ class Fragilities(WithAxes, Summarised):
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[*self.in_words(), *(note for each in self.rows.values() for note in each.cautions)],
+            notes=[*self.in_words(against), *(note for each in self.rows.values() for note in each.cautions)],
         )
 
 
@@ -334,8 +338,8 @@ def fragility(
     Parameters
     ----------
     limit
-        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default the drift ratio of collapse,
-        0.1.
+        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default that of the page of the study,
+        and a drift ratio of 0.01 where its file names none.
     level
         Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
     modelling_dispersion
@@ -360,7 +364,8 @@ def fragility(
             f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
             "runs would look safe; finish it with --resume"
         )
-    name, value, unit = _limit_of(limit, results)
+    heights = () if results.building is None else results.building.heights
+    ((name, value),) = limit_of(limit or results.limit or USUAL_LIMIT, results.command_unit, heights).items()
     at = results.record_levels
     levels, measure, count = at.levels, at.measure, len(at.records)
     if count < _FEWEST or levels.size < _FEWEST:
@@ -405,18 +410,26 @@ def fragility(
             outside=_share(outside, there),
             responses=responses,
         )
-    return Fragilities(criterion=name, limit=value, unit=unit, level=level, rows=rows)
+    return Fragilities(
+        criterion=name,
+        limit=value,
+        unit=in_command_unit(criterion(name).unit, results.command_unit),
+        level=level,
+        rows=rows,
+    )
 
 
-def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) -> tuple[str, float, str]:
-    given = {"peak_drift_ratio": _COLLAPSE} if limit is None else dict(limit)
-    if len(given) != 1:
+def limit_of(
+    limit: Mapping[str, float | str], command_unit: str, heights: Collection[float]
+) -> dict[str, float]:
+    """A criterion with its limit, in SI; refused where it is none, or its `heights` are not known."""
+    if len(limit) != 1:
         raise SettingError(
-            f"`limit` names {', '.join(given) or 'no criterion'}; give one criterion with its limit, as "
+            f"`limit` names {', '.join(limit) or 'no criterion'}; give one criterion with its limit, as "
             "{'peak_drift_ratio': 0.01}"
         )
-    ((name, value),) = given.items()
-    unit = in_command_unit(criterion(name).unit, results.command_unit)
+    ((name, value),) = limit.items()
+    unit = in_command_unit(criterion(name).unit, command_unit)
     if isinstance(value, str):
         number = number_in(value, unit)
         if isinstance(number, str):
@@ -424,11 +437,11 @@ def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) ->
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if criterion(name).over_height and (results.building is None or not results.building.heights):
+    if criterion(name).over_height and not any(heights):
         raise SettingError(
             f"{name} stands on the heights of the storeys; give height or heights in [building]"
         )
-    return name, float(value), unit
+    return {name: float(value)}
 
 
 def _response(results: StudyResults, row: int, motion: int, name: str) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -68,6 +68,7 @@ from mrwork.study.dampers import (
     fitted_of,
     other_sets,
 )
+from mrwork.study.fragilities import USUAL_LIMIT, limit_of
 from mrwork.study.schema import (
     PASSIVE_OFF,
     DamperTable,
@@ -466,6 +467,7 @@ def _study_of(
     tunes = place.attempt(lambda: tuple(resolve_settings(each, folder) for each in table.tune))
     detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
     design_part = place.attempt(lambda: _design_motions(table, motions_part(), place))
+    limit_part = place.attempt(lambda: _limit(table.report, chosen_part(), bare_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
     if lacking := beyond_twin(building, devices, hardware):
@@ -518,6 +520,7 @@ def _study_of(
         motions=motions,
         chosen_on=chosen_on,
         design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
+        limit=limit_part(),
         hardware=hardware,
         devices=devices,
         device_storeys=tuple(bare.storey_names.index(bare.storey_name(each.storey)) for each in table.damper),
@@ -622,6 +625,18 @@ def _design_motions(
             f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; give one of {list_names(levels)}"
         )
     return of_level, (of_level[0].level_in_words,)
+
+
+def _limit(
+    table: ReportTable, chosen: Sequence[ChosenDamper], bare: Building, place: Place
+) -> Mapping[str, float]:
+    """The criterion with its limit of which the page has the fragility; none without heights."""
+    heights: list[float] = bare.drift_heights.tolist()
+    if table.limit is None:
+        return USUAL_LIMIT if any(heights) else {}
+    current = chosen[0].spec.current if chosen else None
+    with place.within("report", "limit").prefix_errors(SettingError):
+        return limit_of(table.limit, "A" if current is None else current.unit, heights)
 
 
 def _choose_detailed(table: ReportTable, motions: Sequence[MotionOfStudy], place: Place) -> int:

@@ -238,13 +238,13 @@ class StudyResults(Summarised):
     are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half the
     step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the dampers
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
-    `design_levels` their levels where the study names one or its records have several, `choices` sentences on constant
-    commands that were chosen, `building_warnings` sentences on modes of the building without damping or stiffness,
-    `damper_warnings` on demand outside the tested ranges, on laws out of their range and on the size of dampers.
-    `facts` are further lines of the page. `detailed` is the motion whose histories the page shows, of the rows
-    `with_histories`. `ensemble` is the study with each set of laws that predicts nearly as well, `None` if run without
-    ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their motion, of which a folder has the
-    file `results.json` only.
+    `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
+    its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
+    `building_warnings` sentences on modes of the building without damping or stiffness, `damper_warnings` on demand
+    outside the tested ranges, on laws out of their range and on the size of dampers. `facts` are further lines of the
+    page. `detailed` is the motion whose histories the page shows, of the rows `with_histories`. `ensemble` is the study
+    with each set of laws that predicts nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the
+    non-causal optima by the index of their motion, of which a folder has the file `results.json` only.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -263,6 +263,7 @@ class StudyResults(Summarised):
     demanded: Mapping[Key, tuple[DeviceDemand, ...]] = field(default_factory=dict)
     chosen_on: tuple[str, ...] = ()
     design_levels: tuple[str, ...] = ()
+    limit: Mapping[str, float] = field(default_factory=dict)
     choices: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()

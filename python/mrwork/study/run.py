@@ -177,6 +177,7 @@ def run_study(
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             design_levels=study.design_levels,
+            limit=study.limit,
             choices=tuple(choices),
             command_unit=study.command_unit,
             facts=study.facts,

@@ -444,6 +444,11 @@ class ReportTable:
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
+    limit: Mapping[str, float | str] | None = key(
+        "criterion with its limit, of which the page has the fragility where records have several levels, as "
+        '{ peak_drift_ratio = "1 %" }, the default where storeys have heights',
+        default=None,
+    )
     place: Place | None = None
 
     def select_drawn(self, labels: Sequence[str]) -> list[int]:

@@ -256,11 +256,12 @@ class Study(Summarised):
     training motions of the study file, or all motions where none is for training, of these the ones of the
     `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of
     the motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
-    histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
-    for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
-    `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
-    sets of laws that predict nearly as well. `table` is what was read, `None` for a part of it; names of files in it
-    are relative to `folder`. `file` is the file that was read, if it was one.
+    histories of the motion `detailed`; what else it shows is in `report`, and `limit` is the criterion with its limit
+    of which it has the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the
+    laws to be tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is
+    searched for under every motion. `other_sets` are the dampers with other sets of laws that predict nearly as well.
+    `table` is what was read, `None` for a part of it; names of files in it are relative to `folder`. `file` is the file
+    that was read, if it was one.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -274,6 +275,7 @@ class Study(Summarised):
     motions: tuple[MotionOfStudy, ...]
     chosen_on: tuple[GroundMotion, ...]
     design_levels: tuple[str, ...]
+    limit: Mapping[str, float]
     hardware: Hardware
     devices: tuple[Device, ...]
     device_storeys: tuple[int, ...]

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.numbers import format_fixed, significant
+from mrwork.base.numbers import counted, format_fixed, significant
 from mrwork.base.table import TableColumn, page_table
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.drawing import style
 from mrwork.drawing.canvas import (
@@ -31,7 +34,7 @@ from mrwork.drawing.of_tests import envelope, strong_part
 from mrwork.drawing.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
-from mrwork.study.results import StudyResults
+from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
@@ -274,8 +277,29 @@ _MOTIONS = (
 )
 
 
+def _of_first(cell: Callable[[MotionFacts], str], motions: Sequence[MotionFacts]) -> str:
+    return cell(motions[0])
+
+
+def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
+    intensities = sorted((each.at_level[1] for each in motions), key=attrgetter("value"))
+    ends = " to ".join(significant(intensities[end].value / STANDARD_GRAVITY, 3) for end in (0, -1))
+    return f"{len(intensities)}, {intensities[0].name} {ends} g"
+
+
+_RECORDS = (
+    TableColumn(heading="", cell=lambda motions: motions[0].at_level[0]),
+    *(replace(each, cell=partial(_of_first, each.cell)) for each in _MOTIONS[1:2]),
+    TableColumn(heading="levels", cell=_levels_in_words, words=True),
+    *(replace(each, cell=partial(_of_first, each.cell)) for each in _MOTIONS[4:6]),
+)
+
+
 def motion_section(results: StudyResults) -> Section:
-    """The ground motions: use, groups, peak, duration, source and processing."""
+    """The ground motions: use, groups, peak, duration, source and processing; of records at several levels a row each.
+
+    Those have their intensities in the place of groups, peak and processing.
+    """
     uses = uses_in_words([motion.use for motion in results.motions])
     peaks, lengths = (
         " to ".join(
@@ -284,9 +308,19 @@ def motion_section(results: StudyResults) -> Section:
         )
         for name in ("peak", "duration")
     )
+    records: dict[tuple[str, str], list[MotionFacts]] = {}
+    for motion in results.motions:
+        records.setdefault((motion.use, motion.at_level[0]), []).append(motion)
+    several = len(records) < len(results.motions)
+    table = (
+        page_table("Records and their levels", _RECORDS, [*records.values()])
+        if several
+        else page_table("Ground motions", _MOTIONS, results.motions)
+    )
+    of = f" of {counted(len(records), 'record')}" if several else ""
     return Section(
         anchor="motions",
         title="Ground motions",
-        summary=f"{uses}, peaks from {peaks} m/s², {lengths} s long.",
-        groups=(Group(table=page_table("Ground motions", _MOTIONS, results.motions)),),
+        summary=f"{uses}{of}, peaks from {peaks} m/s², {lengths} s long.",
+        groups=(Group(table=table),),
     )

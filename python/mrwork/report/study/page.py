@@ -21,6 +21,7 @@ from mrwork.report.study.figures import (
     motion_section,
     spread_section,
 )
+from mrwork.report.study.fragility_section import fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
@@ -161,6 +162,7 @@ def study_page(
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
+        fragility_section(results),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),
         device_section(results, histories, first, of_row),

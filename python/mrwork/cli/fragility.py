@@ -1,0 +1,141 @@
+"""`mrwork fragility`: the intensity at which the arrangements of a study reach a limit."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from mrwork.base.table import csv_text
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
+from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
+from mrwork.cli.options import end_parser
+from mrwork.cli.output import print_result, table_lines
+from mrwork.errors import SettingError
+from mrwork.store.codec import finite
+from mrwork.store.output_file import replacing
+from mrwork.store.output_folder import check_output
+
+if TYPE_CHECKING:
+    from mrwork.study.fragilities import Fragilities
+
+_WIDTH = 100
+
+
+def add_options(parser: CommandParser) -> None:
+    """Declare the options."""
+    parser.description = (
+        "Find the intensity at which each arrangement of a study reaches a limit, lognormal over its records: median "
+        "with its band, dispersion, and what each law changes. The study has records at several levels, as pga or sa = "
+        '["0.1 g", "0.2 g"] of its [[motion]] tables, and best a design_level.'
+    )
+    parser.epilog = examples(
+        "mrwork fragility out/ida --limit peak_drift_ratio=1%",
+        "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
+    )
+    parser.add_argument("run_folder", type=named_path, metavar="RUN", help="folder of mrwork respond")
+    found = parser.group("fragility")
+    found.add_argument(
+        "--limit",
+        metavar="CRITERION=LIMIT",
+        help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: that of the "
+        "study's page",
+    )
+    add_number(found, "--level", SHARE, "level of the bands, default 0.9", default=0.9, metavar="P")
+    add_number(
+        found,
+        "--modelling-dispersion",
+        DISPERSION,
+        "standard deviation of the logarithm that models add, default 0",
+        default=0.0,
+        metavar="BETA",
+    )
+    found.add_argument(
+        "--against",
+        metavar="LABEL",
+        help="arrangement that the others are compared with; default: the best constant command, else uncontrolled",
+    )
+    output = parser.group(OUTPUT)
+    output.add_argument(
+        "--output",
+        type=named_path,
+        metavar="FILE",
+        help="file of the shares and probabilities at each level, as CSV; beside it FILE-ida.svg and "
+        "FILE-fragility.svg",
+    )
+    output.add_argument("--replace", action="store_true", help="replace files that are there")
+    end_parser(parser, run, quiet="")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Find, write the files, print the table."""
+    limit = None if options.limit is None else _limit(options.limit)
+    table: Path | None = options.output
+    figures = ("ida", "fragility") if table is not None else ()
+    files = (
+        [] if table is None else [table, *(table.with_name(f"{table.stem}-{each}.svg") for each in figures)]
+    )
+    for place in files:
+        check_output(place, replace=options.replace, otherwise="give --replace")
+    # SciPy and the readers of runs are slow to load.
+    from mrwork.runs.load import load
+    from mrwork.study.fragilities import fragility
+    from mrwork.study.results import StudyResults
+
+    found = fragility(
+        load(options.run_folder, StudyResults),
+        limit,
+        level=options.level,
+        modelling_dispersion=options.modelling_dispersion,
+    )
+    summary = found._summary(options.against)
+    lines = [summary.title, *table_lines(summary.filled_columns(summary.rows))]
+    lines += [line for note in summary.notes for line in wrap(note, width=_WIDTH, subsequent_indent="  ")]
+    for place, content in zip(files, _contents(found) if files else (), strict=True):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(place) as stream:
+            stream.write(content)
+    document = _document(found, options.against) | {"files": list(map(str, files))}
+    print_result(options, finite(document), "\n".join([*lines, *(f"Written: {place}" for place in files)]))
+    return 0
+
+
+def _limit(text: str) -> dict[str, float | str]:
+    name, _, limit = (part.strip() for part in text.partition("="))
+    if not name or not limit:
+        raise SettingError(f"--limit is {text!r}; give a criterion and its limit, as peak_drift_ratio=1%")
+    try:
+        return {name: float(limit)}
+    except ValueError:
+        return {name: limit}
+
+
+def _contents(found: Fragilities) -> tuple[bytes, ...]:
+    # Matplotlib is slow to load.
+    from mrwork.drawing.canvas import svg_bytes
+    from mrwork.report.study.fragility_section import fragility_figure, ida_figure
+
+    first = next(iter(found.rows.values()))
+    head = ("arrangement", f"{first.measure} [m/s2]", "probability", "reached", "beyond tests")
+    lines = [
+        (label, *(f"{cell:.6g}" for cell in (level, each.probability(level), *shares)))
+        for label, each in found.rows.items()
+        for level, *shares in zip(each.levels.tolist(), each.crossed, each.outside, strict=True)
+    ]
+    return csv_text([head, *lines]).encode(), svg_bytes(ida_figure(found)), svg_bytes(fragility_figure(found))
+
+
+def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
+    names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
+    return {
+        **{name: getattr(found, name) for name in ("criterion", "limit", "unit", "level")},
+        "arrangements": [
+            {name: getattr(each, name) for name in names}
+            | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}
+            | {"crossings": [asdict(crossing) for crossing in each.crossings]}
+            for each in found.rows.values()
+        ],
+        "sentences": found.in_words(against),
+    }

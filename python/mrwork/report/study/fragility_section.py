@@ -1,0 +1,97 @@
+"""Section of a study's page on records at several levels: incremental dynamic analyses, and fragilities."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from mrwork.base.numbers import counted
+from mrwork.base.table import Table
+from mrwork.drawing import style
+from mrwork.drawing.canvas import column_axes, finish, grid_of_axes, legend
+from mrwork.drawing.of_studies import add_fragility, add_ida, response_unit, short, strokes
+from mrwork.report.section import Group, Section, panel
+from mrwork.study.fragilities import Fragilities, fragility
+from mrwork.study.results import StudyResults
+
+# Records and levels from which on a page has the section, and arrangements that it draws.
+_RECORDS, _LEVELS, _DRAWN = 2, 3, 6
+_PANEL, _COLUMNS = (2.5, 2.3), 3
+
+
+@style.drawn_in_style()
+def ida_figure(found: Fragilities) -> Figure:
+    """Intensity over the response, a panel for each arrangement."""
+    of_row, unit, rows = strokes(found), response_unit(found), [*found.rows.values()][:_DRAWN]
+    figure, panels = grid_of_axes(len(rows), _COLUMNS, _PANEL)
+    for number, (axes, one) in enumerate(zip(panels, rows, strict=True)):
+        add_ida(axes, found, one, of_row[number])
+        axes.set_title(short(one.label, 26), loc="left")
+        axes.set_xlabel(f"{found.title[:1].upper()}{found.title[1:]} ({unit.symbol})")
+        axes.set_ylabel(f"{one.measure} (g)")
+    return figure
+
+
+@style.drawn_in_style()
+def fragility_figure(found: Fragilities) -> Figure:
+    """Probability that the limit is reached over intensity, a curve for each arrangement."""
+    rows = [*found.rows.values()][:_DRAWN]
+    figure, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((len(rows) - 1) // _COLUMNS))
+    for one, stroke in zip(rows, strokes(found), strict=False):
+        add_fragility(axes, one, stroke)
+    finish(axes, "", f"{rows[0].measure} (g)")
+    axes.set_ylabel("Probability")
+    legend(axes, columns=_COLUMNS)
+    return figure
+
+
+def fragility_section(results: StudyResults) -> Section | None:
+    """Median intensities at the limit of the study; `None` without several records at several levels, or a limit."""
+    at, limit = results.record_levels, results.limit
+    few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
+    if few or not limit or not results.complete:
+        return None
+    found = fragility(results)
+    sentences = found.in_words()
+    words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
+    return Section(
+        anchor="fragility",
+        title="Records at several levels",
+        summary=f"the {at.measure} at which {found.limit_in_words}, of {words}.",
+        groups=(
+            Group(points=sentences, table=_table(found)),
+            Group(
+                panels=(
+                    panel(
+                        "fragility",
+                        f"Probability that {found.limit_in_words}",
+                        fragility_figure(found),
+                        f"Probability over {at.measure} that {found.limit_in_words}, {words}",
+                        "Points are shares of the records; the bars at one half are bands of the medians.",
+                    ),
+                )
+            ),
+            Group(
+                panels=(
+                    panel(
+                        "ida",
+                        "Incremental dynamic analysis",
+                        ida_figure(found),
+                        f"{at.measure} over {found.title} of {words}",
+                        "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
+                    ),
+                ),
+                layout="whole",
+            ),
+        ),
+    )
+
+
+def _table(found: Fragilities) -> Table:
+    """The summary of the fragilities."""
+    summary = found._summary()
+    return Table(
+        label=summary.title,
+        columns=tuple(summary.columns),
+        rows=tuple(map(tuple, summary.rows)),
+        note=" ".join(f"{each}." for one in found.rows.values() for each in one.cautions),
+    )
