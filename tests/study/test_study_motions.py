@@ -36,7 +36,7 @@ def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfS
         folder,
         seed,
         sample_time=lambda: 0.001,
-        first_period=lambda: 0.8,
+        aims=AIMS,
         place=Place(origin="study.toml"),
     )
 
