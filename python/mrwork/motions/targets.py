@@ -87,7 +87,7 @@ class TargetSpectrum(Summarised):
     powers
         From each corner on, the acceleration times this power of the period runs straight to the next: 0 up to the
         plateau of a code, 1 of a constant velocity, 2 of a constant displacement. With one for the last corner the
-        spectrum goes on behind it.
+        spectrum goes on beyond it.
     rule
         What its code wants of a suite.
     """
@@ -107,9 +107,10 @@ class TargetSpectrum(Summarised):
         """Pseudo-acceleration [m/s^2] in the shape of `periods` [s], from zero on."""
         period = np.asarray(periods, dtype=np.float64)
         if not self.covers(period).all():
+            asked = dict.fromkeys(f"{each:.3g}" for each in (period.min(), period.max()))
             raise SettingError(
-                f"target {self.name}: is known from {self.periods[0]:g} to {self._end:g} s, and is asked for from "
-                f"{period.min():.3g} to {period.max():.3g} s; choose periods within, or give more points"
+                f"target spectrum {self.name!r} is known from {self.periods[0]:g} to {self._end:g} s, and is asked for at "
+                f"{' to '.join(asked)} s; choose periods within, or give more points"
             )
         place = np.clip(np.searchsorted(self.periods, period, side="right") - 1, 0, len(self.powers) - 1)
         after = np.minimum(place + 1, len(self.periods) - 1)
@@ -203,7 +204,7 @@ def asce_7_spectrum(s_ds: Positive, s_d1: Positive, *, t_l: Positive) -> TargetS
     end = s_d1 / s_ds
     if not t_l > end:
         raise SettingError(
-            f"t_l is {t_l:g} s, and the plateau ends at S_D1 / S_DS = {end:.3g} s; give the transition period behind it"
+            f"t_l is {t_l:g} s, and the plateau ends at S_D1 / S_DS = {end:.3g} s; give a later one"
         )
     short, second = (f"{each / STANDARD_GRAVITY:.3g} g" for each in (s_ds, s_d1))
     return _of_code(

@@ -161,8 +161,8 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     given = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(table, name) is not None]
     if len(given) > 1 and given != ["factor", "scale_to"]:
         place.within(given[1]).refuse(
-            f"{list_names(given)} are given, and a motion is scaled to one of pga, sa and a target, or by a factor, or "
-            "by a factor after scale_to; keep one"
+            "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too; keep one "
+            f"of {list_names(given)}"
         )
     if table.sa is None:
         _refuse_keys(table, ("sa_period", "sa_damping"), "is of sa, which this motion does not have")

@@ -395,7 +395,7 @@ class TargetTable:
         for name in given:
             if name not in (*required, *optional):
                 self.place.within("type" if name == "spectrum_type" else name).refuse(
-                    f"{what} has no such key; leave it out"
+                    f"{what} has no such key; leave it out{'' if self.code else ', or give the code'}"
                 )
         if lacking := [name for name in required if name not in given]:
             self.place.refuse(f"{what} needs {' and '.join(required)}; give {' and '.join(lacking)}")
