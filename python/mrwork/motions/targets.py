@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
@@ -106,10 +106,11 @@ class TargetSpectrum(Summarised):
     def acceleration(self, periods: ArrayLike) -> Floats:
         """Pseudo-acceleration [m/s^2] in the shape of `periods` [s], from zero on."""
         period = np.asarray(periods, dtype=np.float64)
-        if not self.covers(period).all():
+        low, high = self.ends
+        if not ((period >= low) & (period <= high)).all():
             asked = dict.fromkeys(f"{each:.3g}" for each in (period.min(), period.max()))
             raise SettingError(
-                f"target spectrum {self.name!r} is known from {self.periods[0]:g} to {self._end:g} s, and is asked for at "
+                f"target spectrum {self.name!r} is known from {low:g} to {high:g} s, and is asked for at "
                 f"{' to '.join(asked)} s; choose periods within, or give more points"
             )
         place = np.clip(np.searchsorted(self.periods, period, side="right") - 1, 0, len(self.powers) - 1)
@@ -120,13 +121,11 @@ class TargetSpectrum(Summarised):
         straight = start + (end - start) * (period - self.periods[place]) / span
         return np.asarray(straight / np.where(power > 0, period, 1.0) ** power)
 
-    def covers(self, periods: Floats) -> NDArray[np.bool_]:
-        """Whether it has a value at each period."""
-        return np.asarray((periods >= self.periods[0]) & (periods <= self._end))
-
     @property
-    def _end(self) -> float:
-        return math.inf if len(self.powers) == len(self.periods) else float(self.periods[-1])
+    def ends(self) -> tuple[float, float]:
+        """Shortest and longest period at which it has a value [s]; infinite of a code."""
+        is_open = len(self.powers) == len(self.periods)
+        return float(self.periods[0]), math.inf if is_open else float(self.periods[-1])
 
     def _summary(self) -> Summary:
         return Summary(
@@ -376,9 +375,8 @@ class SuiteCheck(Summarised):
     @property
     def peak_ratio(self) -> float | None:
         """Mean of the peaks over the target at the period zero; `None` where the target has no value there."""
-        zero = np.zeros(1)
-        known = bool(self.target.covers(zero)[0])
-        return float(self.peaks.mean() / self.target.acceleration(zero)[0]) if known else None
+        known = self.target.ends[0] == 0.0
+        return float(self.peaks.mean() / self.target.accelerations[0]) if known else None
 
     @property
     def factor(self) -> float:
@@ -483,7 +481,7 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
         raise SettingError("a suite has one motion or more, and here is none; give `motions`")
     target.acceleration(_range_of(period))
     periods = _range_of(period, _MARGIN)
-    periods = periods[target.covers(periods)]
+    periods = periods[(periods >= target.ends[0]) & (periods <= target.ends[1])]
     return SuiteCheck(
         target=target,
         period=period,
