@@ -83,11 +83,9 @@ class TargetSpectrum(Summarised):
     damping
         Damping ratio.
     periods, accelerations
-        Its corners [s], [m/s^2], shape (n,).
-    powers
-        From each corner on, the acceleration times this power of the period runs straight to the next: 0 up to the
-        plateau of a code, 1 of a constant velocity, 2 of a constant displacement. With one for the last corner the
-        spectrum goes on beyond it.
+        Points between which it runs straight [s], [m/s^2], shape (n,).
+    falls
+        Periods from which the last acceleration falls as 1 / T, and as 1 / T^2 [s]; none of a table, which ends there.
     rule
         What its code wants of a suite.
     """
@@ -99,7 +97,7 @@ class TargetSpectrum(Summarised):
     damping: float
     periods: Floats
     accelerations: Floats
-    powers: tuple[int, ...]
+    falls: tuple[float, ...]
     rule: SuiteRule
 
     @checked
@@ -113,19 +111,15 @@ class TargetSpectrum(Summarised):
                 f"target spectrum {self.name!r} is known from {low:g} to {high:g} s, and is asked for at "
                 f"{' to '.join(asked)} s; choose periods within, or give more points"
             )
-        place = np.clip(np.searchsorted(self.periods, period, side="right") - 1, 0, len(self.powers) - 1)
-        after = np.minimum(place + 1, len(self.periods) - 1)
-        power = np.array(self.powers)[place]
-        start, end = (self.accelerations[at] * self.periods[at] ** power for at in (place, after))
-        span = np.where(after > place, self.periods[after] - self.periods[place], 1.0)
-        straight = start + (end - start) * (period - self.periods[place]) / span
-        return np.asarray(straight / np.where(power > 0, period, 1.0) ** power)
+        acceleration = np.interp(period, self.periods, self.accelerations)
+        for corner in self.falls:
+            acceleration = acceleration * (corner / np.maximum(period, corner))
+        return np.asarray(acceleration)
 
     @property
     def ends(self) -> tuple[float, float]:
         """Shortest and longest period at which it has a value [s]; infinite of a code."""
-        is_open = len(self.powers) == len(self.periods)
-        return float(self.periods[0]), math.inf if is_open else float(self.periods[-1])
+        return float(self.periods[0]), math.inf if self.falls else float(self.periods[-1])
 
     def _summary(self) -> Summary:
         return Summary(
@@ -133,8 +127,8 @@ class TargetSpectrum(Summarised):
             facts=(("damping", f"{100.0 * self.damping:g} %"), ("source", self.source)),
             columns=("period [s]", "acceleration [m/s^2]"),
             rows=[
-                (format_rounded(float(period)), format_rounded(float(value)))
-                for period, value in zip(self.periods, self.accelerations, strict=True)
+                (format_rounded(float(corner)), format_rounded(float(self.acceleration(corner))))
+                for corner in (*self.periods, *self.falls)
             ],
         )
 
@@ -169,15 +163,16 @@ def en_1998_spectrum(
     >>> en_1998_spectrum(2.0, "B").acceleration([0.0, 0.3, 1.0]).round(3).tolist()
     [2.4, 6.0, 3.0]
     """
-    soil, *corners = _EN_1998_GROUNDS[spectrum_type][ground]
-    plateau = 2.5 * max(0.55, float(np.sqrt(10.0 / (5.0 + 100.0 * damping))))
-    return _of_code(
-        f"EN 1998-1 type {spectrum_type}, ground {ground}, a_g {a_g / STANDARD_GRAVITY:.3g} g",
-        "EN 1998-1:2004, 3.2.2.2, Tables 3.2 and 3.3 with the recommended values",
-        (a_g * soil, plateau * a_g * soil),
-        corners,
-        _EN_1998,
+    soil, first, second, third = _EN_1998_GROUNDS[spectrum_type][ground]
+    plateau = 2.5 * max(0.55, math.sqrt(10.0 / (5.0 + 100.0 * damping)))
+    return TargetSpectrum(
+        name=f"EN 1998-1 type {spectrum_type}, ground {ground}, a_g {a_g / STANDARD_GRAVITY:.3g} g",
+        source="EN 1998-1:2004, 3.2.2.2, Tables 3.2 and 3.3 with the recommended values",
         damping=damping,
+        periods=np.array([0.0, first]),
+        accelerations=a_g * soil * np.array([1.0, plateau]),
+        falls=(second, third),
+        rule=_EN_1998,
     )
 
 
@@ -206,33 +201,14 @@ def asce_7_spectrum(s_ds: Positive, s_d1: Positive, *, t_l: Positive) -> TargetS
             f"t_l is {t_l:g} s, and the plateau ends at S_D1 / S_DS = {end:.3g} s; give a later one"
         )
     short, second = (f"{each / STANDARD_GRAVITY:.3g} g" for each in (s_ds, s_d1))
-    return _of_code(
-        f"ASCE 7-16, S_DS {short}, S_D1 {second}",
-        f"ASCE/SEI 7-16, 11.4.6, T_L {t_l:g} s",
-        (0.4 * s_ds, s_ds),
-        (0.2 * end, end, t_l),
-        _ASCE_7,
-    )
-
-
-def _of_code(
-    name: str,
-    source: str,
-    levels: tuple[float, float],
-    corners: Sequence[float],
-    rule: SuiteRule,
-    damping: float = 0.05,
-) -> TargetSpectrum:
-    """The spectrum that rises from the first level to the plateau, which ends at the second corner."""
-    (start, plateau), (_, second, third) = levels, corners
     return TargetSpectrum(
-        name=name,
-        source=source,
-        damping=damping,
-        periods=np.array([0.0, *corners]),
-        accelerations=np.array([start, plateau, plateau, plateau * second / third]),
-        powers=(0, 0, 1, 2),
-        rule=rule,
+        name=f"ASCE 7-16, S_DS {short}, S_D1 {second}",
+        source=f"ASCE/SEI 7-16, 11.4.6, T_L {t_l:g} s",
+        damping=0.05,
+        periods=np.array([0.0, 0.2 * end]),
+        accelerations=np.array([0.4 * s_ds, s_ds]),
+        falls=(end, t_l),
+        rule=_ASCE_7,
     )
 
 
@@ -270,7 +246,7 @@ def table_spectrum(
         damping=damping,
         periods=period,
         accelerations=acceleration,
-        powers=(0,) * (period.size - 1),
+        falls=(),
         rule=_EN_1998,
     )
 
@@ -404,7 +380,7 @@ class SuiteCheck(Summarised):
                 f"The mean of the peaks is {100.0 * (peak or 0.0):.3g} % of the target at the period zero, and is to "
                 "be 100 % or more.",
             ),
-            (self.factor * _ROUNDED > 1.0, f"A factor of {factor:g} on every motion raises them enough."),
+            (self.factor * _ROUNDED > 1.0, f"A factor of {factor:g} on every motion is enough."),
         )
         return tuple(sentence for wrong, sentence in said if wrong)
 
@@ -437,9 +413,8 @@ class SuiteCheck(Summarised):
         return Summary(
             title=f"Suite of {counted(len(self.names), 'motion')} beside {self.target.name}",
             facts=(
-                ("range", self._range_in_words),
-                ("least ratio of the mean", f"{self.least[0]:.3f} at {self.least[1]:.3g} s"),
-                ("ratio of the mean peak", "" if peak is None else f"{peak:.3f}"),
+                ("least mean spectrum over target", f"{self.least[0]:.3f} at {self.least[1]:.3g} s"),
+                ("mean peak over target", "" if peak is None else f"{peak:.3f}"),
             ),
             notes=self.in_words,
         )
