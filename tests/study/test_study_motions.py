@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ from sentences import Refused
 
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
-from mrwork.motions import GroundMotion, response_spectrum, suite, synthetic_motion
+from mrwork.motions import GroundMotion, en_1998_spectrum, response_spectrum, suite, synthetic_motion
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import MotionOfStudy
-from mrwork.study.reading import motions_of_study, parse
+from mrwork.study.reading import Aims, motions_of_study, parse
 from mrwork.study.schema import MotionTable
 
 
@@ -23,6 +24,9 @@ def folder(tmp_path: Path) -> Path:
     rows = "\n".join(f"{t:.2f},{a:.9g}" for t, a in zip(time, np.sin(3.0 * time) + 0.2, strict=True))
     (tmp_path / "swing.csv").write_text(f"t_s,acceleration_mps2\n{rows}\n")
     return tmp_path
+
+
+AIMS = Aims(target=lambda: en_1998_spectrum(2.0, "B"), target_period=lambda: 0.5, first_period=lambda: 0.8)
 
 
 def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfStudy, ...]:
@@ -36,7 +40,7 @@ def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfS
         folder,
         seed,
         sample_time=lambda: 0.001,
-        first_period=lambda: 0.8,
+        aims=AIMS,
         place=Place(origin="study.toml"),
     )
 
@@ -68,6 +72,31 @@ def test_each_spectral_acceleration_gives_a_motion_of_its_own(folder: Path) -> N
         spectrum = response_spectrum(motion.ground, [period], damping=damping)
         assert spectrum.pseudo_acceleration[0] == pytest.approx(value, rel=1e-12)
         assert motion.intensity == Intensity(measure="sa", value=value, period=period, damping_ratio=damping)
+
+
+@pytest.mark.parametrize(
+    ("by", "expected"),
+    [
+        ("pga", Intensity(measure="pga", value=2.4)),
+        # Of the plateau, 2.5 a_g S.
+        ("sa", Intensity(measure="sa", value=6.0, period=0.5, damping_ratio=0.05)),
+        ("least_squares", None),
+    ],
+)
+def test_a_motion_is_scaled_to_the_target_and_then_by_factors(
+    folder: Path, by: str, expected: Intensity | None
+) -> None:
+    half, whole = tables(
+        f'file = "swing.csv"\nname = "swing"\nscale_to = "{by}"\nfactor = [0.5, 1]', folder=folder
+    )
+    assert (half.name, whole.name) == ("swing x 0.5", "swing x 1")
+    assert half.ground.acceleration == pytest.approx(0.5 * whole.ground.acceleration)
+    assert whole.intensity is not None
+    assert half.intensity == replace(whole.intensity, value=pytest.approx(0.5 * whole.intensity.value))
+    if expected is None:
+        assert whole.intensity.name == "Sa(0.5 s, 5 %)"
+    else:
+        assert whole.intensity == replace(expected, value=pytest.approx(expected.value))
 
 
 def test_a_motion_is_cut_before_its_time_axis_is_stretched(folder: Path) -> None:
@@ -104,6 +133,8 @@ def test_a_mistake_is_one_sentence_with_its_line(folder: Path, refused: Refused)
         'file = "swing.csv"\nfactor = 1\npga = 1',
         'file = "swing.csv"\nsa = 1\npga = 1',
         'file = "swing.csv"\nsa_period = 1',
+        'file = "swing.csv"\nscale_to = "sa"\nsa = 1',
+        'file = "swing.csv"\nscale_to = "period"',
         'file = "swing.csv"\nsa = -1',
         'file = "swing.csv"\npga = []',
         'file = "swing.csv"\nfactor = []',

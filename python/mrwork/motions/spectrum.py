@@ -203,15 +203,14 @@ def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> I
 
 def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundMotion:
     """Scale a motion of which the intensity was `found` to another value of it [m/s^2]."""
+    words = "a peak" if found.measure == "pga" else found.name
     if not value > 0.0:
         raise SettingError(
-            f"ground motion {motion.name}: {found.name} of {value} m/s2 was requested; give a positive one"
+            f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"
         )
     if found.value == 0.0:
-        raise SettingError(
-            f"ground motion {motion.name}: its {found.name} is zero, and it cannot be scaled to another"
-        )
-    change = f"scaled from {found.name} of {found.value:.6g} to {value:.6g} m/s2"
+        raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
+    change = f"scaled from {words} of {found.value:.6g} to {value:.6g} m/s2"
     return replace_samples(motion, motion.acceleration * (value / found.value), motion.dt, change)
 
 

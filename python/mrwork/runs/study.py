@@ -124,6 +124,7 @@ def study_of(
     report: Table | None = None,
     clairvoyant: Table | None = None,
     design_level: float | str | None = None,
+    target: Table | None = None,
     references: References = "best_passive",
     title: str = "",
     folder: str | Path = "",
@@ -153,7 +154,7 @@ def study_of(
         for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
-    hardware, uncertainty, tune, report, clairvoyant
+    hardware, uncertainty, tune, report, clairvoyant, target
         Their tables, or a `Hardware`, and one or several `TuneTable`.
     design_level
         Level of the motions on which laws are designed and the best constant command is chosen, where records have
@@ -213,6 +214,7 @@ def study_of(
         "uncertainty": uncertainty,
         "tune": tables,
         "clairvoyant": clairvoyant,
+        "target": target,
     }
     try:
         document = {name: _plain(value) for name, value in given.items() if value is not None}
