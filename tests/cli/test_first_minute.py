@@ -35,6 +35,8 @@ PARSED_ONLY = {
     "mrwork characterise rig --model normalised_bouc_wen --json --out out/one-model",
     "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",
     "mrwork calibrate out/rig --leave-out motion",
+    "mrwork fragility out/ida --limit peak_drift_ratio=1%",
+    "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov",
     "mrwork respond study.toml --motions all --check-step --out out/checked",
 }

@@ -111,6 +111,7 @@ JOBS = {
     "export": Job(words="export run --to mat --output run.mat --replace", before=(FIT,)),
     "characterise": Job(words="characterise one_rig --model static_hysteretic --out run"),
     "compare": Job(words="compare run run --out page.html", before=(FIT,)),
+    "fragility": Job(words="fragility out --output f.csv --replace", before=("respond ida.toml --out out",)),
     "check": Job(words="check one.csv two.csv --table table.csv"),
 }
 # Verbs that write nothing.
@@ -119,9 +120,8 @@ READING = {"convert", "cite", "completion"}
 
 def done(words: str, folder: Path) -> Ended:
     with contextlib.chdir(folder):
-        quiet = (
-            ("--quiet",) if words.split()[0] not in ("models", "check", "init", "export", "compare") else ()
-        )
+        loud = ("models", "check", "init", "export", "compare", "fragility")
+        quiet = ("--quiet",) if words.split()[0] not in loud else ()
         return mrwork(*words.split(), *quiet, "--json")
 
 
@@ -139,6 +139,11 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "two.csv").write_text("\n".join([lines[0], *wider]) + "\n")
     small = study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.4")
     (place / "small.toml").write_text(small)
+    levels = 'name = "{}"\nseed = {}\npga = [1, 2]\n'
+    first, second = (levels.format(name, seed) for seed, name in enumerate("ab"))
+    again = f'{first}\n[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 0.4\n{second}'
+    ida = small.replace("duration = 0.4\n", f"duration = 0.4\n{again}")
+    (place / "ida.toml").write_text(f"{ida}\n[report]\nlimit = {{ peak_drift = 0.01 }}\n")
     study_file(place, building=TWO_STOREYS)
     return place
 

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import study_samples
 from scipy.optimize import minimize
 from scipy.stats import norm
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
 from mrwork.study.fragilities import lognormal_of
 
@@ -126,7 +128,7 @@ def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyRes
 
 
 def test_a_median_beyond_the_levels_is_a_bound(results: StudyResults) -> None:
-    collapse = mr.fragility(results)["uncontrolled"]
+    collapse = mr.fragility(results, {"peak_drift_ratio": "10 %"})["uncontrolled"]
     assert (collapse.bound, collapse.median) == ("above", math.inf)
     assert "above 0.600 g" in collapse.in_words
     early = mr.fragility(results, {"peak_drift_ratio": 1e-4})["uncontrolled"]
@@ -150,6 +152,66 @@ def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above
     last = with_end("unresolved").crossings[0]
     assert (last.above, last.below, last.unresolved) == (pytest.approx(0.14 * G), math.inf, True)
     assert "could not be resolved" in " ".join(with_end("unresolved").cautions)
+    # The share that reached the limit is that of the runs that are known.
+    assert with_end("unresolved").crossed[2] == 0.0
+    assert with_end("diverged").crossed[2] == pytest.approx(1.0 / 8.0)
+    assert (with_end("diverged").responses[0, 2], math.isnan(with_end("unresolved").responses[0, 2])) == (
+        math.inf,
+        True,
+    )
+
+
+def test_a_level_that_few_reach_at_the_top_bounds_the_median() -> None:
+    # Two of ten reach the limit at the highest level, where the likelihood has no largest dispersion.
+    above, below = np.array([2.0] * 8 + [1.0] * 2), np.array([np.inf] * 8 + [2.0] * 2)
+    weights = np.vstack([np.ones(10), np.append(np.ones(2), np.ones(8)), np.append(np.zeros(7), np.ones(3))])
+    medians, dispersions = lognormal_of(above, below, weights)
+    # Of three records in the last row two reach it: then the level is the median.
+    assert medians.tolist() == [math.inf, math.inf, 2.0]
+    assert dispersions.tolist() == [0.0, 0.0, 0.0]
+    at_lowest = lognormal_of(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 2.0]), np.ones((1, 3)))
+    assert at_lowest[0].tolist() == [0.0]
+
+
+def test_what_lies_beyond_the_levels_bounds_bands_and_ratios() -> None:
+    results = study_samples.incremental()
+    found = mr.fragility(results, {"peak_drift": "45 mm"})
+    bare, law = found["uncontrolled"], found["Lyapunov <1 A>"]
+    assert (bare.bound, law.bound, law.median) == ("", "above", math.inf)
+    assert law.band == (law.levels[-1], math.inf)
+    ratio, (low, high) = found.ratio(law.label, bare.label)
+    assert math.isnan(ratio)
+    assert low == pytest.approx(law.levels[-1] / bare.band[1])
+    assert high == math.inf
+
+
+def test_a_sentence_says_what_each_law_changes() -> None:
+    found = mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"})
+    ratio, (low, high) = found.ratio("Clipped-optimal", "uncontrolled")
+    assert [sentence.partition(":")[0] for sentence in found.in_words()] == [
+        "Isolation", "Clipped-optimal", "Lyapunov <1 A>",
+    ]  # fmt: skip
+    sentence = found.in_words()[1]
+    assert "the median PGA at which the peak drift reaches 0.02 m rises from" in sentence
+    assert f"90 % band of the ratio {low:.2f} to {high:.2f}" in sentence
+    assert 1.0 < low <= ratio <= high
+    assert "falls from" in found.in_words("Lyapunov <1 A>")[0]
+    same = replace(found, rows={**found.rows, "twin": replace(found["Isolation"], label="twin")})
+    assert "is 0." in same.in_words("Isolation")[-1]
+    assert "as with Isolation" in same.in_words("Isolation")[-1]
+
+
+def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResults, refused: Refused) -> None:
+    tree = results.to_xarray(by_record=True)
+    drift, plain = tree["criteria/peak_drift"], results.to_xarray()["criteria/peak_drift"]
+    assert drift.dims == ("row", "record", "intensity", "realisation")
+    assert tree["quantities/peak_drift"].dims == (*drift.dims, "storey")
+    assert drift["intensity"].attrs == {"units": "m/s^2", "long_name": "PGA"}
+    np.testing.assert_allclose(drift["intensity"], G * np.array(LEVELS), rtol=1e-8)
+    one = drift.sel(row="uncontrolled", record="record 3").isel(intensity=4, realisation=0)
+    assert float(one) == float(plain.sel(row="uncontrolled", motion="record 3, 0.3 g").isel(realisation=0))
+    fewer = replace(results, motions=(replace(results.motions[0], record="alone"), *results.motions[1:]))
+    refused(fewer.to_xarray, by_record=True)
 
 
 def test_a_folder_has_the_fragility_of_its_results(results: StudyResults, tmp_path: Path) -> None:
@@ -173,6 +235,9 @@ def test_what_has_no_fragility_is_refused(results: StudyResults, refused: Refuse
     refused(mr.fragility, replace(results, building=replace(results.building, heights=())))
     alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
     refused(mr.fragility, alone)
+    spectral = Intensity(measure="sa", value=1.0, period=0.8, damping_ratio=0.05)
+    mixed = (replace(results.motions[0], intensity=spectral), *results.motions[1:])
+    refused(mr.fragility, replace(results, motions=mixed))
     refused(mr.fragility(results, {"peak_drift_ratio": 0.01}).__getitem__, "passive")
     some = {key: run for key, run in results.runs.items() if key != (1, 3)}
     refused(mr.fragility, replace(results, runs=some))

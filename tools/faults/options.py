@@ -73,6 +73,7 @@ def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[objec
         "plan": [run],
         "respond": [study, "--out", folder / "study"],
         "tune": [study, "--out", folder / "tuned", "--quick"],
+        "fragility": [run, "--limit", "peak_drift_ratio=1%"],
         "convert": ["spencer", "--to", "normalised", "alpha=1", "A=1", "n=2", "gamma=1", "beta=1"],
         "export": [run, "--to", "csv"],
         "cite": [run],
