@@ -35,7 +35,7 @@ def add_options(parser: CommandParser) -> None:
         "mrwork fragility out/ida --limit peak_drift_ratio=1%",
         "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     )
-    parser.add_argument("run_folder", type=named_path, metavar="RUN", help="folder of mrwork respond")
+    parser.add_argument("study_run", type=named_path, metavar="RUN", help="folder of mrwork respond")
     found = parser.group("fragility")
     found.add_argument(
         "--limit",
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.results import StudyResults
 
     found = fragility(
-        load(options.run_folder, StudyResults),
+        load(options.study_run, StudyResults),
         limit,
         level=options.level,
         modelling_dispersion=options.modelling_dispersion,

@@ -11,6 +11,8 @@ from .run import run_study as run_study
 from .study import Study as Study
 
 if True:  # the lower tier
+    from .fragilities import drawn_weights as drawn_weights
+    from .fragilities import fragility_of as fragility_of
     from .schema import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
     from .schema import PASSIVE_OFF as PASSIVE_OFF
     from .schema import PASSIVE_ON as PASSIVE_ON

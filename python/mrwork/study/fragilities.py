@@ -9,8 +9,8 @@ its maximum. With one level for each record it is that of counts at each level (
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -365,57 +365,77 @@ def fragility(
             "runs would look safe; finish it with --resume"
         )
     heights = () if results.building is None else results.building.heights
-    ((name, value),) = limit_of(limit or results.limit or USUAL_LIMIT, results.command_unit, heights).items()
+    given = limit if limit is not None else results.limit or USUAL_LIMIT
+    ((name, value),) = limit_of(given, results.command_unit, heights).items()
     at = results.record_levels
-    levels, measure, count = at.levels, at.measure, len(at.records)
-    if count < _FEWEST or levels.size < _FEWEST:
+    n_records, n_levels = at.places.shape
+    if n_records < _FEWEST or n_levels < _FEWEST:
         raise SettingError(
-            f"a fragility is over two records or more at several levels, and here are {counted(count, 'record')} "
-            f'and {counted(levels.size, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
+            f"a fragility is over two records or more at several levels, and here are {counted(n_records, 'record')} "
+            f'and {counted(n_levels, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
         )
-    weights = drawn_weights(count, seed)
-    there = at.places >= 0
+    weights = drawn_weights(n_records, seed)
     rows = {}
-    for row, arrangement in enumerate(results.rows):
-        if arrangement.kind == "clairvoyant":
+    for number, row in enumerate(results.rows):
+        if row.kind == "clairvoyant":
             # Its commands are found anew for each motion.
             continue
-        responses = np.array(
-            [[_response(results, row, each, name) for each in line] for line in at.places.tolist()]
-        )
-        crossings = [
-            _crossing(record, levels[own], line[own], value)
-            for record, own, line in zip(at.records, there, responses, strict=True)
-        ]
-        medians, dispersions = lognormal_of(
-            np.array([each.above for each in crossings]),
-            np.array([each.below for each in crossings]),
-            weights,
-        )
+        places = at.places.tolist()
+        responses = np.array([[_response(results, number, each, name) for each in line] for line in places])
         outside = np.array(
-            [[_is_outside(results, row, each) for each in line] for line in at.places.tolist()]
+            [[_is_outside(results, number, each) for each in line] for line in places], dtype=float
         )
-        rows[arrangement.label] = Fragility(
-            label=arrangement.label,
-            kind=arrangement.kind,
-            measure=measure,
-            median=float(medians[0]),
-            dispersion=math.hypot(float(dispersions[0]), modelling_dispersion),
-            band=_band(*_known_ends(medians[1:], levels), level, count),
-            medians=medians[1:],
-            crossings=tuple(crossings),
-            bound="above" if medians[0] > levels[-1] else "below" if medians[0] < levels[0] else "",
-            levels=levels,
-            crossed=_share(responses >= value, ~np.isnan(responses)),
-            outside=_share(outside, there),
-            responses=responses,
+        found = fragility_of(
+            *(row.label, row.kind, responses, at.levels, value, weights),
+            level=level,
+            records=at.records,
+            measure=at.measure,
+            outside=outside,
         )
-    return Fragilities(
-        criterion=name,
-        limit=value,
-        unit=in_command_unit(criterion(name).unit, results.command_unit),
-        level=level,
-        rows=rows,
+        rows[row.label] = replace(found, dispersion=math.hypot(found.dispersion, modelling_dispersion))
+    unit = in_command_unit(criterion(name).unit, results.command_unit)
+    return Fragilities(criterion=name, limit=value, unit=unit, level=level, rows=rows)
+
+
+def fragility_of(
+    label: str,
+    kind: Kind,
+    responses: Floats,
+    levels: Floats,
+    limit: float,
+    weights: Floats,
+    *,
+    level: float,
+    records: Sequence[str],
+    measure: str = "PGA",
+    outside: Floats | None = None,
+) -> Fragility:
+    """The fragility of an arrangement from its responses, as of `Fragility`, with the weights of `drawn_weights`.
+
+    `outside` is 1 where a run went beyond the tested ranges of a damper, NaN where there is no run.
+    """
+    outside = np.zeros(responses.shape) if outside is None else outside
+    there = ~np.isnan(outside)
+    crossings = tuple(
+        _crossing(record, levels[own], line[own], limit)
+        for record, own, line in zip(records, there, responses, strict=True)
+    )
+    above, below = (np.array([getattr(each, end) for each in crossings]) for end in ("above", "below"))
+    medians, dispersions = lognormal_of(above, below, weights)
+    return Fragility(
+        label=label,
+        kind=kind,
+        measure=measure,
+        median=float(medians[0]),
+        dispersion=float(dispersions[0]),
+        band=_band(*_known_ends(medians[1:], levels), level, len(crossings)),
+        medians=medians[1:],
+        crossings=crossings,
+        bound="above" if medians[0] > levels[-1] else "below" if medians[0] < levels[0] else "",
+        levels=levels,
+        crossed=_share(responses >= limit, ~np.isnan(responses)),
+        outside=_share(outside == 1.0, there),
+        responses=responses,
     )
 
 
@@ -464,14 +484,15 @@ def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> C
     return Crossing(record=record, above=above, below=math.inf)
 
 
-def _is_outside(results: StudyResults, row: int, motion: int) -> bool:
-    return motion >= 0 and any(each.outside.exceedances for each in results.demands(row, motion))
+def _is_outside(results: StudyResults, row: int, motion: int) -> float:
+    """Whether a run went beyond tested ranges, as 1 or 0; NaN of no motion (-1)."""
+    return math.nan if motion < 0 else any(each.outside.exceedances for each in results.demands(row, motion))
 
 
 def _share(flags: NDArray[np.bool_], among: NDArray[np.bool_]) -> Floats:
     """Share of the flags at each level, of those among which they are."""
     with np.errstate(invalid="ignore"):
-        return np.asarray((flags & among).sum(axis=0) / among.sum(axis=0))
+        return np.asarray(flags.sum(axis=0) / among.sum(axis=0))
 
 
 def drawn_weights(n_records: int, seed: int) -> Floats:
