@@ -16,6 +16,7 @@ from counted_calls import calls_of
 from mrwork.cli.study_text import study_text
 from mrwork.drawing.of_studies import strokes
 from mrwork.drawing.of_tests import envelope
+from mrwork.report.study.fragility_section import fragility_section
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
 from mrwork.study.run_result import RunResult
@@ -114,6 +115,17 @@ def test_an_interrupted_study_says_how_far_it_came() -> None:
     results = study_samples.results()
     page = text_of(runs={key: run for key, run in results.runs.items() if key[1] == 0})
     assert "5 of 10 runs are done" in page
+
+
+def test_records_at_several_levels_have_a_section_and_a_row_each() -> None:
+    results = study_samples.incremental()
+    limited = replace(results, limit={"peak_drift": 0.02})
+    text = study_page(limited, study_samples.histories)
+    assert "the PGA at which the peak drift reaches 0.02 m, of 5 records at 4 levels" in text
+    assert "4, PGA 0.100 to 0.400 g" in text
+    assert "record 0, 0.1 g</" not in text.partition('id="motions"')[2]
+    for without in (results, replace(study_samples.results(), limit={"peak_drift": 0.02})):
+        assert fragility_section(without) is None
 
 
 def test_thinning_keeps_the_peaks() -> None:

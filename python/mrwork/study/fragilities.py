@@ -290,7 +290,7 @@ class Fragilities(WithAxes, Summarised):
         verb = "rises" if ratio > 1.0 else "falls"
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
         if ratio == 1.0:
-            return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
+            return f"{what} is {one.median_in_words}, as with {base.label}; {band}."
         change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
