@@ -306,10 +306,9 @@ def _limit_of(limit: Mapping[str, float | str] | None, results: StudyResults) ->
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if criterion(name).over_height and (results.building is None or not results.building.heights):
-        raise SettingError(
-            f"{name} stands on the heights of the storeys; give height or heights in [building]"
-        )
+    scale = criterion(name).scale
+    if results.building is not None and (lacking := results.building.scales.lacking(scale)):
+        raise SettingError(f"{name} stands on {lacking}; give {lacking} in [building]")
     return name, float(value)
 
 
