@@ -488,6 +488,7 @@ def _study_of(
     detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
+    checked_suite = suite_part()
     if lacking := beyond_twin(building, devices, hardware):
         table.damper[0].place.refuse(lacking)
     training = tuple(motion.ground for motion in motions if motion.use == "training")
@@ -550,7 +551,7 @@ def _study_of(
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
         other_sets=other_sets(table.damper, folder, identified),
-        suite=suite_part(),
+        suite=checked_suite,
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))
