@@ -193,6 +193,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Responses": responses,
     "StudyResults": study_samples.results,
     "GroundMotion": motion,
+    "SuiteCheck": lambda: mr.motions.check_suite(
+        [motion()], mr.motions.en_1998_spectrum(2.0, "B"), period=0.5
+    ),
     "ResponseSpectrum": lambda: mr.response_spectrum(motion(), np.linspace(0.1, 2.0, 20)),
     "Front": front,
     "TuningResults": lambda: tuning(front()),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +14,7 @@ import study_samples
 from sentences import Refused
 
 from mrwork.closed_loop.evaluation import criteria
+from mrwork.motions.spectrum import Intensity
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
@@ -58,6 +60,22 @@ def test_a_file_without_the_criteria_that_came_later_leaves_them_unknown(tmp_pat
     assert own is not None
     assert stored == {name: value for name, value in own.items() if name not in later}
     assert all(own[name] > 0.0 for name in later)
+
+
+def test_the_file_has_the_intensity_of_each_motion_which_former_files_lack(tmp_path: Path) -> None:
+    results = study_samples.results()
+    known = (
+        Intensity(measure="pga", value=3.0),
+        Intensity(measure="sa", value=2.0, period=0.8, damping_ratio=0.05),
+    )
+    motions = [replace(motion, intensity=each) for motion, each in zip(results.motions, known, strict=True)]
+    results = replace(results, motions=tuple(motions))
+    assert tuple(motion.intensity for motion in read_back(results, tmp_path).motions) == known
+    document = json.loads(json_document(study_document(results)))
+    for motion in document["motions"]:
+        del motion["intensity"]
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    assert [motion.intensity for motion in read_results(tmp_path).motions] == [None, None]
 
 
 def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: Path) -> None:

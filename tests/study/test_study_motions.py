@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from sentences import Refused
 
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
-from mrwork.motions import GroundMotion, suite, synthetic_motion
+from mrwork.motions import GroundMotion, en_1998_spectrum, response_spectrum, suite, synthetic_motion
+from mrwork.motions.spectrum import Intensity
 from mrwork.study import MotionOfStudy
-from mrwork.study.reading import motions_of_study, parse
+from mrwork.study.reading import Aims, motions_of_study, parse
 from mrwork.study.schema import MotionTable
 
 
@@ -24,13 +26,23 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+AIMS = Aims(target=lambda: en_1998_spectrum(2.0, "B"), target_period=lambda: 0.5, first_period=lambda: 0.8)
+
+
 def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfStudy, ...]:
     """The motions of tables, each with lines of its own."""
     read = []
     for text in texts:
         document, lines = parse(text, "study.toml")
         read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
-    return motions_of_study(read, folder, seed, sample_time=lambda: 0.001, place=Place(origin="study.toml"))
+    return motions_of_study(
+        read,
+        folder,
+        seed,
+        sample_time=lambda: 0.001,
+        aims=AIMS,
+        place=Place(origin="study.toml"),
+    )
 
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:
@@ -42,6 +54,49 @@ def test_each_peak_gives_a_motion_of_its_own(folder: Path) -> None:
     assert (low.name, high.name) == ("swing, 0.1 g", "swing, 0.3 g")
     assert low.peak == pytest.approx(0.980665)
     assert high.acceleration == pytest.approx(3.0 * low.acceleration)
+
+
+def test_each_spectral_acceleration_gives_a_motion_of_its_own(folder: Path) -> None:
+    text = 'file = "swing.csv"\nname = "swing"\n'
+    low, high = tables(text + 'sa = ["0.1 g", "0.3 g"]', folder=folder)
+    assert (low.name, high.name) == ("swing, Sa 0.1 g", "swing, Sa 0.3 g")
+    assert high.ground.groups == ("Sa 0.3 g",)
+    assert low.record == high.record == "swing"
+    (own,) = tables(text + "sa = 2.0\nsa_period = 0.4\nsa_damping = 0.02", folder=folder)
+    assert own.name == "swing"
+    for motion, value, period, damping in (
+        (low, 0.980665, 0.8, 0.05),
+        (high, 3 * 0.980665, 0.8, 0.05),
+        (own, 2.0, 0.4, 0.02),
+    ):
+        spectrum = response_spectrum(motion.ground, [period], damping=damping)
+        assert spectrum.pseudo_acceleration[0] == pytest.approx(value, rel=1e-12)
+        assert motion.intensity == Intensity(measure="sa", value=value, period=period, damping_ratio=damping)
+
+
+@pytest.mark.parametrize(
+    ("by", "expected"),
+    [
+        ("pga", Intensity(measure="pga", value=2.4)),
+        # Of the plateau, 2.5 a_g S.
+        ("sa", Intensity(measure="sa", value=6.0, period=0.5, damping_ratio=0.05)),
+        ("least_squares", None),
+    ],
+)
+def test_a_motion_is_scaled_to_the_target_and_then_by_factors(
+    folder: Path, by: str, expected: Intensity | None
+) -> None:
+    half, whole = tables(
+        f'file = "swing.csv"\nname = "swing"\nscale_to = "{by}"\nfactor = [0.5, 1]', folder=folder
+    )
+    assert (half.name, whole.name) == ("swing x 0.5", "swing x 1")
+    assert half.ground.acceleration == pytest.approx(0.5 * whole.ground.acceleration)
+    assert whole.intensity is not None
+    assert half.intensity == replace(whole.intensity, value=pytest.approx(0.5 * whole.intensity.value))
+    if expected is None:
+        assert whole.intensity.name == "Sa(0.5 s, 5 %)"
+    else:
+        assert whole.intensity == replace(expected, value=pytest.approx(expected.value))
 
 
 def test_a_motion_is_cut_before_its_time_axis_is_stretched(folder: Path) -> None:
@@ -76,6 +131,11 @@ def test_a_mistake_is_one_sentence_with_its_line(folder: Path, refused: Refused)
         "factor = 1",
         'synthetic = "kanai_tajimi"\nfile = "swing.csv"',
         'file = "swing.csv"\nfactor = 1\npga = 1',
+        'file = "swing.csv"\nsa = 1\npga = 1',
+        'file = "swing.csv"\nsa_period = 1',
+        'file = "swing.csv"\nscale_to = "sa"\nsa = 1',
+        'file = "swing.csv"\nscale_to = "period"',
+        'file = "swing.csv"\nsa = -1',
         'file = "swing.csv"\npga = []',
         'file = "swing.csv"\nfactor = []',
         "suite = { motions = 2 }\nduration = 5",

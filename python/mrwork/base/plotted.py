@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrwork.plots import ResponsesPlots as ResponsesPlots
     from mrwork.plots import RunPlots as RunPlots
     from mrwork.plots import SpectrumPlots as SpectrumPlots
+    from mrwork.plots import SuitePlots as SuitePlots
     from mrwork.plots import TestPlots as TestPlots
 
 

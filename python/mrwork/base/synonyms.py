@@ -99,8 +99,14 @@ _WORDS: Final[Mapping[str, str]] = {
     "modified_bouc_wen": "mbw spencer phenomenological",
     # Motions and the loop.
     "pga": (
-        "peak peak_acceleration peak_ground_acceleration a_max ag amplitude target_pga pga_g scale_to intensity sa"
+        "peak peak_acceleration peak_ground_acceleration a_max ag amplitude target_pga pga_g scale_to intensity"
     ),
+    "sa": "spectral_acceleration sa_t1 psa target_sa sa_g pseudo_acceleration",
+    "sa_period": "t1 period first_period fundamental_period period_of_sa",
+    "sa_damping": "damping damping_ratio zeta xi",
+    "target": "target_spectrum design_spectrum response_spectrum spectrum",
+    "scale_to": "match matching scaled_to scaling_method",
+    "ground": "soil soil_class soil_type site_class ground_type",
     "factor": "scale scale_factor scaling sf amplification multiplier",
     "time_scale": "time_factor time_scaling scale_time compression",
     "sample_time dt resample": (

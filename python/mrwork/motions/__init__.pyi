@@ -14,11 +14,19 @@ from .spectral_density import stationary_ground as stationary_ground
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
 from .spectrum import response_spectrum as response_spectrum
+from .spectrum import scaled_to_sa as scaled_to_sa
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep
 from .synthetic import suite as suite
 from .synthetic import synthetic_motion as synthetic_motion
+from .targets import SuiteCheck as SuiteCheck
+from .targets import TargetSpectrum as TargetSpectrum
+from .targets import asce_7_spectrum as asce_7_spectrum
+from .targets import check_suite as check_suite
+from .targets import en_1998_spectrum as en_1998_spectrum
+from .targets import scaled_to_target as scaled_to_target
+from .targets import table_spectrum as table_spectrum
 
 if True:  # the lower tier
     from .ground_motion import brought_to_rest as brought_to_rest

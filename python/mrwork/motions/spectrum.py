@@ -1,4 +1,4 @@
-"""Demand of a ground motion: its elastic response spectrum, and what it takes of a shake table."""
+"""Demand of a ground motion: its elastic response spectrum, its intensity, and what it takes of a shake table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.base.arguments import Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.numbers import format_rounded
 from mrwork.base.plotted import plots_of
@@ -169,6 +169,72 @@ def _largest(z: Complexes, eigenvalue: Complexes, w: Floats, zeta: float) -> Flo
     velocity = z.real - zeta * w * displacement
     acceleration = 2.0 * zeta * w * velocity + w * w * displacement
     return np.array([np.abs(peak).max(axis=0) for peak in (displacement, velocity, acceleration)])
+
+
+Measure = Literal["pga", "sa"]
+"""Measure of intensity: peak ground acceleration, or spectral acceleration Sa."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intensity:
+    """Intensity of a ground motion [m/s^2]; of the measure "sa" at an undamped period [s] and a damping ratio.
+
+    Sa is the pseudo-acceleration `(2 pi / T)^2` times the peak displacement of the oscillator.
+    """
+
+    measure: Measure
+    value: NotNegative
+    period: Positive | None = None
+    damping_ratio: NotNegative | None = None
+
+    @property
+    def name(self) -> str:
+        """The measure in words, such as "Sa(0.8 s, 5 %)"."""
+        if self.period is None or self.damping_ratio is None:
+            return "PGA"
+        return f"Sa({self.period:.3g} s, {100.0 * self.damping_ratio:.3g} %)"
+
+
+def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> Intensity:
+    """Sa of a motion at a period [s] and a damping ratio."""
+    found = float(response_spectrum(motion, [period], damping=damping).pseudo_acceleration[0])
+    return Intensity(measure="sa", value=found, period=period, damping_ratio=damping)
+
+
+def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundMotion:
+    """Scale a motion of which the intensity was `found` to another value of it [m/s^2]."""
+    words = "a peak" if found.measure == "pga" else found.name
+    if not value > 0.0:
+        raise SettingError(
+            f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"
+        )
+    if found.value == 0.0:
+        raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
+    change = f"scaled from {words} of {found.value:.6g} to {value:.6g} m/s2"
+    return replace_samples(motion, motion.acceleration * (value / found.value), motion.dt, change)
+
+
+@checked
+def scaled_to_sa(motion: GroundMotion, sa: float, *, period: Positive, damping: float = 0.05) -> GroundMotion:
+    """Scale a motion to the spectral acceleration `sa` [m/s^2], a pseudo-acceleration.
+
+    Parameters
+    ----------
+    sa
+        Spectral acceleration Sa of the scaled motion [m/s^2].
+    period
+        Undamped period of the oscillator [s], such as the first one of the building, `building.periods[0]`.
+    damping
+        Its damping ratio, from 0 to below 1.
+
+    Examples
+    --------
+    >>> from mrwork.motions.synthetic import synthetic_motion
+    >>> motion = scaled_to_sa(synthetic_motion(rng=0), 3.0, period=0.8)
+    >>> round(float(response_spectrum(motion, [0.8]).pseudo_acceleration[0]), 9)
+    3.0
+    """
+    return scaled_from(motion, spectral_intensity(motion, period, damping), sa)
 
 
 TableLimit = Literal["stroke", "velocity", "acceleration"]

@@ -6,6 +6,7 @@ from .of_studies import energies as energies
 from .of_studies import fronts as fronts
 from .of_studies import spectra as spectra
 from .of_studies import storey_profiles as storey_profiles
+from .of_studies import suite_spectra as suite_spectra
 from .of_time import commands as commands
 from .of_time import histories as histories
 from .of_time import loops as loops
@@ -23,3 +24,4 @@ if True:  # the lower tier
     from .of_studies import MotionPlots as MotionPlots
     from .of_studies import ResponsesPlots as ResponsesPlots
     from .of_studies import SpectrumPlots as SpectrumPlots
+    from .of_studies import SuitePlots as SuitePlots

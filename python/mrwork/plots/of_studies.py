@@ -34,6 +34,7 @@ from mrwork.drawing.of_studies import (
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
+from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
 from mrwork.plots import of_time
 from mrwork.plots.sheet import Plots, add_key, axes_for, chosen, figure, finished, short, shown_unit_of
 from mrwork.study.results import StudyResults
@@ -116,6 +117,55 @@ def spectra(
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
     axes.set_ylim(bottom=0.0)
     return finished(axes, "Period (s)", with_unit(quantity.replace("_", "-").capitalize(), unit.symbol))
+
+
+@figure
+def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+    """Pseudo-acceleration of the motions of a suite with their mean, its target, and 90 % of the target.
+
+    The range of periods within which the mean counts is shaded.
+
+    Parameters
+    ----------
+    result
+        The suite beside its target, of `mr.motions.check_suite`.
+    ax
+        Axes to draw into; by default those of a new figure.
+    data
+        Whether to return the table behind the figure instead, with a column for each motion.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> target = mr.motions.en_1998_spectrum(2.0, "B")
+    >>> check = mr.motions.check_suite(mr.motions.suite("firm", 3, rng=0), target, period=0.8)
+    >>> check.plot.suite_spectra(data=True).columns.tolist()[-2:]
+    ['mean', 'target']
+    """
+    target = result.target.acceleration(result.periods)
+    columns = dict(zip(result.names, result.spectra, strict=True)) | {"mean": result.mean, "target": target}
+    if data:
+        over = labels_of(result.periods, unit="s", long_name="period")
+        named = {name: (values, "m/s^2", "pseudo-acceleration") for name, values in columns.items()}
+        return over_axis(f"Suite beside {result.target.name}", "period", over, named).to_pandas()
+    axes = axes_for(ax)
+    axes.axvspan(*(end * result.period for end in RANGE), color=style.WINDOW, zorder=0)
+    for number, spectrum in enumerate(result.spectra):
+        label = None if number else "Motions"
+        axes.plot(result.periods, spectrum, color=style.DATA, linewidth=0.6, label=label)
+    axes.plot(result.periods, result.mean, color=style.MODEL, linewidth=1.6, label="Mean")
+    axes.plot(result.periods, target, color=style.INK, linewidth=1.4, label=result.target.name)
+    floor = f"{100.0 * LEAST_RATIO:g} % of it"
+    axes.plot(
+        result.periods,
+        LEAST_RATIO * target,
+        color=style.INK,
+        linestyle=style.DASHED,
+        linewidth=1.0,
+        label=floor,
+    )
+    axes.set_ylim(bottom=0.0)
+    return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"))
 
 
 # Bars that fit into a figure.
@@ -393,6 +443,12 @@ class SpectrumPlots(Plots):
     """Figures of a response spectrum."""
 
     spectra = short(spectra)
+
+
+class SuitePlots(Plots):
+    """Figures of a suite of motions beside its target."""
+
+    suite_spectra = short(suite_spectra)
 
 
 class FrontPlots(Plots):

@@ -123,6 +123,7 @@ def study_of(
     tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
     report: Table | None = None,
     clairvoyant: Table | None = None,
+    target: Table | None = None,
     references: References = "best_passive",
     title: str = "",
     folder: str | Path = "",
@@ -152,7 +153,7 @@ def study_of(
         for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
-    hardware, uncertainty, tune, report, clairvoyant
+    hardware, uncertainty, tune, report, clairvoyant, target
         Their tables, or a `Hardware`, and one or several `TuneTable`.
     references
         What laws are compared with besides i = 0: ``"best_passive"`` or ``"none"``.
@@ -208,6 +209,7 @@ def study_of(
         "uncertainty": uncertainty,
         "tune": tables,
         "clairvoyant": clairvoyant,
+        "target": target,
     }
     try:
         document = {name: _plain(value) for name, value in given.items() if value is not None}

@@ -17,6 +17,7 @@ import numpy as np
 
 from mrwork.base.keys import read_table, suggestion
 from mrwork.base.places import KeyPath, Place
+from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -36,14 +37,15 @@ from mrwork.motions.ground_motion import (
     likeness,
     resampled,
     scaled,
-    scaled_to_peak,
     time_scaled,
     trimmed,
 )
 from mrwork.motions.networks import refuse_absurd
 from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
+from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite, scaled_to_target
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.study.arrangements import (
@@ -85,6 +87,17 @@ from mrwork.study.study import (
 )
 
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
+# A mode without stiffness has an infinite period up to rounding [s].
+_LONGEST_PERIOD = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aims:
+    """What motions are scaled to, read when one asks for it: target, its period [s], first period of the building."""
+
+    target: Callable[[], TargetSpectrum]
+    target_period: Callable[[], float]
+    first_period: Callable[[], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,13 +110,19 @@ class _Bare:
 
 
 def motions_of_study(
-    tables: Sequence[MotionTable], folder: Path, seed: int, *, sample_time: Callable[[], float], place: Place
+    tables: Sequence[MotionTable],
+    folder: Path,
+    seed: int,
+    *,
+    sample_time: Callable[[], float],
+    aims: Aims,
+    place: Place,
 ) -> tuple[MotionOfStudy, ...]:
-    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`."""
+    """The motions of all tables, one for each factor or intensity of each record; files are relative to `folder`."""
     bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
-    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time) for each in read]
+    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time, aims) for each in read]
     motions = tuple(motion for of_one in scaled for motion in of_one())
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -115,7 +134,7 @@ def motions_of_study(
     return motions
 
 
-def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[MotionOfStudy]:
+def _scaled_motions(bare: _Bare, sample_time: Callable[[], float], aims: Aims) -> list[MotionOfStudy]:
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
         return [
@@ -124,8 +143,9 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float]) -> list[Motio
                 use=bare.table.use,
                 synthetic=_is_synthetic(bare.table),
                 record=bare.ground.name,
+                intensity=intensity,
             )
-            for ground in _scale(bare.ground, bare.table)
+            for ground, intensity in _scale(bare.ground, bare.table, aims)
         ]
 
 
@@ -138,8 +158,14 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
     ways = (table.file, table.acceleration, table.synthetic, table.suite)
     if sum(each is not None for each in ways) != 1:
         place.refuse(f"{place.table} needs either a file, samples, a synthetic motion or a suite")
-    if table.factor is not None and table.pga is not None:
-        place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
+    given = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(table, name) is not None]
+    if len(given) > 1 and given != ["factor", "scale_to"]:
+        place.within(given[1]).refuse(
+            "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too; keep one "
+            f"of {list_names(given)}"
+        )
+    if table.sa is None:
+        _refuse_keys(table, ("sa_period", "sa_damping"), "is of sa, which this motion does not have")
     if isinstance(table.file, str):
         grounds = _read_record(table, table.file, folder)
     elif not _is_synthetic(table):
@@ -297,17 +323,29 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     return motion
 
 
-def _scale(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
-    factors, peaks = _several(table.factor), _several(table.pga)
-    if not factors and not peaks:
-        yield motion
+def _scale(motion: GroundMotion, table: MotionTable, aims: Aims) -> Iterator[tuple[GroundMotion, Intensity]]:
+    """The motion at each of its factors or intensities, with what it then has of the measure it is scaled by."""
+    period, damping = None, 0.05 if table.sa_damping is None else table.sa_damping
+    if table.sa is not None:
+        period = table.sa_period or aims.first_period()
+    elif table.scale_to is not None:
+        target = aims.target()
+        period, damping = None if table.scale_to == "pga" else aims.target_period(), target.damping
+        motion = scaled_to_target(motion, target, by=table.scale_to, period=period)
+    found = Intensity(measure="pga", value=motion.peak)
+    if period is not None:
+        found = spectral_intensity(motion, period, damping)
+    factors, values = _several(table.factor), _several(table.pga) or _several(table.sa)
+    if not factors and not values:
+        yield motion, found
     for factor in factors:
         name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
-        yield replace(scaled(motion, factor), name=name)
-    for peak in peaks:
-        level = f"{peak / STANDARD_GRAVITY:.3g} g"
-        name = motion.name if len(peaks) == 1 else f"{motion.name}, {level}"
-        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level))
+        yield replace(scaled(motion, factor), name=name), replace(found, value=abs(factor) * found.value)
+    for value in values:
+        level = f"{'' if table.sa is None else 'Sa '}{value / STANDARD_GRAVITY:.3g} g"
+        name = motion.name if len(values) == 1 else f"{motion.name}, {level}"
+        ground = replace(scaled_from(motion, found, value), name=name, groups=(*motion.groups, level))
+        yield ground, replace(found, value=value)
 
 
 def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:
@@ -403,13 +441,46 @@ def _study_of(
             return replace(table.hardware, seed=seed)
 
     bare_part, hardware_part = place.attempt(build), place.attempt(loop)
+
+    @cache
+    def first_period() -> float:
+        period = float(bare_part().periods[0])
+        if not period < _LONGEST_PERIOD:
+            raise SettingError(
+                "the first mode of [building] has no stiffness, hence no period; give sa_period of the motion, or "
+                "period of [target] [s]"
+            )
+        return period
+
+    @cache
+    def target() -> TargetSpectrum:
+        if table.target is None:
+            raise SettingError("scale_to wants a target, and the study has none; give a [target]")
+        return table.target.build()
+
+    def target_period() -> float:
+        return (table.target and table.target.period) or first_period()
+
+    def check() -> SuiteCheck | None:
+        judged = [motion for motion in motions_part() if motion.use == "test"]
+        if table.target is None or len({motion.record for motion in judged}) < len(judged):
+            return None
+        with table.target.place.prefix_errors(SettingError):
+            return check_suite([motion.ground for motion in judged], target(), period=target_period())
+
     chosen_part = place.attempt(lambda: choose_dampers(table.damper, folder, identified))
     equipped_part = place.attempt(lambda: equip_building(bare_part(), table.damper, chosen_part))
     motions_part = place.attempt(
         lambda: motions_of_study(
-            table.motion, folder, seed, sample_time=lambda: hardware_part().sample_time, place=place
+            table.motion,
+            folder,
+            seed,
+            sample_time=lambda: hardware_part().sample_time,
+            aims=Aims(target=target, target_period=target_period, first_period=first_period),
+            place=place,
         )
     )
+    suite_part = place.attempt(check)
     settings = place.attempt(
         lambda: [each.place.attempt(settings_of_law, each, folder) for each in table.controller]
     )
@@ -417,6 +488,7 @@ def _study_of(
     detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
+    checked_suite = suite_part()
     if lacking := beyond_twin(building, devices, hardware):
         table.damper[0].place.refuse(lacking)
     training = tuple(motion.ground for motion in motions if motion.use == "training")
@@ -479,6 +551,7 @@ def _study_of(
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
         other_sets=other_sets(table.damper, folder, identified),
+        suite=checked_suite,
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))

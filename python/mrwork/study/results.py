@@ -30,6 +30,7 @@ from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
+from mrwork.motions.spectrum import Intensity
 from mrwork.store.codec import OrInfinite, OrNan, Related
 from mrwork.study.run_result import (
     DeviceDemand,
@@ -83,7 +84,10 @@ OFF_BALANCE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups and its record."""
+    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
+
+    The intensity is in the measure that the motion was scaled to, else its peak; `None` in results of former versions.
+    """
 
     name: str
     peak: NotNegative
@@ -94,13 +98,16 @@ class MotionFacts:
     use: Use = "test"
     groups: tuple[str, ...] = ()
     record: str = ""
+    intensity: Intensity | None = None
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """Those of a motion of a study."""
         own = ("name", "peak", "duration", "source", "changes", "groups")
         facts = {name: getattr(motion.ground, name) for name in own}
-        return MotionFacts(**facts, synthetic=motion.synthetic, use=motion.use, record=motion.record)
+        intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
+        of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record")}
+        return MotionFacts(**facts, **of_study, intensity=intensity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,12 +6,12 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import LARGEST_SEED, heading_lines, key, key_lines, refuse_repeated, tables
+from mrwork.base.keys import LARGEST_SEED, heading_lines, key, key_lines, keys_of, refuse_repeated, tables
 from mrwork.base.places import Place
 from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import BuildingTable
@@ -21,8 +21,17 @@ from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
+from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
+from mrwork.motions.targets import (
+    Ground,
+    ScaledBy,
+    TargetSpectrum,
+    asce_7_spectrum,
+    en_1998_spectrum,
+    table_spectrum,
+)
 from mrwork.search.rules import LARGEST_POPULATION
 
 Risk = Literal["mean", "max", "cvar"]
@@ -336,8 +345,75 @@ class SuiteTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TargetTable:
+    """Target spectrum that motions are scaled to by `scale_to`, and that the suite of test motions is checked against.
+
+    It is that of a code, or a table of periods and accelerations.
+    """
+
+    code: Literal["en_1998", "asce_7"] | None = key(
+        "code of the spectrum: EN 1998-1 or ASCE 7-16", default=None
+    )
+    a_g: float | None = key(
+        "ground acceleration of EN 1998-1 on ground A, with the importance factor",
+        unit="m/s2",
+        default=None,
+        above=0.0,
+    )
+    ground: Ground | None = key("ground type of EN 1998-1, A by default", default=None)
+    spectrum_type: int | None = key(
+        "type of EN 1998-1, 1 or 2, by default 1", default=None, least=1, most=2, named="type"
+    )
+    s_ds: float | None = key("acceleration at short periods of ASCE 7", unit="m/s2", default=None, above=0.0)
+    s_d1: float | None = key("acceleration at 1 s of ASCE 7", unit="m/s2", default=None, above=0.0)
+    t_l: float | None = key("transition period of ASCE 7", unit="s", default=None, above=0.0)
+    periods: tuple[float, ...] | None = key("periods of a table", unit="s", default=None, least=0.0)
+    accelerations: tuple[float, ...] | None = key(
+        "pseudo-accelerations of a table", unit="m/s2", default=None, above=0.0
+    )
+    name: str | None = key("name of a table, target by default", default=None, label=True)
+    damping: float | None = key(
+        "damping ratio, 0.05 by default; ASCE 7 has no other", default=None, least=0.0, most=_WIDEST
+    )
+    period: float | None = key(
+        "period of scale_to and of the range of the check, 0.2 to 2 times as long; by default the first period of "
+        "[building], before dampers",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+    place: Place
+
+    def build(self) -> TargetSpectrum:
+        """The spectrum."""
+        build, required, optional = _TARGETS[self.code]
+        names = [entry.name for entry in keys_of(TargetTable) if entry.name not in ("code", "period")]
+        given = {name: value for name in names if (value := getattr(self, name)) is not None}
+        what = (
+            f"a target of the code {self.code}" if self.code else "a target without code, which is a table,"
+        )
+        for name in given:
+            if name not in (*required, *optional):
+                self.place.within("type" if name == "spectrum_type" else name).refuse(
+                    f"{what} has no such key; leave it out{'' if self.code else ', or give the code'}"
+                )
+        if lacking := [name for name in required if name not in given]:
+            self.place.refuse(f"{what} needs {' and '.join(required)}; give {' and '.join(lacking)}")
+        with self.place.prefix_errors(SettingError):
+            return build(**given)
+
+
+# The function of each code, the keys that it needs and those that it may have.
+_TARGETS: dict[str | None, tuple[Callable[..., TargetSpectrum], tuple[str, ...], tuple[str, ...]]] = {
+    "en_1998": (en_1998_spectrum, ("a_g",), ("ground", "spectrum_type", "damping")),
+    "asce_7": (asce_7_spectrum, ("s_ds", "s_d1", "t_l"), ()),
+    None: (table_spectrum, ("periods", "accelerations"), ("name", "damping")),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable:
-    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor and each peak gives a motion.
+    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor, peak or Sa gives a motion.
 
     Training and test motions must be different records: files and accelerations are compared.
     """
@@ -381,10 +457,29 @@ class MotionTable:
     )
     soil: SoilTable | None = key("soil of a synthetic motion", default=None)
     factor: float | tuple[float, ...] | None = key(
-        "factor of the amplitude", default=None, most_items=_MOST_SCALED
+        "factor of the amplitude, also after scale_to", default=None, most_items=_MOST_SCALED
     )
     pga: float | tuple[float, ...] | None = key(
         "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED
+    )
+    sa: float | tuple[float, ...] | None = key(
+        "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
+        unit="m/s2",
+        default=None,
+        most_items=_MOST_SCALED,
+    )
+    sa_period: float | None = key(
+        "period of the spectral acceleration, by default the first period of [building], before dampers",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
+    sa_damping: float | None = key(
+        "damping ratio of the spectral acceleration, 0.05 by default", default=None, least=0.0, most=_WIDEST
+    )
+    scale_to: ScaledBy | None = key(
+        "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period",
+        default=None,
     )
     time_scale: float = key("factor of the time axis", default=1.0, above=0.0)
     start: float = key(
@@ -451,6 +546,7 @@ class StudyTable:
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
+    target: TargetTable | None = key("target spectrum of the motions", default=None)
     references: References = key(
         "what laws are compared with besides i = 0: the best constant command of the dampers, added where the study "
         "does not list it, or none",

@@ -26,6 +26,8 @@ from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.motions.spectrum import Intensity
+from mrwork.motions.targets import SuiteCheck
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.dampers import OtherSet
@@ -121,13 +123,15 @@ StudyLaw = ControlLaw | UserLaw
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
 
-    A record that is scaled to several peaks is a motion at each.
+    A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
+    to, `None` for the peak ground acceleration that it has.
     """
 
     ground: GroundMotion
     use: Use = "test"
     synthetic: bool = False
     record: str = ""
+    intensity: Intensity | None = None
 
     @property
     def name(self) -> str:
@@ -246,7 +250,8 @@ class Study(Summarised):
     histories of the motion `detailed`; what else it shows is in `report`. `problem` is the building with its dampers
     for which laws are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. With
     `clairvoyant`, the non-causal optimum is searched for under every motion. `other_sets` are the dampers with other
-    sets of laws that predict nearly as well. `table` is what was read, `None` for a part of it; names of files in it
+    sets of laws that predict nearly as well. `suite` has the spectra of the test motions beside the target, if
+    there is one and each record has one level. `table` is what was read, `None` for a part of it; names of files in it
     are relative to `folder`. `file` is the file that was read, if it was one.
     """
 
@@ -273,6 +278,7 @@ class Study(Summarised):
     realisations: Realisations | None = None
     clairvoyant: ClairvoyantRow | None = None
     other_sets: tuple[OtherSet, ...] = ()
+    suite: SuiteCheck | None = None
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -386,14 +392,17 @@ class Study(Summarised):
 
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Headings and sentences: of settings that were taken, of each design of weights, of each law on its gain."""
+        """Headings and sentences: of motions and target, of settings taken, of each design, of each law on its gain."""
         taken = ((f"Settings of {label}", each.in_words) for label, each in self.taken_settings)
         designs = (
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
         )
         loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self.laws)
-        return (*taken, *designs, *((heading, notes) for heading, notes in loops if notes))
+        motions = (
+            [] if self.suite is None else [(f"Motions beside {self.suite.target.name}", self.suite.in_words)]
+        )
+        return (*motions, *taken, *designs, *((heading, notes) for heading, notes in loops if notes))
 
     @property
     def taken_settings(self) -> tuple[tuple[str, TakenSettings], ...]:
