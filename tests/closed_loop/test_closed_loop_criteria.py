@@ -14,8 +14,12 @@ from loop_samples import devices, five_storeys, rd1005, sweep
 from sentences import Refused
 
 from mrwork.closed_loop import SCORE, criteria, criterion, ratio, score, simulate_loop, values
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.responses import Labelled, history_signals, run_quantities
 from mrwork.control import ControlLaw
+
+
+SCALES = Scales(weight=10.0, heights=np.array([3.0, 4.0, 5.0]))
 
 
 def responses(n_runs: int, n_devices: int = 2) -> Any:
@@ -39,38 +43,56 @@ class Labels(Labelled):
 
 def test_criteria_of_a_batch_are_those_of_its_runs() -> None:
     batch = responses(4)
-    together = values(batch, weight=10.0, heights=[3.0, 4.0, 5.0])
+    together = values(batch, SCALES)
     for run in range(4):
-        for name, value in values(row(batch, run), weight=10.0, heights=[3.0, 4.0, 5.0]).items():
-            assert value == together[name][run]
+        for name, value in values(row(batch, run), SCALES).items():
+            np.testing.assert_array_equal(value, together[name][run])
 
 
 def test_the_drift_ratio_is_that_of_the_worst_storey_over_its_own_height(refused: Refused) -> None:
     batch = responses(1)
     batch.peak_drift[0] = [0.03, 0.02, 0.5]
     # The last row is no storey.
-    assert values(batch, weight=1.0, heights=[6.0, 2.5, 0.0])["peak_drift_ratio"][0] == 0.02 / 2.5
-    assert np.isnan(values(batch, weight=1.0)["peak_drift_ratio"][0])
-    refused(values, batch, weight=1.0, heights=[3.0, 3.0])
+    assert (
+        values(batch, Scales(weight=1.0, heights=np.array([6.0, 2.5, 0.0])))["peak_drift_ratio"][0]
+        == 0.02 / 2.5
+    )
+    assert np.isnan(values(batch, Scales(weight=1.0))["peak_drift_ratio"][0])
+    refused(values, batch, Scales(weight=1.0, heights=np.array([3.0, 3.0])))
+
+
+def test_ductility_and_stability_are_those_of_the_worst_storey_that_has_them(refused: Refused) -> None:
+    batch = responses(1)
+    batch.peak_drift[0], batch.peak_storey_shear[0] = [0.03, 0.02, 0.1], [1e5, 5e4, 2e4]
+    scales = Scales(
+        weight=1.0,
+        heights=np.array([3.0, 4.0, 5.0]),
+        yield_drifts=np.array([0.01, 0.02, 0.0]),
+        loads=np.array([3e5, 2e5, 0.0]),
+    )
+    found = values(batch, scales)
+    assert found["peak_ductility"][0] == pytest.approx(3.0)
+    assert found["stability_coefficient"][0] == pytest.approx(3e5 * 0.03 / (1e5 * 3.0))
+    assert np.isnan(values(batch, SCALES)["peak_ductility"][0])
 
 
 def test_the_largest_floor_or_device_counts() -> None:
     batch = responses(1)
     batch.peak_drift[0] = [0.1, 0.3, 0.2]
     batch.peak_force[0] = [50.0, 20.0]
-    found = values(batch, weight=1000.0)
+    found = values(batch, Scales(weight=1000.0))
     assert found["peak_drift"][0] == 0.3
     assert found["peak_force_share"][0] == 0.05
 
 
 def test_a_building_without_devices_has_no_device_force() -> None:
-    found = values(responses(2, n_devices=0), weight=10.0)
+    found = values(responses(2, n_devices=0), Scales(weight=10.0))
     assert found["peak_force"].tolist() == [0.0, 0.0]
     assert np.isnan(ratio(found["peak_force"], found["peak_force"])).all()
 
 
 def test_the_score_of_i_zero_is_one_and_halves_with_its_criteria() -> None:
-    passive = [values(responses(1), weight=1.0), values(responses(1), weight=1.0)]
+    passive = [values(responses(1), Scales(weight=1.0)), values(responses(1), Scales(weight=1.0))]
     halved = [{name: value / 2.0 for name, value in each.items()} for each in passive]
     assert score(passive, passive) == pytest.approx(1.0, rel=1e-15)
     assert score(halved, passive) == pytest.approx(0.5, rel=1e-15)

@@ -87,6 +87,8 @@ def assert_same_bits(together: Responses, alone: list[Responses]) -> None:
     for place, each in enumerate(alone):
         for name, numbers in each.numbers.items():
             packed = together.numbers[name][place :: len(alone)]
+            if name == "peak_frame_shear" and np.isnan(packed).all():
+                continue  # not known of elements beside springs that differ
             np.testing.assert_array_equal(packed, numbers, err_msg=f"{name} of realisation {place}")
         np.testing.assert_array_equal(together.steps[place :: len(alone)], each.steps)
 

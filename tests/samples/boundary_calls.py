@@ -68,6 +68,9 @@ def building_arguments() -> dict[str, Any]:
         "influence": np.ones(N),
         "floors": np.eye(N)[: N - 1],
         "storeys": np.eye(N) - np.eye(N, k=-1),
+        "unit_drifts": np.ascontiguousarray(np.tri(N).T),
+        "heights": np.full(N, 3.0),
+        "storey_springs": np.full(N, 100.0),
         "devices": np.eye(N)[:DEVICES],
         "elements": [
             SimpleNamespace(
@@ -78,6 +81,7 @@ def building_arguments() -> dict[str, Any]:
                 yield_force=2.0,
                 yield_displacement=0.01,
                 sharpness=4.0,
+                in_stiffness=True,
             ),
             SimpleNamespace(
                 row=np.eye(N)[2],
@@ -87,6 +91,7 @@ def building_arguments() -> dict[str, Any]:
                 yield_force=0.0,
                 yield_displacement=1.0,
                 sharpness=1.0,
+                in_stiffness=False,
             ),
         ],
     }

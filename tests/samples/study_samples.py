@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
@@ -95,6 +96,12 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         "rms_drift": rms(found.drift),
         "peak_acceleration": peak(found.acceleration),
         "rms_acceleration": rms(found.acceleration),
+        "peak_storey_shear": np.abs(np.cumsum(found.acceleration[:, ::-1], axis=1)[:, ::-1]).max(axis=0)
+        * 1e3,
+        "peak_frame_shear": peak(found.drift) * 1e6,
+        "peak_overturning": np.full(3, np.nan),
+        "residual_drift": found.drift[-1],
+        "storey_energy": np.zeros(3),
         "peak_base_shear": peak(shear),
         "rms_base_shear": rms(shear),
         "peak_force": peak(found.force),
@@ -169,7 +176,9 @@ def labelled_criteria(
     every = {
         (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
     }
-    return criteria_of_study(every, {}, axes, "A", weight=3e3 * STANDARD_GRAVITY, heights=(4.0, 3.0, 3.0))
+    return criteria_of_study(
+        every, {}, axes, "A", Scales(weight=3e3 * STANDARD_GRAVITY, heights=np.array([4.0, 3.0, 3.0]))
+    )
 
 
 def with_runs(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,10 @@ def buildings_calls(_: Path) -> Calls:
     }
     yield call(mr.Building, name="x", **matrices, **names, source="s", status="ours", n_strokes=0)
     yield call(frame.state_matrices, rows=frame.storeys)
+    tall = replace(frame, heights=np.full(5, 3.0))
+    yield call(of.with_storeys_that_yield, frame, yield_drift=0.01, post_yield_ratio=0.05, sharpness=5.0)
+    yield call(of.with_p_delta, tall)
+    yield call(of.pushover, tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
     yield call(frame.floor_row, floor="floor 1")
     yield call(frame.storey_name, storey=1)

@@ -105,7 +105,9 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_rust_and_twin_keep_the_same_of_a_run(case: Case) -> None:
-    building = shear_building(name="frame", masses=[22.7, 22.7], stiffnesses=[29.7e3, 29.7e3])
+    building = shear_building(
+        name="frame", masses=[22.7, 22.7], stiffnesses=[29.7e3, 29.7e3], heights=[3.0, 2.5]
+    )
     time = 0.01 * np.arange(401)
     record = np.sin(2.0 * np.pi * (1.0 + 2.0 * time) * time)
     spec, theta = case.damper
@@ -141,6 +143,8 @@ def test_rust_and_twin_keep_the_same_of_a_run(case: Case) -> None:
             influence=building.influence,
             floors=building.floors,
             storeys=building.storeys,
+            unit_drifts=building.unit_drifts,
+            heights=building.heights,
         ),
         (twin_device,),
         case.twin,

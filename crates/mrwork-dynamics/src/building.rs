@@ -26,6 +26,17 @@ impl SparseRows {
         Self { starts, entries }
     }
 
+    /// From a matrix, which may have no columns.
+    fn of(matrix: &DMatrix<f64>) -> Self {
+        let mut starts = vec![0];
+        let mut entries = Vec::new();
+        for row in matrix.row_iter() {
+            entries.extend(row.iter().copied().enumerate().filter(|&(_, value)| value != 0.0));
+            starts.push(entries.len());
+        }
+        Self { starts, entries }
+    }
+
     /// The diagonal of a square matrix; `None` if it has other entries or lacks one.
     fn diagonal(&self) -> Option<Vec<f64>> {
         (0..self.len())
@@ -305,6 +316,13 @@ pub struct Matrices<'a> {
     pub floors: &'a [f64],
     /// Storey drifts from coordinates, shape (storeys, n).
     pub storeys: &'a [f64],
+    /// Coordinates under a unit drift of each storey alone, on which all above it moves, shape (storeys, n); zeros where
+    /// storey shears are not asked for.
+    pub unit_drifts: &'a [f64],
+    /// Height of each storey [m], shape (storeys,).
+    pub heights: &'a [f64],
+    /// Stiffness of the springs of each storey [N/m], shape (storeys,).
+    pub storey_springs: &'a [f64],
     /// e, elongation of each device from coordinates, shape (devices, n).
     pub devices: &'a [f64],
     /// Elongation of each passive element from coordinates, shape (elements, n).
@@ -330,6 +348,8 @@ pub struct Element {
     pub slope: f64,
     /// n, sharpness of the knee [1].
     pub sharpness: f64,
+    /// Whether it is a part of the frame, which yields.
+    pub in_frame: bool,
 }
 
 impl Element {
@@ -341,7 +361,7 @@ impl Element {
 
     /// Whether its numbers are those of an element that can be simulated.
     fn is_sound(&self) -> bool {
-        let Self { stiffness, damping, head_loss, yield_force, slope, sharpness } = *self;
+        let Self { stiffness, damping, head_loss, yield_force, slope, sharpness, .. } = *self;
         let positive = [stiffness, damping, head_loss, yield_force].iter().all(|number| *number >= 0.0);
         let sum = stiffness + damping + head_loss + yield_force * slope + sharpness;
         positive && slope > 0.0 && sharpness >= 1.0 && sum.is_finite()
@@ -367,6 +387,7 @@ pub struct Building {
     /// Whether the floors are the first coordinates, in order.
     pub(crate) floors_are_coordinates: bool,
     pub(crate) storeys: SparseRows,
+    pub(crate) shears: Shears,
     pub(crate) devices: SparseRows,
     /// Weights of the floors' accelerations that add up to `e (q'' + r a_g)` of each device; `None` if floors do not.
     pub(crate) device_floors: Option<SparseRows>,
@@ -376,6 +397,65 @@ pub struct Building {
     pub(crate) element_parameters: Vec<Element>,
     /// Effective mass of each element [kg].
     pub(crate) element_mass: Vec<f64>,
+}
+
+/// What does virtual work on a unit drift of each storey.
+#[derive(Clone, Debug)]
+pub(crate) struct Shears {
+    /// Momentum of what moves with the drift of a storey and not with that of the next one; sums from the top down are
+    /// of all above a storey.
+    pub(crate) mass: SparseRows,
+    /// The same under unit motion of the ground [kg].
+    pub(crate) pushed: Vec<f64>,
+    /// Share of each element.
+    pub(crate) elements: SparseRows,
+    /// Of these, the parts of the frame that yield.
+    pub(crate) yielding: SparseRows,
+    /// Stiffness of the springs of each storey [N/m].
+    pub(crate) springs: Vec<f64>,
+    /// Height of each storey [m], and whether one is known.
+    pub(crate) heights: Vec<f64>,
+    pub(crate) has_heights: bool,
+}
+
+impl Shears {
+    fn of(matrices: &Matrices<'_>, mass: &DMatrix<f64>, n: usize) -> Result<Self, DynamicsError> {
+        for (name, found) in [
+            ("unit_drifts", matrices.unit_drifts.len()),
+            ("heights", matrices.heights.len() * n),
+            ("storey_springs", matrices.storey_springs.len() * n),
+        ] {
+            let expected = matrices.storeys.len();
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        let drifts = DMatrix::from_row_slice(matrices.unit_drifts.len() / n, n, matrices.unit_drifts);
+        let mut between = drifts.clone();
+        for row in 1..between.nrows() {
+            let mut below = between.row_mut(row - 1);
+            below -= drifts.row(row);
+        }
+        let elements = DMatrix::from_row_slice(matrices.elements.len() / n, n, matrices.elements);
+        let shares = &drifts * elements.transpose();
+        let mut yielding = shares.clone();
+        for (mut column, element) in yielding.column_iter_mut().zip(matrices.element_parameters) {
+            if !element.in_frame {
+                column.fill(0.0);
+            }
+        }
+        let carried = &between * mass;
+        let pushed = &carried * DMatrix::from_column_slice(n, 1, matrices.influence);
+        Ok(Self {
+            elements: SparseRows::of(&shares),
+            yielding: SparseRows::of(&yielding),
+            mass: SparseRows::of(&carried),
+            pushed: pushed.as_slice().to_vec(),
+            springs: matrices.storey_springs.to_vec(),
+            heights: matrices.heights.to_vec(),
+            has_heights: matrices.heights.iter().any(|&height| height > 0.0),
+        })
+    }
 }
 
 impl Building {
@@ -391,6 +471,7 @@ impl Building {
         let rows = [
             ("floors", matrices.floors),
             ("storeys", matrices.storeys),
+            ("unit_drifts", matrices.unit_drifts),
             ("devices", matrices.devices),
             ("elements", matrices.elements),
         ];
@@ -399,7 +480,12 @@ impl Building {
                 return Err(DynamicsError::MatrixSize { name, found: matrix.len(), expected: n });
             }
         }
-        check_finite(square.into_iter().chain(rows).chain([("influence", matrices.influence)]))?;
+        let vectors = [
+            ("influence", matrices.influence),
+            ("heights", matrices.heights),
+            ("storey_springs", matrices.storey_springs),
+        ];
+        check_finite(square.into_iter().chain(rows).chain(vectors))?;
         let (found, expected) = (matrices.element_parameters.len(), matrices.elements.len() / n);
         if found != expected {
             return Err(DynamicsError::MatrixSize { name: "element_parameters", found, expected });
@@ -435,6 +521,7 @@ impl Building {
             floors_are_coordinates: floors.is_identity(),
             floors,
             storeys: SparseRows::new(matrices.storeys, n),
+            shears: Shears::of(matrices, &mass, n)?,
             devices: SparseRows::new(matrices.devices, n),
             device_floors: weights_of_floors(matrices, n),
             device_mass,

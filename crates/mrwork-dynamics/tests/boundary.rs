@@ -231,7 +231,7 @@ proptest! {
         let element_parameters: Vec<Element> = numbers
             .iter()
             .map(|&[stiffness, damping, head_loss, yield_force, slope, sharpness]| {
-                Element { stiffness, damping, head_loss, yield_force, slope, sharpness }
+                Element { stiffness, damping, head_loss, yield_force, slope, sharpness, in_frame: slope > 1.0 }
             })
             .collect();
         let elements = rows(&elements, element_parameters.len());
@@ -244,6 +244,9 @@ proptest! {
             influence: &influence,
             floors: &floors,
             storeys: &floors,
+            unit_drifts: &floors,
+            heights: &influence,
+            storey_springs: &influence,
             devices: &devices,
         };
         let Ok(building) = Building::new(&matrices) else { return Ok(()) };

@@ -25,12 +25,14 @@ struct PassiveElement<'py> {
     yield_force: f64,
     yield_displacement: f64,
     sharpness: f64,
+    in_stiffness: bool,
 }
 
 impl PassiveElement<'_> {
     fn numbers(&self) -> Element {
-        let Self { stiffness, damping, head_loss, yield_force, yield_displacement, sharpness, .. } = *self;
-        Element { stiffness, damping, head_loss, yield_force, slope: 1.0 / yield_displacement, sharpness }
+        let Self { stiffness, damping, head_loss, yield_force, sharpness, .. } = *self;
+        let (slope, in_frame) = (1.0 / self.yield_displacement, self.in_stiffness);
+        Element { stiffness, damping, head_loss, yield_force, slope, sharpness, in_frame }
     }
 }
 
@@ -45,7 +47,9 @@ pub struct Building {
 impl Building {
     #[new]
     #[pyo3(signature = (
-        mass, damping, stiffness, influence, floors, storeys, devices, elements, varied=Vec::new()
+        mass, damping, stiffness, influence, floors, storeys, unit_drifts, heights, storey_springs, devices,
+        elements,
+        varied=Vec::new()
     ))]
     #[allow(clippy::too_many_arguments)] // the matrices of one equation
     fn new(
@@ -55,6 +59,9 @@ impl Building {
         influence: PyReadonlyArray1<'_, f64>,
         floors: PyReadonlyArray2<'_, f64>,
         storeys: PyReadonlyArray2<'_, f64>,
+        unit_drifts: PyReadonlyArray2<'_, f64>,
+        heights: PyReadonlyArray1<'_, f64>,
+        storey_springs: PyReadonlyArray1<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
         elements: Vec<PassiveElement<'_>>,
         varied: Vec<(PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
@@ -71,6 +78,9 @@ impl Building {
             influence: contiguous("influence", &influence)?,
             floors: shaped("floors", &floors, &[("floors", None), columns])?,
             storeys: shaped("storeys", &storeys, &[("storeys", None), columns])?,
+            unit_drifts: shaped("unit_drifts", &unit_drifts, &[("storeys", None), columns])?,
+            heights: contiguous("heights", &heights)?,
+            storey_springs: contiguous("storey_springs", &storey_springs)?,
             devices: shaped("devices", &devices, &[("devices", None), columns])?,
             elements: &rows?.concat(),
             element_parameters: &element_parameters,

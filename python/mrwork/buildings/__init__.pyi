@@ -25,6 +25,10 @@ from .state_space import from_control as from_control
 from .state_space import modal_truncation as modal_truncation
 from .state_space import read_system as read_system
 from .state_space import system_of as system_of
+from .yielding import Pushover as Pushover
+from .yielding import pushover as pushover
+from .yielding import with_p_delta as with_p_delta
+from .yielding import with_storeys_that_yield as with_storeys_that_yield
 
 if True:  # the lower tier
     from .matrices import PassiveElement as PassiveElement

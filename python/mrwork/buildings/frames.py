@@ -340,6 +340,7 @@ def with_coordinate(
         status="ours",
         n_strokes=building.n_strokes + 1,
         heights=np.append(building.heights, [0.0] * bool(building.heights.size)),
+        loads=np.append(building.loads, [0.0] * bool(building.loads.size)),
         elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
 
@@ -444,6 +445,7 @@ def with_base_isolation(
         floor_names=("base", *building.floor_names),
         storey_names=("isolation", *building.storey_names),
         heights=np.append([0.0] * bool(building.heights.size), building.heights),
+        loads=np.append([0.0] * bool(building.loads.size), building.loads),
         elements=transform_elements(building.elements, relative),
         source=source_with(building, "base isolation added"),
         status="ours",

@@ -44,6 +44,7 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
+from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
@@ -101,6 +102,28 @@ class ModalDampingTable(Addition):
     ways = (with_modal_damping,)
     ratios: tuple[float, ...] = key(
         "damping ratios, as [0.01]: one for all modes or one for each", least=0.0, most=1.0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldingStoreysTable(Addition):
+    """Storeys of the frame that yield; one number for all, or one for each, lowest first.
+
+    Periods, damping and the design of laws are those of the elastic frame.
+    """
+
+    ways = (with_storeys_that_yield,)
+    yield_drift: float | tuple[float, ...] | None = key(
+        "drift at which a storey yields; or yield_shear", unit="m", default=None, above=0.0
+    )
+    yield_shear: float | tuple[float, ...] | None = key(
+        "shear at which it yields; or yield_drift", unit="N", default=None, above=0.0
+    )
+    post_yield_ratio: float | tuple[float, ...] | None = key(
+        "stiffness after yielding over that before, 0.03 by default", default=None, least=0.0, below=1.0
+    )
+    sharpness: float | tuple[float, ...] | None = key(
+        f"{_SHARP}; 10 by default", default=None, least=1.0, most=50.0
     )
 
 
@@ -268,6 +291,10 @@ class ElementTable:
     yield_force: float = key("force at which it yields or slips", unit="N", default=0.0, least=0.0)
     yield_displacement: float = key("displacement at which it does", unit="m", default=1.0, above=0.0)
     sharpness: float = key(_SHARP, default=10.0, least=1.0, most=50.0)
+    in_stiffness: bool = key(
+        "whether the stiffness matrix has the initial stiffness of its loop too, as of a storey that yields",
+        default=False,
+    )
 
 
 _Numbers = tuple[float, ...]
@@ -329,9 +356,20 @@ class BuildingTable:
         default=None,
         least=0.0,
     )
+    p_delta: bool = key(
+        "whether weights act on the displaced storeys, each that of the masses above it; needs heights",
+        default=False,
+    )
+    loads: _Numbers | None = key(
+        "weights on the storeys, lowest first, instead of those that p_delta takes from the masses",
+        unit="N",
+        default=None,
+        least=0.0,
+    )
     element: tuple[ElementTable, ...] = key("passive elements beside the matrices", default=())
     rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
     modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
+    storeys_that_yield: YieldingStoreysTable | None = key("storeys of the frame that yield", default=None)
     isolation: IsolationTable | None = key("base isolation", default=None)
     lead_rubber: LeadRubberTable | None = key("lead-rubber bearings", default=None)
     viscous: tuple[ViscousTable, ...] | ViscousTable = key("viscous dampers", default=())
@@ -448,10 +486,15 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     known = name
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
-            built = _with_heights(_with_elements(built, table), table)
+            built = _with_loads(_with_heights(_with_elements(built, table), table), table)
         for where, way in ways:
             with where.prefix_errors():
                 built = way()(built)
+        if table.p_delta:
+            if table.loads is not None:
+                place.within("loads").refuse("p_delta and loads both give the weights; keep one")
+            with place.within("p_delta").prefix_errors():
+                built = with_p_delta(built)
     return built
 
 
@@ -481,6 +524,13 @@ def _with_heights(building: Building, table: BuildingTable) -> Building:
             "height for all"
         )
     return replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
+
+
+def _with_loads(building: Building, table: BuildingTable) -> Building:
+    """The building with the weights on its storeys that a table states."""
+    if table.loads is None:
+        return building
+    return replace(building, loads=np.append(np.array(table.loads), np.zeros(building.n_strokes)))
 
 
 def _shear(table: BuildingTable) -> Building:

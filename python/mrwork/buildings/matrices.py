@@ -33,7 +33,8 @@ class PassiveElement(Summarised):
     [N s/m] are in the matrices of the building, so that modes, observers and regulators see them; whoever adds the
     element adds them there. The rest they do not see: `head_loss` d [N s2/m2], `yield_force` f_y [N] and
     `yield_displacement` x_y [m] with the initial stiffness f_y / x_y, and `sharpness` n of the knee, 1 for a round and
-    10 for a nearly bilinear one.
+    10 for a nearly bilinear one. Of a part of the frame, `in_stiffness`, they see this stiffness too: the stiffness
+    matrix is that of the elastic frame, and the loop takes its place when the building is simulated.
     """
 
     _made_by: ClassVar[str] = (
@@ -48,6 +49,7 @@ class PassiveElement(Summarised):
     yield_force: NotNegative = 0.0
     yield_displacement: Positive = 1.0
     sharpness: Annotated[float, Within(least=1.0, most=50.0)] = 10.0
+    in_stiffness: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "row", freeze_samples(self.row))
@@ -70,9 +72,10 @@ class PassiveElement(Summarised):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Its parameters k, c, d, f_y, 1 / x_y, n, for the digest of a run."""
+        """Its parameters k, c, d, f_y, 1 / x_y, n, for the digest of a run, and 1 where it is part of the frame."""
         linear = self.stiffness, self.damping, self.head_loss
-        return *linear, self.yield_force, 1.0 / self.yield_displacement, self.sharpness
+        loop = self.yield_force, 1.0 / self.yield_displacement, self.sharpness
+        return (*linear, *loop, *((1.0,) if self.in_stiffness else ()))
 
 
 def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tuple[PassiveElement, ...]:
@@ -118,6 +121,9 @@ class Building(Summarised):
     heights
         Height of each storey [m], shape (n_storeys,), lowest first, 0 for a row that is no storey, such as isolators or
         a stroke; empty where they are not known. Drift ratios stand on them.
+    loads
+        Weight on each storey [N], shape (n_storeys,), as `with_p_delta` gives it: its second-order forces act when the
+        building is simulated, and are not in K. Empty without them.
 
     Raises
     ------
@@ -142,10 +148,11 @@ class Building(Summarised):
     n_strokes: int = 0
     elements: tuple[PassiveElement, ...] = ()
     heights: Floats = field(default_factory=lambda: np.empty(0))
+    loads: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
-        for name in (*_ARRAYS, "heights"):
+        for name in (*_ARRAYS, "heights", "loads"):
             object.__setattr__(self, name, freeze_samples(getattr(self, name)))
         _check_building(self)
 
@@ -163,6 +170,98 @@ class Building(Summarised):
     def drift_heights(self) -> Floats:
         """Heights of the storeys whose drifts `drifts` has [m], shape (n_storeys - n_strokes,), or empty."""
         return self.heights[: len(self.drifts)]
+
+    @property
+    def site_stiffness(self) -> Floats:
+        """Stiffness matrix of what is simulated beside the elements [N/m], shape (n, n).
+
+        It is K without the initial stiffness of the parts of the frame that yield, whose loops take its place, and
+        without P / h of each storey under the weight P (P-delta). Modes, regulators and observers go by K.
+        """
+        off = [
+            each.yield_force / each.yield_displacement * np.outer(each.row, each.row)
+            for each in self.elements
+            if each.in_stiffness
+        ]
+        return self.stiffness - np.sum([*off, self._geometric], axis=0) if self.nonlinear else self.stiffness
+
+    @property
+    def yield_drifts(self) -> Floats:
+        """Drift at which each storey yields [m], shape (n_storeys,), 0 of one that does not; empty if none does."""
+        drifts = np.zeros(len(self.storeys))
+        for each in self.elements:
+            if each.in_stiffness:
+                drifts[(self.storeys == each.row).all(axis=1)] = each.yield_displacement
+        return drifts if drifts.any() else np.empty(0)
+
+    @property
+    def _geometric(self) -> Floats:
+        """P / h of each storey under the weight P, as a matrix [N/m], shape (n, n)."""
+        if not self.loads.size:
+            return np.zeros_like(self.stiffness)
+        softer = np.divide(self.loads, self.heights, out=np.zeros(len(self.loads)), where=self.heights > 0.0)
+        return np.asarray(self.storeys.T @ np.diag(softer) @ self.storeys)
+
+    @property
+    def nonlinear(self) -> str:
+        """What is simulated and not in the matrices, the first of it by its name; empty of a linear building."""
+        names = (*(each.name for each in self.elements), *(("P-delta",) if self.loads.any() else ()))
+        return next(iter(names), "")
+
+    @property
+    def unit_drifts(self) -> Floats:
+        """Coordinates under a unit drift of each storey alone, on which all above it moves, shape (n_storeys, n).
+
+        The inertia that does work on such a row is the shear of the storey. Zeros for strokes, and for all rows where
+        drifts and strokes do not determine the coordinates or the floors are no chain.
+        """
+        none, drifts, inverse = np.zeros_like(self.storeys), len(self.drifts), self._from_stretched
+        if not inverse.size or len(self.floors) != drifts:
+            return none
+        none[:drifts] = inverse.T[:drifts]
+        is_chain = np.allclose(self.floors @ none[:drifts].T, np.tri(drifts), atol=1e-6)
+        return none if is_chain else np.zeros_like(none)
+
+    @property
+    def storey_springs(self) -> Floats:
+        """Stiffness of the springs of each storey beside its elements [N/m], shape (n_storeys,); zeros of no chain."""
+        springs = self._springs_of(self.site_stiffness + self._geometric)
+        return np.append(springs, np.zeros(len(self.storeys) - len(springs)))
+
+    @property
+    def storey_stiffnesses(self) -> Floats:
+        """Stiffness of each storey [N/m] of a chain of floors, lowest first; empty where it is no chain."""
+        springs = self._springs_of(self.stiffness)
+        return springs if (springs > 0.0).all() else np.empty(0)
+
+    def _springs_of(self, stiffness: Floats) -> Floats:
+        """Springs of the storeys [N/m], shape (n_storeys - n_strokes,), of which a matrix is made; empty if it is not."""
+        inverse = self._from_stretched
+        if not inverse.size:
+            return np.empty(0)
+        springs = inverse.T @ stiffness @ inverse
+        diagonal = np.diag(springs)
+        is_chain = np.allclose(springs, np.diag(diagonal), rtol=0.0, atol=_CHAIN * np.abs(diagonal).max())
+        return np.array(diagonal[: len(self.drifts)]) if is_chain else np.empty(0)
+
+    @property
+    def _from_stretched(self) -> Floats:
+        """Coordinates from what stretches the springs of storeys and additions, shape (n, n); empty if that is not n.
+
+        It is drifts and strokes, of a brace its own deformation in place of the stroke of its damper.
+        """
+        rows = self.storeys.copy()
+        if rows.shape != self.mass.shape:
+            return np.empty(0)
+        for row in rows[len(self.drifts) :]:
+            last = int(np.flatnonzero(row)[-1]) if row.any() else 0
+            if row[last] < 0.0:
+                row[:] = np.eye(len(row))[last]
+        try:
+            inverse = np.linalg.inv(rows).round(_DECIMALS)
+        except np.linalg.LinAlgError:
+            return np.empty(0)
+        return inverse if np.allclose(inverse @ rows, np.eye(len(rows)), atol=1e-6) else np.empty(0)
 
     @property
     def total_mass(self) -> float:
@@ -209,19 +308,6 @@ class Building(Summarised):
                 participation=driven * (self.floors[-1] @ modes),
                 effective_masses=driven**2,
             )
-
-    @property
-    def storey_stiffnesses(self) -> Floats:
-        """Stiffness of each storey [N/m] of a chain of floors, lowest first; empty where it is no chain."""
-        stiffness, mass = self.stiffness, self.mass
-        # Only the lowest floor of a chain has a spring to the ground.
-        between = -np.diag(stiffness, -1)
-        storeys = np.append(stiffness[0, 0] - between[:1].sum(), between)
-        built = np.diag(storeys + np.append(storeys[1:], 0.0)) - np.diag(between, 1) - np.diag(between, -1)
-        is_chain = np.allclose(
-            built, stiffness, rtol=0.0, atol=1e-9 * np.abs(stiffness).max()
-        ) and np.array_equal(mass, np.diag(np.diag(mass)))
-        return storeys if is_chain and (storeys > 0.0).all() else np.empty(0)
 
     @property
     def modes(self) -> Floats:
@@ -332,7 +418,9 @@ class Building(Summarised):
                 ("masses", _listed(np.diag(self.mass), "kg") if len(self.storey_stiffnesses) else ""),
                 ("stiffnesses", _listed(self.storey_stiffnesses, "N/m")),
                 ("heights", _listed(self.drift_heights, "m")),
-                ("passive", ", ".join(each.name for each in self.elements)),
+                ("yield at", _listed(1e3 * self.yield_drifts[: len(self.drifts)], "mm of drift")),
+                ("P-delta", _listed(self.loads[: len(self.drifts)], "N") if self.loads.any() else ""),
+                ("passive", ", ".join(each.name for each in self.elements if not each.in_stiffness)),
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
             columns=("mode", "period [s]", "[Hz]", "damping [%]", "participation", "mass [%]", "sum [%]"),
@@ -386,6 +474,9 @@ _SHORTEST, _LONGEST = 0.005, (1.5, 0.5)
 _SHOWN_MODES: Final = 10
 # Coordinates of a building whose modes take a fraction of a second.
 _MOST_QUESTIONED: Final = 300
+# Decimals of coordinates under a unit drift, which are ones and zeros of most frames; what is rounding of a spring.
+_DECIMALS: Final = 12
+_CHAIN: Final = 1e-9
 # Height of a storey [m].
 _TALLEST: Final = 200.0
 # Products of several such numbers are finite.
@@ -424,6 +515,7 @@ def _check_building(building: Building) -> None:
                 f"{where}: entry {place} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
             )
     _check_heights(building, where)
+    _check_loads(building, where)
     for element in building.elements:
         if element.row.shape != building.influence.shape:
             raise SettingError(
@@ -461,6 +553,19 @@ def _check_heights(building: Building, where: str) -> None:
         wrong = next((each for each in heights.tolist() if not 0.0 <= each <= _TALLEST), 0.0)
         raise SettingError(
             f"{where}: the height of a storey is {wrong:g} m, which is beyond any storey; give heights in m, as 3.5"
+        )
+
+
+def _check_loads(building: Building, where: str) -> None:
+    loads = building.loads
+    if loads.shape not in ((0,), (len(building.storeys),)) or not (loads >= 0.0).all():
+        raise SettingError(
+            f"{where}: loads is {_sides(loads)} from {loads.min(initial=0.0):g}; give a weight of 0 N or more for each "
+            f"of {counted(len(building.storeys), 'storey')}"
+        )
+    if loads.any() and not (building.heights.size and (building.heights[loads > 0.0] > 0.0).all()):
+        raise SettingError(
+            f"{where}: P-delta stands on the heights of the storeys; give height or heights in [building]"
         )
 
 

@@ -195,10 +195,10 @@ def system_of(
     >>> system.input_names
     ('ground acceleration', 'force in storey 1')
     """
-    if building.elements:
+    if building.nonlinear:
         raise SettingError(
-            f"{building.name} has {building.elements[0].name}, which is not linear; give the building without it, as "
-            "dataclasses.replace(building, elements=()), for the system of its matrices alone"
+            f"{building.name} has {building.nonlinear}, which is not in its matrices; give the building without it, as "
+            "dataclasses.replace(building, elements=(), loads=np.empty(0)), for the system of its matrices alone"
         )
     n = building.n_coordinates
     rows = np.stack([building.storey_row(storey) for storey in devices]) if devices else np.zeros((0, n))

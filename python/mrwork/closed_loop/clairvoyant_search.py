@@ -63,10 +63,10 @@ class ClairvoyantProblem:
 
     def __post_init__(self) -> None:
         samples_of(self.interval, self.hardware.sample_time)
-        if self.building.elements:
+        if self.building.nonlinear:
             raise SettingError(
-                f"{self.building.name} has {self.building.elements[0].name}, and the gradients of a clairvoyant are "
-                "those of a building without passive elements; leave the clairvoyant out, or the element"
+                f"{self.building.name} has {self.building.nonlinear}, and the gradients of a clairvoyant are those of "
+                "a building of its matrices alone; leave the clairvoyant out, or the other"
             )
         for device in self.devices:
             if not device.spec.follows_command:

@@ -7,27 +7,85 @@ Ohtori), the thesis to the value at i = 0. `||.||` is the root mean square over 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from mrwork.base.arguments import AnyNumbers, NotNegative, Positive, Whole
+from mrwork.base.arguments import AnyNumbers, Whole
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.codec import OrNan
+
+Scale = Literal["", "weight", "height", "yield drift", "stability"]
+
+
+@array_dataclass()
+class Scales:
+    """What numbers of a run are divided by: the weight of the building [N], and numbers of its storeys, lowest first.
+
+    These are heights [m], drifts at which storeys yield [m], and weights on the storeys [N] with P-delta, shape
+    (n_storeys,); a storey with 0 has none, and empty arrays are not known.
+    """
+
+    weight: float
+    heights: Floats = field(default_factory=lambda: np.empty(0))
+    yield_drifts: Floats = field(default_factory=lambda: np.empty(0))
+    loads: Floats = field(default_factory=lambda: np.empty(0))
+
+    @staticmethod
+    def of(building: Building) -> Scales:
+        """Those of a building without dampers."""
+        drifts = len(building.drifts)
+        return Scales(
+            weight=building.total_mass * STANDARD_GRAVITY,
+            heights=building.drift_heights,
+            yield_drifts=building.yield_drifts[:drifts],
+            loads=building.loads[:drifts],
+        )
+
+    def lacking(self, scale: Scale) -> str:
+        """The keys of [building] that a number over this scale needs and that were not given; empty if none."""
+        needed = {
+            "height": (self.heights, "height or heights"),
+            "yield drift": (self.yield_drifts, "storeys_that_yield"),
+            "stability": (self.loads, "p_delta"),
+        }
+        numbers, keys = needed.get(scale, (np.ones(1), ""))
+        return "" if np.size(numbers) else keys
+
+    def divide(self, values: Floats, scale: Scale, shears: Floats) -> Floats:
+        """Numbers of storeys, shape (..., n_storeys), over the scale; 0 of a storey that has none, NaN if not known.
+
+        Stability is `P d / (V h)` with the drift d and the shear V of the storey (EN 1998-1, 4.4.2.2).
+        """
+        if self.lacking(scale):
+            return np.full(np.shape(values), np.nan)
+        by = self.heights if scale == "height" else self.yield_drifts
+        above = values
+        if scale == "stability":
+            above, by = values * self.loads, self.heights * shears
+        if np.shape(by)[-1:] != np.shape(values)[-1:]:
+            raise SettingError(
+                f"there are {np.shape(by)[-1]} {scale}s for {np.shape(values)[-1]} storeys; give one for each"
+            )
+        by = np.broadcast_to(by, np.shape(values))
+        # An unknown shear is no shear of zero.
+        return np.divide(above, by, out=np.where(np.isnan(by), np.nan, 0.0), where=by > 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
     """One number of a run, computed from one of its quantities; smaller is better.
 
-    The value is the maximum of `quantity`, by default the one of its name, over floors, storeys or devices, or the sum
-    if `summed`, divided by the weight of the building if `over_weight`; each is divided by the height of its storey if
-    `over_height`, NaN where heights are not known. If `ratio`, papers report its ratio to the
-    value without dampers, under these `labels`. A number that is `of_command` is zero at i = 0, one that is `counted`
-    jumps by whole counts, one that is `optional` is unknown in earlier files or without heights.
+    The value is the largest magnitude of `quantity`, by default the one of its name, over floors, storeys or devices,
+    that of the highest one if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
+    papers report its ratio to the value without dampers, under these `labels`. A number that is `of_command` is zero at
+    i = 0, one that is `counted` jumps by whole counts, one that is `optional` is unknown in earlier files or where its
+    scale is.
     `over` names the criterion of the building without dampers in the
     denominator, if it is another one. `short` is the title in a narrow column.
     """
@@ -37,8 +95,8 @@ class Criterion:
     short: str
     quantity: str = ""
     summed: bool = False
-    over_weight: bool = False
-    over_height: bool = False
+    of_roof: bool = False
+    scale: Scale = ""
     labels: tuple[str, ...] = ()
     over: str = ""
     ratio: bool = True
@@ -57,23 +115,21 @@ class Criterion:
     @property
     def unit(self) -> str:
         """Unit of the number, as in tables."""
-        return "1" if self.over_weight or self.over_height else unit_of(self.quantity).replace("^", "")
+        return "1" if self.scale else unit_of(self.quantity).replace("^", "")
 
-    def value(
-        self, responses: object, weight: Positive, heights: Sequence[NotNegative] | Floats = ()
-    ) -> Floats:
-        """The value for each run of `responses`, which has the quantities of runs as attributes.
-
-        `weight` is that of the building [N], `heights` those of its storeys [m].
-        """
+    def value(self, responses: object, scales: Scales) -> Floats:
+        """The value for each run of `responses`, which has the quantities of runs as attributes."""
         if isinstance(responses, type) or not hasattr(responses, self.quantity):
             raise ArgumentError(
                 f"`responses` is a {type(responses).__name__} without {self.quantity}; give the Responses of "
                 "mr.simulate_loop, or a run of mr.run_study"
             )
-        values = np.asarray(getattr(responses, self.quantity))
-        if self.over_height:
-            values = drift_ratios(values, heights)
+        values = np.abs(getattr(responses, self.quantity))
+        if self.scale not in ("", "weight"):
+            shears = np.asarray(getattr(responses, "peak_storey_shear", np.nan))
+            values = scales.divide(values, self.scale, shears)
+        if self.of_roof:
+            return np.asarray(values[..., -1])
         if axis_of(self.quantity) == "run":
             per_run = values
         elif self.summed:
@@ -81,7 +137,7 @@ class Criterion:
         else:
             # A building without devices has an axis of length zero: its largest force is zero.
             per_run = np.max(values, axis=-1, initial=0.0)
-        return np.asarray(per_run / weight if self.over_weight else per_run)
+        return np.asarray(per_run / scales.weight if self.scale == "weight" else per_run)
 
 
 def criteria() -> tuple[Criterion, ...]:
@@ -105,29 +161,9 @@ def criterion(name: str) -> Criterion:
     raise UnknownNameError(f"no criterion is called {name!r}; choose from {known}")
 
 
-def values(
-    responses: object, *, weight: Positive, heights: Sequence[NotNegative] | Floats = ()
-) -> dict[str, Floats]:
-    """Every criterion of `responses`, which has the quantities of runs as attributes.
-
-    `weight` is that of the building [N], `heights` those of its storeys [m], as `Building.heights`.
-    """
-    return {entry.name: entry.value(responses, weight, heights) for entry in _CRITERIA}
-
-
-def drift_ratios(drifts: AnyNumbers, heights: Sequence[NotNegative] | Floats) -> Floats:
-    """Drifts [m], shape (..., n_storeys), over the heights of their storeys [m]; 0 of a row that is no storey.
-
-    NaN where heights are not known, which are none.
-    """
-    tall = np.asarray(heights, dtype=np.float64)
-    if not tall.size:
-        return np.full(np.shape(drifts), np.nan)
-    if tall.shape != np.shape(drifts)[-1:]:
-        raise SettingError(
-            f"there are {tall.size} heights for {np.shape(drifts)[-1]} storeys; give one for each"
-        )
-    return np.divide(drifts, tall, out=np.zeros(np.shape(drifts)), where=tall > 0.0)
+def values(responses: object, scales: Scales) -> dict[str, Floats]:
+    """Every criterion of `responses`, which has the quantities of runs as attributes."""
+    return {entry.name: entry.value(responses, scales) for entry in _CRITERIA}
 
 
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
@@ -256,7 +292,46 @@ _CRITERIA = (
         title="Peak drift ratio",
         short="Drift ratio",
         quantity="peak_drift",
-        over_height=True,
+        scale="height",
+        ratio=False,
+        optional=True,
+    ),
+    Criterion(
+        name="peak_roof_displacement",
+        title="Peak displacement of the roof",
+        short="Roof displ.",
+        quantity="peak_displacement",
+        of_roof=True,
+        ratio=False,
+        optional=True,
+    ),
+    Criterion(
+        name="peak_ductility",
+        title="Peak drift over yield drift",
+        short="Ductility",
+        quantity="peak_drift",
+        scale="yield drift",
+        ratio=False,
+        optional=True,
+    ),
+    Criterion(
+        name="stability_coefficient",
+        title="Stability coefficient",
+        short="Stability",
+        quantity="peak_drift",
+        scale="stability",
+        ratio=False,
+        optional=True,
+    ),
+    Criterion(
+        name="residual_drift", title="Residual drift", short="Residual drift", ratio=False, optional=True
+    ),
+    Criterion(
+        name="residual_drift_ratio",
+        title="Residual drift ratio",
+        short="Residual ratio",
+        quantity="residual_drift",
+        scale="height",
         ratio=False,
         optional=True,
     ),
@@ -272,7 +347,7 @@ _CRITERIA = (
         title="Peak base shear over weight",
         short="Shear over weight",
         quantity="peak_base_shear",
-        over_weight=True,
+        scale="weight",
         ratio=False,
         optional=True,
     ),
@@ -288,7 +363,7 @@ _CRITERIA = (
         title="Peak device force over weight",
         short="Force share",
         quantity="peak_force",
-        over_weight=True,
+        scale="weight",
         labels=(f"J11 of {_OHTORI}", f"J4 of {_JANSEN}"),
         ratio=False,
     ),
@@ -319,5 +394,13 @@ _CRITERIA = (
     ),
     Criterion(
         name="device_energy", title="Energy taken up by devices", short="Energy", summed=True, ratio=False
+    ),
+    Criterion(
+        name="storey_energy",
+        title="Energy taken up by storeys that yield",
+        short="Frame energy",
+        summed=True,
+        ratio=False,
+        optional=True,
     ),
 )

@@ -196,9 +196,9 @@ class History(Labelled, WithAxes, Summarised):
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", velocity, building.mass, velocity))
 
     def strain_energy(self, building: Building) -> Floats:
-        """Strain energy of the building [J], shape (n_time,)."""
+        """Strain energy of the building without its elements, less the work of weights [J], shape (n_time,)."""
         displacement = self._of(building)[:, : len(building.mass)]
-        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
+        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.site_stiffness, displacement))
 
     @property
     def plot(self) -> HistoryPlots:

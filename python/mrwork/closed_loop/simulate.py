@@ -6,7 +6,7 @@ import json
 import math
 import warnings
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated, Any
@@ -131,6 +131,9 @@ def _core_building(
             influence=building.influence,
             floors=building.floors,
             storeys=building.storeys,
+            unit_drifts=building.unit_drifts,
+            heights=building.heights if building.heights.size else np.zeros(len(building.storeys)),
+            storey_springs=building.storey_springs,
             devices=elongation_rows(building, devices),
             elements=building.elements,
             varied=varied,
@@ -168,6 +171,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         storeys=building.drifts,
         storey_names=building.storey_names[: len(building.drifts)],
         heights=building.drift_heights,
+        loads=np.empty(0),
         n_strokes=0,
         elements=(),
     )
@@ -315,7 +319,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
             columns = given.gains[:, start : start + math.prod(shape)]
             gains[gain.name] = columns.reshape(len(given.gains), *shape)
             start += columns.shape[1]
-    names = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
+    names = ("mass", "damping", "stiffness", "influence", "floors", "storeys", "unit_drifts", "heights")
     curve = law.curve
     layouts = core.building.summary_layout, core.building.history_layout
     own = OwnLoop(
@@ -480,7 +484,7 @@ class LoopVariation(Summarised):
                 np.array_equal(getattr(own, name), getattr(building, name))
                 for name in ("mass", "influence", "floors", "storeys")
             )
-            if not (same and own.elements == building.elements):
+            if not (same and own.elements == building.elements and np.array_equal(own.loads, building.loads)):
                 raise SettingError(
                     f"{own.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
                     "simulate it in a call of its own"
@@ -632,6 +636,9 @@ def simulate_loop(
             "one draw"
         )
     varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
+    if not varied and building.nonlinear:
+        # The law's own building stays elastic.
+        varied = [building]
     shape = (len(gains), len(motions), n_realisations)
     floors = measured_floors(nominal or building, hardware)
     observer = None
@@ -640,7 +647,7 @@ def simulate_loop(
             observer = loop_observer(nominal or building, devices, hardware, floors)
     loop = LoopOfRuns(
         building=building,
-        varied=tuple((each.damping, each.stiffness) for each in varied),
+        varied=tuple((each.damping, each.site_stiffness) for each in varied),
         devices=tuple(devices),
         law=_without_gains(law, len(devices), n_states),
         hardware=hardware,
@@ -700,10 +707,33 @@ def simulate_loop(
     responses = _responses(
         parts, core.building, hardware, shape, () if actuators else tuple(devices), motions
     )
+    responses = responses.with_numbers(
+        **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
+    )
     if largest_commands is None:
         return responses
     scale = factors[candidate]
     return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
+
+
+def _shears(
+    building: Building,
+    numbers: Mapping[str, Floats],
+    varied: Sequence[Floats],
+    places: Sequence[int],
+    realisation: NDArray[np.uint32],
+) -> dict[str, Floats]:
+    """Shears of a run that the core does not know, and NaN for what of them the building does not say."""
+    springs, is_chain = building.storey_springs, bool(building.unit_drifts.any())
+    own = np.array(varied)[np.array(places)][realisation] if varied else springs
+    known = {
+        "peak_storey_shear": is_chain,
+        "peak_frame_shear": bool(springs.any()) and (not building.elements or len(varied) < 2),
+        "storey_energy": is_chain,
+        "peak_overturning": is_chain and bool(building.heights.size),
+    }
+    linear = {} if building.elements else {"peak_frame_shear": numbers["peak_drift"] * own}
+    return linear | {name: np.full_like(numbers[name], np.nan) for name, says in known.items() if not says}
 
 
 def _without_gains(law: ControlLaw, n_devices: int, n_states: int) -> ControlLaw:

@@ -141,11 +141,9 @@ _CURVE_POINTS = 120
 
 
 def response_unit(found: Fragilities) -> DisplayUnit:
-    """The unit in which the criterion of a limit is drawn: per cent of a ratio."""
-    percent = found.unit == "1"
-    return DisplayUnit(
-        symbol="%" if percent else found.unit.replace("2", "²"), factor=100.0 if percent else 1.0
-    )
+    """The unit in which the criterion of a limit is drawn: per cent of a drift ratio."""
+    symbol = "%" if found.in_percent else found.unit.removesuffix("1").replace("2", "²")
+    return DisplayUnit(symbol=symbol, factor=100.0 if found.in_percent else 1.0)
 
 
 def add_ida(axes: Axes, found: Fragilities, one: Fragility, stroke: Stroke) -> None:

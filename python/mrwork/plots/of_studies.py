@@ -479,7 +479,9 @@ def ida(
     for axes, row in zip(panels, drawn, strict=True):
         one = result[labels[row]]
         add_ida(axes, result, one, of_row[row])
-        axes.set(xlabel=f"{criterion(result.criterion).title} ({unit.symbol})", ylabel=f"{one.measure} (g)")
+        axes.set(
+            xlabel=with_unit(criterion(result.criterion).title, unit.symbol), ylabel=f"{one.measure} (g)"
+        )
         axes.set_title(one.label, loc="left", fontsize="small")
     return panels
 

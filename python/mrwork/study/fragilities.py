@@ -9,7 +9,7 @@ its maximum. With one level for each record it is that of counts at each level (
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -24,7 +24,7 @@ from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.results import StudyResults
@@ -268,9 +268,14 @@ class Fragilities(WithAxes, Summarised):
 
     @property
     def limit_value(self) -> str:
-        """The limit with its unit, a ratio in per cent."""
-        value, unit = (100.0 * self.limit, "%") if self.unit == "1" else (self.limit, self.unit)
-        return f"{format_rounded(value)} {unit}"
+        """The limit with its unit."""
+        value, unit = (100.0 * self.limit, "%") if self.in_percent else (self.limit, self.unit)
+        return f"{format_rounded(value)} {unit}".removesuffix(" 1")
+
+    @property
+    def in_percent(self) -> bool:
+        """Whether the criterion is a drift ratio, which is told in per cent."""
+        return criterion(self.criterion).scale == "height"
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
@@ -364,9 +369,9 @@ def fragility(
             f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
             "runs would look safe; finish it with --resume"
         )
-    heights = () if results.building is None else results.building.heights
+    scales = None if results.building is None else results.building.scales
     given = limit if limit is not None else results.limit or USUAL_LIMIT
-    ((name, value),) = limit_of(given, results.command_unit, heights).items()
+    ((name, value),) = limit_of(given, results.command_unit, scales).items()
     at = results.record_levels
     n_records, n_levels = at.places.shape
     if n_records < _FEWEST or n_levels < _FEWEST:
@@ -439,10 +444,8 @@ def fragility_of(
     )
 
 
-def limit_of(
-    limit: Mapping[str, float | str], command_unit: str, heights: Collection[float]
-) -> dict[str, float]:
-    """A criterion with its limit, in SI; refused where it is none, or its `heights` are not known."""
+def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales | None) -> dict[str, float]:
+    """A criterion with its limit, in SI; refused where it is none, or `scales` lack what it is divided by."""
     if len(limit) != 1:
         raise SettingError(
             f"`limit` names {', '.join(limit) or 'no criterion'}; give one criterion with its limit, as "
@@ -457,10 +460,8 @@ def limit_of(
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if criterion(name).over_height and not any(heights):
-        raise SettingError(
-            f"{name} stands on the heights of the storeys; give height or heights in [building]"
-        )
+    if scales is not None and (lacking := scales.lacking(criterion(name).scale)):
+        raise SettingError(f"{name} stands on {lacking}; give {lacking} in [building]")
     return {name: float(value)}
 
 

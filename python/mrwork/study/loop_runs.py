@@ -8,7 +8,6 @@ from time import perf_counter
 
 import numpy as np
 
-from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -18,7 +17,7 @@ from mrwork.closed_loop.clairvoyant_search import (
     ClairvoyantStart,
     clairvoyant,
 )
-from mrwork.closed_loop.evaluation import values
+from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
@@ -161,7 +160,6 @@ def simulate_criteria(
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
     is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`.
     """
-    weight = bare.total_mass * STANDARD_GRAVITY
     noisy = any(noise for noise, _ in hardware.sensors)
     fitted, law = with_devices(arrangement, law)
     # Without dampers of its own an arrangement has a device without parameters to vary.
@@ -191,7 +189,7 @@ def simulate_criteria(
     seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))
     runs = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
-    for name, array in values(own, weight=weight, heights=bare.drift_heights).items():
+    for name, array in values(own, Scales.of(bare)).items():
         known = np.where(np.isfinite(array) | np.isnan(array), array, np.inf)
         runs.numbers[name][...] = known.reshape(responses.shape)
     runs.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
@@ -216,6 +214,11 @@ def vary_building(arrangement: Arrangement, bare: Building, *, stiffness: float,
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building
     building = arrangement.building
+    if stiffness != 1.0 and any(each.in_stiffness for each in building.elements):
+        raise SettingError(
+            f"{building.name} has storeys that yield, of which strength and stiffness go together; leave the stiffness "
+            "of the building out of its uncertainty"
+        )
     drifts = bare.drifts
     if building.n_coordinates == bare.n_coordinates:
         back: Floats = np.eye(bare.n_coordinates)

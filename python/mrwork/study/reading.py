@@ -24,6 +24,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.matrices import Device
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import ControlLaw, control_laws
@@ -502,6 +503,7 @@ def _study_of(
     limit_part = place.attempt(lambda: _limit(table.report, chosen_part(), bare_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
     building, devices = equipped_part()
+    checked_suite = suite_part()
     if lacking := beyond_twin(building, devices, hardware):
         table.damper[0].place.refuse(lacking)
     designed_on, levels = design_part()
@@ -568,7 +570,7 @@ def _study_of(
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
         other_sets=other_sets(table.damper, folder, identified),
-        suite=suite_part(),
+        suite=checked_suite,
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))
@@ -664,12 +666,12 @@ def _limit(
     table: ReportTable, chosen: Sequence[ChosenDamper], bare: Building, place: Place
 ) -> Mapping[str, float]:
     """The criterion with its limit of which the page has the fragility; none without heights."""
-    heights: list[float] = bare.drift_heights.tolist()
+    scales = Scales.of(bare)
     if table.limit is None:
-        return USUAL_LIMIT if any(heights) else {}
+        return {} if scales.lacking("height") else USUAL_LIMIT
     current = chosen[0].spec.current if chosen else None
     with place.within("report", "limit").prefix_errors(SettingError):
-        return limit_of(table.limit, "A" if current is None else current.unit, heights)
+        return limit_of(table.limit, "A" if current is None else current.unit, scales)
 
 
 def _choose_detailed(table: ReportTable, motions: Sequence[MotionOfStudy], place: Place) -> int:

@@ -19,11 +19,12 @@ from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded, round_to
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion, ratio, score
+from mrwork.closed_loop.evaluation import SCORE, Scales, Spread, criteria, criterion, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.parameters import polynomial_laws
@@ -143,7 +144,8 @@ def _damper_in_words(spec: DamperSpec) -> str:
 class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
-    `heights` are those of the storeys [m], if they are known.
+    `heights` are those of the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
+    weights on them [N] with P-delta, if there are.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
     """
@@ -154,6 +156,18 @@ class BuildingFacts:
     periods: tuple[OrInfinite, ...]
     damping_ratios: tuple[OrNan, ...]
     heights: tuple[float, ...] = ()
+    yield_drifts: tuple[float, ...] = ()
+    loads: tuple[float, ...] = ()
+
+    @property
+    def scales(self) -> Scales:
+        """What criteria are divided by."""
+        return Scales(
+            weight=sum(self.masses) * STANDARD_GRAVITY,
+            heights=np.array(self.heights),
+            yield_drifts=np.array(self.yield_drifts),
+            loads=np.array(self.loads),
+        )
 
     @property
     def has_ratios(self) -> bool:
@@ -170,6 +184,8 @@ class BuildingFacts:
             periods=tuple(building.periods.tolist()),
             damping_ratios=tuple(building.damping_ratios.tolist()),
             heights=tuple(building.drift_heights.tolist()),
+            yield_drifts=tuple(building.yield_drifts[: len(building.drifts)].tolist()),
+            loads=tuple(building.loads[: len(building.drifts)].tolist()),
         )
 
 

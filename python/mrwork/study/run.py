@@ -17,7 +17,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import score, values
+from mrwork.closed_loop.evaluation import Scales, score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import loop_observer, measured_floors, simulate_loop
@@ -172,8 +172,7 @@ def run_study(
                 realised,
                 axes | {"realisation": (*steps, *numbered(n_realisations))},
                 study.command_unit,
-                weight=bare.total_mass * STANDARD_GRAVITY,
-                heights=bare.drift_heights,
+                Scales.of(bare),
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             design_levels=study.design_levels,
@@ -563,10 +562,10 @@ def _best_level(
 
     A command has no score if one of its runs failed.
     """
-    commands, weight = _levels(arrangement), arrangement.building.total_mass * STANDARD_GRAVITY
+    commands, scales = _levels(arrangement), Scales(weight=arrangement.building.total_mass * STANDARD_GRAVITY)
     runs = results_of(_simulate_levels(arrangement, motions, hardware, threads, on_block), arrangement)
     levels = [runs[start : start + len(motions)] for start in range(0, len(runs), len(motions))]
-    criteria = [[_criteria(result, weight) for result in level] for level in levels]
+    criteria = [[_criteria(result, scales) for result in level] for level in levels]
     # The first command is i = 0.
     scores = [float(score(level, criteria[0])) for level in criteria]
     if np.isnan(scores).all():
@@ -601,8 +600,8 @@ def reference_peaks_of(
     )
 
 
-def _criteria(result: RunResult, weight: float) -> dict[str, Floats]:
-    criterion_values = values(result, weight=weight)
+def _criteria(result: RunResult, scales: Scales) -> dict[str, Floats]:
+    criterion_values = values(result, scales)
     return criterion_values if result.finished else {name: np.array(np.nan) for name in criterion_values}
 
 

@@ -20,7 +20,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.evaluation import criteria, values
+from mrwork.closed_loop.evaluation import Scales, criteria, values
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     History,
@@ -81,7 +81,7 @@ class RunResult(Labelled):
     """How a run ended, and its quantities, each an attribute; those of floors, storeys and devices have an axis.
 
     They are those of `run_quantities`; force, stroke and energy of devices are those of the dampers, then those of the
-    passive elements of the building.
+    passive devices of the building, of which storeys that yield are none.
 
     `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
     did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
@@ -154,7 +154,8 @@ def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | 
             others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
             values = responses.peak_drift[:, others]
         if quantity.name in _OF_ELEMENTS:
-            values = np.concatenate([values, responses.numbers[_OF_ELEMENTS[quantity.name]]], axis=1)
+            of_elements = responses.numbers[_OF_ELEMENTS[quantity.name]]
+            values = np.concatenate([values, of_elements[:, arrangement.passive_devices]], axis=1)
         if quantity.name in _COMMANDS and commands_force(law):
             # The command of an ideal actuator is a force, not a current.
             values = values[:, :0]
@@ -205,7 +206,13 @@ def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> 
 def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
     """The result of a run from its line of a journal."""
     quantities = kept_quantities()
-    numbers = {each.name: array_of(record[each.name])[()] for each in quantities}
+    numbers = {
+        # One that came after the journal was written is unknown.
+        each.name: array_of(record[each.name])[()]
+        if each.name in record
+        else np.full(_shape_of(each, arrangement), np.nan)
+        for each in quantities
+    }
     own = {name: value for name, value in record.items() if name not in numbers}
     result = rebuilt(RunResult, {**own, "numbers": numbers})
     _ = Outcome[result.outcome.upper()]
@@ -214,7 +221,7 @@ def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunRes
         if quantity.name in _COMMANDS and arrangement.has_actuators:
             expected = (0,)
         if quantity.name in _OF_ELEMENTS:
-            expected = (len(arrangement.devices) + len(arrangement.building.elements),)
+            expected = (len(arrangement.devices) + len(arrangement.passive_devices),)
         if quantity.name == "peak_stroke" and not arrangement.devices and len(shape) == 1:
             # Of the added storeys, if there are any.
             continue
@@ -517,18 +524,12 @@ def criteria_of_study(
     realised: Mapping[int, LabelledRuns],
     axes: Axes,
     command_unit: str,
-    *,
-    weight: float,
-    heights: Sequence[float] | Floats = (),
+    scales: Scales,
 ) -> LabelledRuns:
     """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
     labelled = criteria_of_runs(axes, command_unit=command_unit)
     for place, run in runs.items():
-        named = (
-            values(run, weight=weight, heights=heights)
-            if run.finished
-            else dict.fromkeys(labelled.numbers, np.inf)
-        )
+        named = values(run, scales) if run.finished else dict.fromkeys(labelled.numbers, np.inf)
         for name, value in {**named, "energy_error": run.energy_error}.items():
             labelled.numbers[name][place] = value
     for row, part in realised.items():

@@ -219,6 +219,11 @@ class Arrangement:
         return commands_force(self.law)
 
     @property
+    def passive_devices(self) -> list[int]:
+        """Places of the passive elements that are devices: storeys that yield are parts of the frame."""
+        return [place for place, each in enumerate(self.building.elements) if not each.in_stiffness]
+
+    @property
     def reads_acceleration(self) -> bool:
         """Whether its law may read accelerations of floors."""
         return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
@@ -533,6 +538,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         *(() if own is None or own.shaping is None else own.shaping),
         *(() if own is None else own.signals),
         *((_digest(each.row), each.numbers) for each in building.elements),
+        *((_digest(building.loads), _digest(building.heights)) if building.loads.any() else ()),
         *(_digest_of_motion(motion) for motion in motions),
     )
 

@@ -117,6 +117,7 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
         "storey_names": list(value.storey_names),
         "n_strokes": value.n_strokes,
         "heights": value.drift_heights.tolist(),
+        "loads": value.loads[: len(value.drifts)].tolist(),
         "element": [each | {"row": each["row"].tolist()} for each in elements],
     }
     table |= {key: entry for key, entry in stated.items() if entry and key not in table}

@@ -68,7 +68,7 @@ def check_finish(table: TuneTable, study: Study) -> None:
 
     settings, hardware = table.settings or {}, study.hardware
     jumping = next((law for law in table.laws if law not in SMOOTH), "")
-    element = next((each.name for each in study.building.elements), "")
+    element = study.building.nonlinear
     noisy = any(number for pair in hardware.sensors for number in pair)
     for excluded, sentence in (
         (
@@ -197,7 +197,7 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
 
     arrangement, hardware = bench.study.at_zero, bench.study.hardware
     building = arrangement.building
-    if any(criterion(name).summed or criterion(name).over_weight for name in objective.weights):
+    if any(criterion(name).summed or criterion(name).scale == "weight" for name in objective.weights):
         raise SettingError(
             "gradients are of peaks and rms values; leave gradient_steps out, or other criteria"
         )

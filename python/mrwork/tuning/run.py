@@ -10,7 +10,7 @@ from typing import Literal
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import suggestion
-from mrwork.closed_loop.evaluation import criterion
+from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import Magnitudes
@@ -253,13 +253,11 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
             refuse_within(table, lacking, "laws")
     check_finish(table, study)
     objective = objective_of(table, study.command_unit)
-    if not study.building.heights.size:
-        for key in ("criteria", "objectives", "constraints"):
-            for name in getattr(table, key) or ():
-                if criterion(name).over_height:
-                    refuse_within(
-                        table, f"{name} stands on heights; give height or heights in [building]", key
-                    )
+    scales = Scales.of(study.building)
+    for key in ("criteria", "objectives", "constraints"):
+        for name in getattr(table, key) or ():
+            if lacking := scales.lacking(criterion(name).scale):
+                refuse_within(table, f"{name} stands on {lacking}; give {lacking} in [building]", key)
     return objective
 
 

@@ -33,6 +33,8 @@ class LoopPlant(NamedTuple):
     influence: Array
     floors: Array
     storeys: Array
+    unit_drifts: Array
+    heights: Array
     stiffness_per_mass: Array
     damping_per_mass: Array
 
@@ -46,8 +48,14 @@ class LoopPlant(NamedTuple):
         influence: ArrayLike,
         floors: ArrayLike,
         storeys: ArrayLike,
+        unit_drifts: ArrayLike | None = None,
+        heights: ArrayLike = (),
     ) -> LoopPlant:
-        """Return the plant of M [kg], C [N s/m], K [N/m], (n, n), and rows of floors and storeys, as in `Building`."""
+        """Return the plant of M [kg], C [N s/m], K [N/m], (n, n), and rows of floors and storeys, as in `Building`.
+
+        Without unit drifts shears are not worked out.
+        """
+        rows, tall = np.asarray(storeys, dtype=np.float64), np.asarray(heights, dtype=np.float64)
         m = jnp.asarray(mass, dtype=jnp.float64)
         c = jnp.asarray(damping, dtype=jnp.float64)
         k = jnp.asarray(stiffness, dtype=jnp.float64)
@@ -57,7 +65,9 @@ class LoopPlant(NamedTuple):
             stiffness=k,
             influence=jnp.asarray(influence, dtype=jnp.float64),
             floors=jnp.asarray(floors, dtype=jnp.float64),
-            storeys=jnp.asarray(storeys, dtype=jnp.float64),
+            storeys=jnp.asarray(rows),
+            unit_drifts=jnp.asarray(np.zeros_like(rows) if unit_drifts is None else unit_drifts),
+            heights=jnp.asarray(tall if tall.size else np.zeros(len(rows))),
             stiffness_per_mass=jnp.linalg.solve(m, k),
             damping_per_mass=jnp.linalg.solve(m, c),
         )
@@ -226,13 +236,17 @@ class Reductions(NamedTuple):
     command: Travel
 
 
+_PEAKS_ONLY = ("stroke", "rate", "storey_shear", "frame_shear", "overturning")
+
+
 class LoopResult(NamedTuple):
-    """Result of a run: accumulated signals, energies [J] at the end, number of steps and their duration [s]."""
+    """Result of a run: accumulated signals, energies [J] and drifts [m] at the end, number of steps, duration [s]."""
 
     reductions: Reductions
     energies: Energies
     kinetic: Array
     strain: Array
+    drift: Array
     n_steps: Array
     step_time: Array | float
 
@@ -250,7 +264,8 @@ class LoopResult(NamedTuple):
         rms = {name: jnp.sqrt(extent.squares / self.n_steps) for name, extent in kept.extents.items()}
         return {
             **{f"peak_{name}": extent.peak for name, extent in kept.extents.items()},
-            **{f"rms_{name}": each for name, each in rms.items() if name not in ("stroke", "rate")},
+            **{f"rms_{name}": each for name, each in rms.items() if name not in _PEAKS_ONLY},
+            "residual_drift": self.drift,
             "mean_current": kept.current_sum / self.n_steps,
             "command_travel": kept.command.travel / (self.n_steps * self.step_time),
             "switching_rate": kept.command.changes / (self.n_steps * self.step_time),
@@ -259,6 +274,7 @@ class LoopResult(NamedTuple):
             "peak_element_force": jnp.zeros(0),
             "peak_element_stroke": jnp.zeros(0),
             "element_energy": jnp.zeros(0),
+            "storey_energy": jnp.zeros_like(self.drift),
             "input_energy": self.energies.entered[None],
             "kinetic_energy": self.kinetic[None],
             "strain_energy": self.strain[None],
@@ -388,13 +404,16 @@ def signals_of(
     plant: LoopPlant, motion: LoopState, at: Stage, current: Array, a_g: Array
 ) -> dict[str, Array]:
     """Signals at the start of a step; the acceleration of floors is absolute."""
-    momentum = times(plant.mass, plant.influence)
-    shear = times(momentum, at.rate.v) + (times(momentum, plant.influence)) * a_g
+    inertia = times(plant.mass, at.rate.v + plant.influence * a_g)
+    shears = times(plant.unit_drifts, inertia)
     return {
         "displacement": times(plant.floors, motion.q),
         "acceleration": times(plant.floors, at.rate.v) + a_g,
         "drift": times(plant.storeys, motion.q),
-        "base_shear": shear[None],
+        "base_shear": times(plant.influence, inertia)[None],
+        "storey_shear": shears,
+        "frame_shear": times(plant.unit_drifts, times(plant.stiffness, motion.q)),
+        "overturning": jnp.cumsum((shears * plant.heights)[::-1])[::-1],
         "force": at.force,
         "stroke": at.elongation,
         "rate": at.elongation_rate,
@@ -410,6 +429,7 @@ def _no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
         "drift": plant.storeys.shape[0],
         "base_shear": 1,
     }
+    sizes |= dict.fromkeys(("storey_shear", "frame_shear", "overturning"), plant.storeys.shape[0])
     sizes |= dict.fromkeys(("force", "stroke", "rate", "current"), n_devices)
     return Reductions(
         extents={name: Extent.none(size) for name, size in sizes.items()},
@@ -540,6 +560,7 @@ def run_loop(
         energies=last.motion.energies,
         kinetic=0.5 * v @ (plant.mass @ v),
         strain=0.5 * q @ (plant.stiffness @ q),
+        drift=plant.storeys @ q,
         n_steps=counted,
         step_time=step_time,
     )

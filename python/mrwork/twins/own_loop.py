@@ -598,6 +598,7 @@ class _Run(NamedTuple):
             energies=last.motion.energies,
             kinetic=kinetic,
             strain=strain,
+            drift=times(self.plant.storeys, last.motion.q),
             n_steps=n_steps,
             step_time=self.sample_time / self.steps,
         ).summary()

@@ -1,7 +1,7 @@
 //! Reductions of a run: peaks, mean squares, energies. Memory does not grow with the length of the motion.
 
 use super::quantity::{Axis, Quantity};
-use crate::building::Building;
+use crate::building::{Building, Shears};
 use crate::coupled::{Energies, Plant, PlantMotion};
 use crate::lanes::Lanes;
 use crate::real::{OutOfLine, Real};
@@ -36,6 +36,11 @@ run_quantities! {
     rms_drift: Storey, "m", "root mean square drift", root_mean(r.drift.squares);
     peak_base_shear: Run, "N", "peak base shear, r'M(q'' + r a_g)", last(r.base_shear.peak);
     rms_base_shear: Run, "N", "root mean square base shear", root_mean(r.base_shear.squares);
+    peak_storey_shear: Storey, "N", "peak of the inertia of all above it: shear of frame, dampers and damping", last(r.storey_shear);
+    peak_frame_shear: Storey, "N", "peak shear of springs and elements alone, on which yield stands", last(r.frame_shear);
+    peak_overturning: Storey, "N m", "peak overturning moment at its foot, from the shears above", last(r.overturning);
+    residual_drift: Storey, "m", "drift at the end", last(r.residual_drift);
+    storey_energy: Storey, "J", "energy dissipated by what of the frame yields, without what it holds at the end", last(r.storey_energy);
     peak_force: Device, "N", "peak force", last(r.force.peak);
     rms_force: Device, "N", "root mean square force", root_mean(r.force.squares);
     peak_stroke: Device, "m", "peak damper displacement", last(r.stroke);
@@ -226,6 +231,11 @@ pub(super) struct Reductions<R> {
     acceleration: Extent<R>,
     drift: Extent<R>,
     base_shear: Extent<R>,
+    storey_shear: Vec<R>,
+    frame_shear: Vec<R>,
+    overturning: Vec<R>,
+    residual_drift: Vec<R>,
+    storey_energy: Vec<R>,
     force: Extent<R>,
     stroke: Vec<R>,
     rate: Reversal<R>,
@@ -256,6 +266,11 @@ impl<R: Lanes> Reductions<R> {
             acceleration: Extent::new(floors),
             drift: Extent::new(storeys),
             base_shear: Extent::new(1),
+            storey_shear: vec![zero; storeys],
+            frame_shear: vec![zero; storeys],
+            overturning: vec![zero; storeys],
+            residual_drift: vec![zero; storeys],
+            storey_energy: vec![zero; storeys],
             force: Extent::new(devices),
             stroke: vec![zero; devices],
             rate: Reversal::new(devices),
@@ -331,14 +346,30 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
                 into.acceleration.take(floor, absolute);
             }
         }
-        for storey in 0..building.n_storeys() {
-            into.drift.take(storey, building.storeys.dot(storey, displacement));
-        }
         let mut shear = *self.ground_acceleration * R::splat(building.total_mass);
         for (&mass, &acceleration) in building.pushed_mass.iter().zip(acceleration) {
             shear = acceleration.mul_add(R::splat(mass), shear);
         }
         into.base_shear.take(0, shear);
+        let Shears { mass, pushed, elements, springs, heights, .. } = &building.shears;
+        let (mut shear, mut moment) = (R::splat(0.0), R::splat(0.0));
+        for storey in (0..building.n_storeys()).rev() {
+            let drift = building.storeys.dot(storey, displacement);
+            into.drift.take(storey, drift);
+            let inertia = self.ground_acceleration.mul_add(R::splat(pushed[storey]), shear);
+            shear = mass.add_dot(storey, acceleration, inertia);
+            into.storey_shear[storey] = into.storey_shear[storey].max(shear.abs());
+            if building.shears.has_heights {
+                moment = shear.mul_add(R::splat(heights[storey]), moment);
+                into.overturning[storey] = into.overturning[storey].max(moment.abs());
+            }
+            // Without elements it is in proportion to the drift, and left out here.
+            if !motion.element_force.is_empty() {
+                let carried =
+                    elements.add_dot(storey, motion.element_force, drift * R::splat(springs[storey]));
+                into.frame_shear[storey] = into.frame_shear[storey].max(carried.abs());
+            }
+        }
         for device in 0..force.len() {
             into.force.take(device, force[device]);
             into.stroke[device] = into.stroke[device].max(building.devices.dot(device, displacement).abs());
@@ -396,6 +427,15 @@ impl<R: Lanes> OutOfLine for BalanceEnergies<'_, '_, R> {
             kinetic = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], kinetic);
             let force = springs.sprung(coordinate, displacement);
             strain = force.mul_add(displacement[coordinate], strain);
+        }
+        for storey in 0..building.n_storeys() {
+            into.residual_drift[storey] = building.storeys.dot(storey, displacement);
+            let mut dissipated = R::splat(0.0);
+            for &(element, share) in building.shears.yielding.row(storey) {
+                let lost = into.energies.elements[element] - self.plant.held_by(element);
+                dissipated = lost.mul_add(R::splat(share), dissipated);
+            }
+            into.storey_energy[storey] = dissipated;
         }
         into.kinetic = kinetic * R::splat(0.5);
         into.strain = strain * R::splat(0.5);

@@ -43,6 +43,14 @@ impl<'a, R: Lanes> Elements<'a, R> {
         }
     }
 
+    /// Energy that a loop gives back when it unloads, `f_y w^2 / (2 rho)` [J].
+    #[inline(always)]
+    pub(super) fn held_by(&self, element: usize) -> R {
+        let Element { yield_force, slope, .. } = self.building.element_parameters[element];
+        let w = self.loops[element].now;
+        w * w * R::splat(0.5 * yield_force / slope)
+    }
+
     /// Evaluates forces and rates of the loops at a stage with these velocities of the coordinates.
     pub(super) fn evaluate(&mut self, velocity: &[R]) {
         if !self.force.is_empty() {

@@ -89,6 +89,12 @@ impl<'a, R: Lanes> Plant<'a, R> {
         }
     }
 
+    /// Energy that the loop of an element holds [J]; none where elements are left to the matrices.
+    #[inline(always)]
+    pub(crate) fn held_by(&self, element: usize) -> R {
+        self.elements.as_ref().map_or(R::splat(0.0), |elements| elements.held_by(element))
+    }
+
     pub(crate) fn building(&self) -> &'a Building {
         self.building
     }

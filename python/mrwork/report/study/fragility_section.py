@@ -8,6 +8,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.table import Table
 from mrwork.drawing import style
 from mrwork.drawing.canvas import column_axes, finish, grid_of_axes, legend
+from mrwork.drawing.of_fits import with_unit
 from mrwork.drawing.of_studies import add_fragility, add_ida, response_unit, short, strokes
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
@@ -26,7 +27,7 @@ def ida_figure(found: Fragilities) -> Figure:
     for number, (axes, one) in enumerate(zip(panels, rows, strict=True)):
         add_ida(axes, found, one, of_row[number])
         axes.set_title(short(one.label, 26), loc="left")
-        axes.set_xlabel(f"{found.title[:1].upper()}{found.title[1:]} ({unit.symbol})")
+        axes.set_xlabel(with_unit(f"{found.title[:1].upper()}{found.title[1:]}", unit.symbol))
         axes.set_ylabel(f"{one.measure} (g)")
     return figure
 

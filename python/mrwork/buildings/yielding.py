@@ -1,0 +1,314 @@
+"""Frames that yield: storeys as bilinear loops, weights on displaced storeys (P-delta), and the push that shows both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from mrwork.base.arguments import Positive, checked
+from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building, PassiveElement, source_with
+from mrwork.buildings.modes import is_positive, modes_of
+from mrwork.errors import SettingError
+
+
+@checked
+def with_storeys_that_yield(
+    building: Building,
+    *,
+    yield_drift: Positive | Sequence[Positive] | None = None,
+    yield_shear: Positive | Sequence[Positive] | None = None,
+    post_yield_ratio: float | Sequence[float] = 0.03,
+    sharpness: float | Sequence[float] = 10.0,
+) -> Building:
+    """Return the building with storeys that yield: loops in the place of the stiffness of its storeys.
+
+    A storey of stiffness k that yields at the drift d_y has the shear `r k d + (1 - r) k d_y w` with the loop w of
+    `PassiveElement`, bilinear but for the rounded knee, without degradation of strength or stiffness. The stiffness
+    matrix stays that of the elastic frame, of which periods, Rayleigh damping, regulators and observers are.
+
+    Parameters
+    ----------
+    yield_drift, yield_shear
+        Drift [m] or shear [N] at which the storeys yield, one or the other: one number for all, or one for each, lowest
+        first.
+    post_yield_ratio
+        r, stiffness after yielding over that before, from 0 to below 1.
+    sharpness
+        Of the knee, see `PassiveElement`.
+
+    Raises
+    ------
+    SettingError
+        If both or neither of drift and shear are given, or the building is no chain of floors on springs.
+    """
+    stiffnesses = building.storey_stiffnesses
+    if not stiffnesses.size:
+        raise SettingError(
+            f"{building.name} is no chain of floors, each on the spring of its storey, so that its matrices do not say "
+            "what a storey carries; give masses and stiffnesses, or the elements themselves, as [[building.element]]"
+        )
+    if (yield_drift is None) is (yield_shear is None):
+        raise SettingError("give either yield_drift or yield_shear, which follow from each other")
+    count = len(stiffnesses)
+    drifts = (
+        _of_each("yield_shear", yield_shear, count) / stiffnesses
+        if yield_drift is None
+        else _of_each("yield_drift", yield_drift, count)
+    )
+    ratios, knees = (
+        _of_each("post_yield_ratio", post_yield_ratio, count),
+        _of_each("sharpness", sharpness, count),
+    )
+    if not ((ratios >= 0.0) & (ratios < 1.0)).all():
+        raise SettingError(f"post_yield_ratio is {ratios.tolist()}; give numbers from 0 to below 1")
+    loops = tuple(
+        PassiveElement(
+            name=f"{building.storey_names[storey]}, which yields",
+            row=building.storeys[storey],
+            stiffness=float(ratios[storey] * stiffnesses[storey]),
+            yield_force=float((1.0 - ratios[storey]) * stiffnesses[storey] * drifts[storey]),
+            yield_displacement=float(drifts[storey]),
+            sharpness=float(knees[storey]),
+            in_stiffness=True,
+        )
+        for storey in range(count)
+    )
+    words = ", ".join(dict.fromkeys(f"{1e3 * each:.4g}" for each in drifts))
+    return replace(
+        building,
+        elements=(*building.elements, *loops),
+        source=source_with(building, f"storeys yield at drifts of {words} mm"),
+        status="ours",
+    )
+
+
+def _of_each(name: str, given: float | Sequence[float] | None, count: int) -> Floats:
+    numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if numbers.shape not in ((1,), (count,)):
+        raise SettingError(
+            f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one for "
+            "each"
+        )
+    return np.broadcast_to(numbers, count).copy()
+
+
+@checked
+def with_p_delta(building: Building) -> Building:
+    """Return the building with the second-order forces of its weight: P / h less stiffness in each storey.
+
+    P is the weight of all masses above a storey, h its height (Chopra, Dynamics of Structures, 2.1; as linear geometric
+    stiffness). The matrices stay without them, as does the design of laws. A row without height, as that of isolators,
+    has none; weights without mass, as on columns that lean on the frame, are given as `loads` of `Building`.
+
+    Raises
+    ------
+    SettingError
+        If heights are not known, the floors are no chain, or the elastic frame would fall under its weight.
+    """
+    if not building.heights.size:
+        raise SettingError(
+            f"{building.name}: P-delta stands on heights; give height or heights in [building]"
+        )
+    if not building.unit_drifts.any():
+        raise SettingError(
+            f"{building.name} is no chain of floors, so that the weight on a storey cannot be told from its masses; "
+            "give the weights, as loads"
+        )
+    above = STANDARD_GRAVITY * building.unit_drifts @ building.mass @ building.influence
+    heavy = replace(
+        building,
+        loads=np.where(building.heights > 0.0, above, 0.0),
+        source=source_with(building, "P-delta of its weight"),
+    )
+    if not is_positive(replace(heavy, elements=()).site_stiffness, 0.0):
+        worst = int(np.argmax(above / np.where(heavy.heights > 0.0, heavy.heights, np.inf)))
+        raise SettingError(
+            f"{building.name} falls under its weight: in {building.storey_names[worst]} P / h is "
+            f"{above[worst] / heavy.heights[worst]:.4g} N/m; check masses in kg, stiffnesses in N/m and heights in m"
+        )
+    return heavy
+
+
+LoadPattern = Literal["first mode", "uniform", "triangular"]
+
+
+@array_dataclass(repr=False)
+class Pushover(Summarised):
+    """A frame that is pushed sideways by forces on its floors in a fixed pattern, which grow without dynamics.
+
+    Parameters
+    ----------
+    roof, base_shear
+        Displacement of the highest floor [m] and sum of the forces [N], shape (n,), from rest.
+    drifts, shears
+        Drift [m] and shear of springs and elements [N] of each storey, shape (n, n_storeys).
+    weight
+        Of the building [N].
+    """
+
+    _made_by = "mr.buildings.pushover(building)"
+
+    name: str
+    pattern: str
+    roof: Floats
+    base_shear: Floats
+    drifts: Floats
+    shears: Floats
+    weight: float
+    height: float
+
+    def _summary(self) -> Summary:
+        rows = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:]
+        peak = int(np.argmax(self.base_shear))
+        facts = [
+            (
+                "largest base shear",
+                f"{format_rounded(self.base_shear[peak] / 1e3)} kN at {_mm(self.roof[peak])} mm",
+            ),
+            ("over weight", significant(self.base_shear[peak] / self.weight, 3)),
+            (
+                "stiffness at the roof",
+                f"{format_rounded(float(self.base_shear[1] / self.roof[1]))} N/m at first, "
+                f"{format_rounded(float(np.diff(self.base_shear[-2:])[0] / np.diff(self.roof[-2:])[0]))} N/m at last",
+            ),
+        ]
+        tall = self.height > 0.0
+        return Summary(
+            title=f"Pushover of {self.name}, forces as {self.pattern}",
+            facts=tuple(facts),
+            columns=(
+                "roof [mm]",
+                *(("over height [%]",) if tall else ()),
+                "base shear [kN]",
+                "largest drift [mm]",
+                "in storey",
+            ),
+            rows=[
+                (
+                    _mm(self.roof[row]),
+                    *((significant(100.0 * self.roof[row] / self.height, 3),) if tall else ()),
+                    significant(self.base_shear[row] / 1e3, 4),
+                    _mm(self.drifts[row].max()),
+                    str(int(self.drifts[row].argmax()) + 1),
+                )
+                for row in rows
+            ],
+        )
+
+
+def _mm(length: float) -> str:
+    return significant(1e3 * length, 4)
+
+
+@checked
+def pushover(
+    building: Building,
+    *,
+    pattern: LoadPattern = "first mode",
+    roof: Positive | None = None,
+    steps: int = 1000,
+) -> Pushover:
+    """Push a frame sideways until its highest floor is displaced by `roof` [m], and return forces and drifts.
+
+    The forces on the floors are mass times the first mode, mass ("uniform"), or mass times height ("triangular", by the
+    number of the floor where heights are not known). The loops of elements follow the push, weights act where the
+    building has P-delta; dampers and damping take no part. By default the roof goes to 4 % of the height of the
+    building, or where heights are not known to eight times the displacement at which the first storey yields.
+
+    Raises
+    ------
+    SettingError
+        If the floors are no chain, or neither heights, yielding storeys nor `roof` say how far to push.
+    """
+    drifts, floors = building.drifts, building.floors
+    if not building.unit_drifts.any():
+        raise SettingError(f"{building.name} is no chain of floors; a pushover is of one")
+    if not 2 <= steps <= _MOST_STEPS:
+        raise SettingError(f"`steps` is {steps}; give 2 to {_MOST_STEPS:,}")
+    units = building.unit_drifts[: len(drifts)]
+    heights = building.drift_heights
+    levels = np.cumsum(heights) if heights.size else np.arange(1.0, len(floors) + 1.0)
+    shape = building.influence.copy()
+    if pattern == "first mode":
+        shape = modes_of(building.mass, building.stiffness, 1)[1][:, 0]
+        shape = shape * np.sign(floors[-1] @ shape)
+    elif pattern == "triangular":
+        shape = np.linalg.lstsq(floors, levels, rcond=None)[0]
+    force = building.mass @ shape
+    force = force / float(units[0] @ force)
+    goal = roof if roof is not None else _far(building, force, float(levels[-1]) if heights.size else 0.0)
+    rows = np.array([each.row for each in building.elements]).reshape(
+        len(building.elements), building.n_coordinates
+    )
+    loops = np.array([each.numbers[3:6] for each in building.elements]).reshape(-1, 3)
+    stiffness, top = building.site_stiffness, floors[-1]
+    q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0
+    signs, geometric = (
+        np.ones(len(rows)),
+        replace(building, elements=()).stiffness - replace(building, elements=()).site_stiffness,
+    )
+    path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
+
+    def slopes(w: Floats, signs: Floats) -> Floats:
+        return loops[:, 1] * (1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2])
+
+    for _ in range(steps):
+        # A loop that turns back within a step unloads with its initial stiffness.
+        for _ in range(_TURNS):
+            middle = w
+            for _ in range(2):
+                slope = slopes(middle, signs)
+                tangent = stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows
+                unit = np.linalg.solve(tangent, force)
+                moved = unit * (goal / steps / float(top @ unit))
+                middle = w + 0.5 * slope * (rows @ moved)
+            turned = np.sign(rows @ moved)
+            if (turned == signs).all():
+                break
+            signs = turned
+        q, w = q + moved, np.clip(w + slope * (rows @ moved), -1.0, 1.0)
+        load += goal / steps / float(top @ unit)
+        drift = drifts @ q
+        # The frame carries what the weight on it adds.
+        shear = units @ (stiffness @ q + rows.T @ (loops[:, 0] * w) + geometric @ q)
+        path.append((float(top @ q), load, drift, shear))
+    columns: list[Any] = [np.array(column) for column in zip(*path, strict=True)]
+    return Pushover(
+        name=building.name,
+        pattern=pattern,
+        roof=columns[0],
+        base_shear=columns[1],
+        drifts=columns[2],
+        shears=columns[3],
+        weight=building.total_mass * STANDARD_GRAVITY,
+        height=float(heights.sum()),
+    )
+
+
+def _far(building: Building, force: Floats, height: float) -> float:
+    """Displacement of the roof that a push goes to [m], where none is asked for."""
+    if height > 0.0:
+        return _FAR * height
+    yields = building.yield_drifts[: len(building.drifts)]
+    if not yields.any():
+        raise SettingError(
+            f"{building.name} has no heights and no storeys that yield, which would say how far to push; give `roof`"
+        )
+    elastic = np.linalg.solve(building.stiffness, force)
+    drifts = np.abs(building.drifts @ elastic)
+    first = float(np.min(np.divide(yields, drifts, out=np.full(len(yields), np.inf), where=yields > 0.0)))
+    return _DUCTILE * first * float(abs(building.floors[-1] @ elastic))
+
+
+_FAR: Final = 0.04
+_DUCTILE: Final = 8.0
+_SHOWN: Final = 13
+_TURNS: Final = 4
+_MOST_STEPS: Final = 100_000
