@@ -302,20 +302,14 @@ class Fragilities(WithAxes, Summarised):
     def _summary(self, against: str | None = None) -> Summary:
         first = next(iter(self.rows.values()))
         return Summary(
-            title=f"Fragility over {counted(len(first.crossings), 'record')}, where {self.limit_in_words}",
-            columns=(
-                "",
-                f"median {first.measure} [g]",
-                f"{100.0 * self.level:.0f} % band [g]",
-                "dispersion",
-                "records that reach it",
-            ),
+            title=f"{first.measure} at which {self.limit_in_words}, over {counted(len(first.crossings), 'record')}",
+            columns=("", "median [g]", f"{100.0 * self.level:.0f} % band [g]", "dispersion", "reached by"),
             rows=[
                 (
                     label,
                     each.median_in_words.removesuffix(" g"),
                     " to ".join(map(_in_g, each.band)),
-                    significant(each.dispersion, 2),
+                    significant(each.dispersion or None, 2),
                     each.reaching,
                 )
                 for label, each in self.rows.items()
