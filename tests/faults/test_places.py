@@ -22,9 +22,10 @@ FILES = {
     "export": "export run --to csv --replace --output",
     "models": "models bingham --figure",
     "check": "check one.csv --table",
+    "fragility": "fragility out --replace --output",
     "init study": "init study",
 }
-SUFFIX = {"models": ".svg", "init study": ".toml"}
+SUFFIX = {"models": ".svg", "init study": ".toml", "fragility": ".csv"}
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def folder(tmp_path: Path) -> Path:
     odd = tmp_path / "odd"
     odd.mkdir()
     for kind in SPECIAL[:3]:
-        for suffix in ("", ".svg", ".toml"):
+        for suffix in ("", ".svg", ".toml", ".csv"):
             try:
                 make_special(odd / f"{kind}{suffix}", kind)
             except OSError:

@@ -74,9 +74,7 @@ def run(options: argparse.Namespace) -> int:
     limit = None if options.limit is None else _limit(options.limit)
     table: Path | None = options.output
     figures = ("ida", "fragility") if table is not None else ()
-    files = (
-        [] if table is None else [table, *(table.with_name(f"{table.stem}-{each}.svg") for each in figures)]
-    )
+    files = [] if table is None else [table, *(table.parent / f"{table.stem}-{each}.svg" for each in figures)]
     for place in files:
         check_output(place, replace=options.replace, otherwise="give --replace")
     # SciPy and the readers of runs are slow to load.
