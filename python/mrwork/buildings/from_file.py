@@ -356,6 +356,12 @@ class BuildingTable:
         default=None,
         least=0.0,
     )
+    drift_limit: float | None = key(
+        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities",
+        default=None,
+        above=0.0,
+        below=1.0,
+    )
     p_delta: bool = key(
         "whether weights act on the displaced storeys, each that of the masses above it; needs heights",
         default=False,
@@ -516,14 +522,14 @@ def _with_heights(building: Building, table: BuildingTable) -> Building:
     if table.height is not None and table.heights is not None:
         table.place.within("height").refuse("height and heights both give the heights; keep one")
     given = (table.height,) * count if table.height is not None else table.heights
-    if given is None:
-        return building
-    if len(given) != count:
+    if given is not None and len(given) != count:
         table.place.within("heights").refuse(
             f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
             "height for all"
         )
-    return replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
+    if given is not None:
+        building = replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
+    return building if table.drift_limit is None else replace(building, drift_limit=table.drift_limit)
 
 
 def _with_loads(building: Building, table: BuildingTable) -> Building:
