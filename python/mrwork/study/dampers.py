@@ -19,6 +19,7 @@ from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
+from mrwork.buildings.from_file import refuse_without_masses
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
@@ -291,6 +292,9 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and its devices; their dampers are asked for after their storeys."""
+    for table in tables:
+        if table.row is None:
+            refuse_without_masses(bare, table.place)
     parts = [table.place.attempt(_row_of, bare, table) for table in tables]
     chosen = choose()
     building, rows = bare, [each() for each in parts]
