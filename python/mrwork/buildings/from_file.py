@@ -483,7 +483,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             f"a building is given by published, file, system, mass and stiffness, or masses; here by {given_forms}"
         )
     form = forms[0]
-    foreign = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
+    foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
     foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
     for name in foreign:
         if name in given:

@@ -251,8 +251,8 @@ def building_of(
     The coordinates have the order of the displacements among the states. A contains M only in products with M^-1.
     Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of M^-1 K with unit length; it makes K symmetric,
     and is the unit matrix if M^-1 K is symmetric already. The response to a ground acceleration does not depend on this
-    choice. The effect of a force does: its row is `-(M b)'`, where b is the lower half of its column of B. The status of
-    the building then says that its masses are not known.
+    choice. The effect of a force does: its row is `-(M b)'`, where b is the lower half of its column of B. The building
+    then has the status that its masses are not known.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def mass_of_forces(system: LinearSystem, columns: Sequence[int], rows: Floats, n
     order, n = order_of_states(system.A, name), system.n_states // 2
     modes = _real_modes(-system.A[np.ix_(order[n:], order[:n])], name)
     inverse = np.linalg.inv(modes)
-    moved, stretched = inverse @ system.B[np.ix_(order[n:], columns)], modes.T @ rows.T
+    moved, stretched = inverse @ system.B[order[n:]][:, list(columns)], modes.T @ rows.T
     # Shapes of unit length: what moves is in 1/kg.
     still = np.flatnonzero(
         np.abs(moved).max(axis=1, initial=0.0) <= _ROUNDING * np.abs(moved).max(initial=0.0)

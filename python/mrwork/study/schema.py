@@ -542,7 +542,9 @@ class StudyTable:
         "folder that names of files are relative to, by default that of the study file", default=""
     )
     building: BuildingTable = key("the building")
-    damper: tuple[DamperTable, ...] = key("dampers, all of one model", default=())
+    damper: tuple[DamperTable, ...] = key(
+        "dampers, all of one model, each with parameters, laws and a largest command of its own", default=()
+    )
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")

@@ -439,8 +439,9 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 
 def constant_command(devices: Sequence[Device], *commands: float) -> ControlLaw:
-    """The law with a constant command, with one candidate for each of several."""
-    return ControlLaw(name="passive", gains={"command": np.outer(commands, np.ones(len(devices)))})
+    """The law with a constant command, one candidate for each of several; a device gets no more than its largest."""
+    largest = [device.largest_command for device in devices]
+    return ControlLaw(name="passive", gains={"command": np.minimum(np.array(commands)[:, None], largest)})
 
 
 def make_arrangement(

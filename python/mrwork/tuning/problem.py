@@ -12,6 +12,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
@@ -286,7 +287,7 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
     study = bench.study
-    largest = min(device.largest_command for device in study.devices)
+    largest = largest_command(study.devices)
     on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
     bench.clock.candidates -= 1
     constant = None

@@ -17,7 +17,7 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.keys import DeclaredTable, plain_values, refuse_repeated
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device, elongation_rows
@@ -109,6 +109,22 @@ class DesignProblem(Summarised):
             velocity=self.velocity,
         )
         return counterpart.spec, np.array(counterpart.theta)
+
+    def unlike_first(self, *, groups: bool = False) -> tuple[str, ...]:
+        """A sentence where dampers differ from the first, whose force a law knows; as `groups` also in their number."""
+        first = self.devices[0]
+
+        def same(device: Device) -> bool:
+            alike = device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
+            number = (device.count, device.differential) == (first.count, first.differential)
+            return alike and (number or not groups)
+
+        others = [device.name for device in self.devices if not same(device)]
+        if not others:
+            return ()
+        return (
+            f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too.",
+        )
 
     @property
     def plant(self) -> Plant:

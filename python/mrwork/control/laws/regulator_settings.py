@@ -305,6 +305,10 @@ class NetworkSettings(RegulatorSettings):
         tables = {"layer": layer.ravel(), "output": np.array([network.b2 * size]), "reach": reach}
         return Design(gains={"gain": gain}, tables=tables)
 
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """Sentences on the gain, and on dampers for which the network was not trained."""
+        return (*RegulatorSettings.notes(self, problem, design), *problem.unlike_first(groups=True))
+
 
 _SIGNALS, _MOST_POWERS = 4, 9
 _ACCELERATIONS: frozenset[SignalSource] = frozenset(
