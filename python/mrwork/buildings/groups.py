@@ -11,7 +11,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.parameters import LawName, common_law, law_named, polynomial_laws
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import SettingError
 
 
@@ -43,7 +43,7 @@ def with_common_laws(devices: Sequence[Device]) -> tuple[Device, ...]:
                 f"{device.name} follows {_driver_of(device.spec)} and {first.name} {driver}, and one law commands all "
                 "dampers; give all a driver of one kind, and what is passive to the building"
             )
-    given = [device.spec.by_parameter(device.draws) for device in devices]
+    given = [by_parameter(device.spec, device.draws) for device in devices]
     laws: dict[str, LawName] = {}
     theta: list[list[Floats]] = [[] for _ in devices]
     for number, parameter in enumerate(plain.parameters):

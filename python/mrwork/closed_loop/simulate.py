@@ -37,7 +37,7 @@ from mrwork.control.linear.lqr import Observer, observer_of
 from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.simulation import core_refusals
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.store.codec import digest_of, plain
@@ -96,7 +96,7 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     assert spec.current is not None
     stretched = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
-        *given, rest = spec.by_parameter(theta[:, device])
+        *given, rest = by_parameter(spec, theta[:, device])
         rescaled = (
             law_named(law).rescale_command(
                 each, float(factors[candidate, device]), log=parameter.scale == "log"

@@ -258,13 +258,6 @@ class DamperSpec(Summarised, Related):
         """Whether any parameter depends on the command; a damper without such a parameter is passive."""
         return bool(self.following)
 
-    def by_parameter(self, theta: Floats) -> list[Floats]:
-        """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rate."""
-        counts = [1] * len(self.plain)
-        if self.current is not None:
-            counts = [law_named(law).n_coefficients for law in self.current.laws]
-        return np.split(theta, np.cumsum(counts), axis=-1)
-
     @checked
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
@@ -516,6 +509,12 @@ def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floa
             for parameter, value, follows in _all_values(spec, given, at)
         ]
     )
+
+
+def by_parameter(spec: DamperSpec, theta: Floats) -> list[Floats]:
+    """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rate."""
+    laws = spec.current.laws if spec.current else polynomial_laws()[:1] * len(spec.plain)
+    return np.split(theta, np.cumsum([law_named(law).n_coefficients for law in laws]), axis=-1)
 
 
 def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:

@@ -303,8 +303,8 @@ def describe(candidate: LawCandidate) -> Mapping[str, object]:
     return {**candidate.settings, "largest_command": candidate.largest_command, **candidate.shaping}
 
 
-# That of a study, whatever a table minimises, so that all laws are compared by one number.
-_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+"""That of a study, whatever a table minimises, so that all laws are compared by one number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -481,7 +481,7 @@ def _judge(
 
 def _ratios(runs: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": _SCORE.run_scores(runs, passive)}
+    ratios = {"score": STUDY_SCORE.run_scores(runs, passive)}
     return ratios | {
         entry.name: ratio_to_baseline(runs.numbers[entry.name], passive.numbers[entry.name])
         for entry in criteria()

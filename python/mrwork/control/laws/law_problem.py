@@ -110,22 +110,6 @@ class DesignProblem(Summarised):
         )
         return counterpart.spec, np.array(counterpart.theta)
 
-    def unlike_first(self, *, groups: bool = False) -> tuple[str, ...]:
-        """A sentence where dampers differ from the first, whose force a law knows; as `groups` also in their number."""
-        first = self.devices[0]
-
-        def same(device: Device) -> bool:
-            alike = device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
-            number = (device.count, device.differential) == (first.count, first.differential)
-            return alike and (number or not groups)
-
-        others = [device.name for device in self.devices if not same(device)]
-        if not others:
-            return ()
-        return (
-            f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too.",
-        )
-
     @property
     def plant(self) -> Plant:
         """The linear system of the building with its devices."""
@@ -184,6 +168,21 @@ class DesignProblem(Summarised):
     def each(self, number: float) -> Floats:
         """An array with the same number for every device."""
         return np.full(len(self.devices), number)
+
+
+def unlike_first(problem: DesignProblem, *, groups: bool = False) -> tuple[str, ...]:
+    """A sentence where dampers differ from the first, whose force a law knows; as `groups` also in their number."""
+    first = problem.devices[0]
+
+    def same(device: Device) -> bool:
+        alike = device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
+        return alike and (
+            not groups or (device.count, device.differential) == (first.count, first.differential)
+        )
+
+    others = [device.name for device in problem.devices if not same(device)]
+    said = f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too."
+    return (said,) if others else ()
 
 
 @array_dataclass(repr=False)

@@ -17,7 +17,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, LoopModel, control_law
 from mrwork.control.laws.fuzzy import FuzzySettings
-from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span, unlike_first
 from mrwork.control.laws.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.laws.regulator_settings import (
     ClippedSettings,
@@ -222,7 +222,7 @@ def design_law(
         model=_model_of(spec, problem),
         notes=(
             *settings.notes(problem, design),
-            *(problem.unlike_first() if spec.needs_curve else ()),
+            *(unlike_first(problem) if spec.needs_curve else ()),
             *(() if margins is None else (margins.in_words,)),
         ),
         weights=settings.weights(problem),

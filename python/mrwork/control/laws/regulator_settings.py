@@ -22,6 +22,7 @@ from mrwork.control.laws.law_problem import (
     LawSettings,
     Magnitude,
     Span,
+    unlike_first,
 )
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
@@ -307,7 +308,7 @@ class NetworkSettings(RegulatorSettings):
 
     def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
         """Sentences on the gain, and on dampers for which the network was not trained."""
-        return (*RegulatorSettings.notes(self, problem, design), *problem.unlike_first(groups=True))
+        return (*RegulatorSettings.notes(self, problem, design), *unlike_first(problem, groups=True))
 
 
 _SIGNALS, _MOST_POWERS = 4, 9
