@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Final
 
 import numpy as np
@@ -82,11 +82,13 @@ def compare_places(
         one = nominal(devices)
         return simulate_criteria(arrangement, law, motions, hardware, one, bare=bare, threads=threads)
 
-    def scores(arrangement: Arrangement, commands: Floats, motions: Sequence[GroundMotion]) -> Floats:
-        without = run(study.arrangements[0], np.zeros(1), motions)
-        return np.asarray(
-            STUDY_SCORE.run_scores(run(arrangement, commands, motions), without).mean(axis=(1, 2))
-        )
+    @cache
+    def without_dampers(*, test: bool) -> LabelledRuns:
+        return run(study.arrangements[0], np.zeros(1), testing if test else study.chosen_on)
+
+    def scores(arrangement: Arrangement, commands: Floats, *, test: bool) -> Floats:
+        runs = run(arrangement, commands, testing if test else study.chosen_on)
+        return np.asarray(STUDY_SCORE.run_scores(runs, without_dampers(test=test)).mean(axis=(1, 2)))
 
     def arranged(placed: Placed) -> Arrangement:
         tables = placed_tables(first, placed)
@@ -103,7 +105,7 @@ def compare_places(
     def best_of(placed: Placed) -> Placement:
         arrangement = arranged(placed)
         commands = np.linspace(0.0, largest_command(arrangement.devices), LEVELS)
-        of_commands = scores(arrangement, commands, study.chosen_on)
+        of_commands = scores(arrangement, commands, test=False)
         best = int(np.argmin(np.where(np.isnan(of_commands), np.inf, of_commands)))
         return Placement(
             storeys=dict(placed),
@@ -114,7 +116,7 @@ def compare_places(
 
     def judged(one: Placement) -> Placement:
         command = np.array([one.command])
-        return replace(one, test=float(scores(arranged(one.storeys), command, testing)[0]))
+        return replace(one, test=float(scores(arranged(one.storeys), command, test=True)[0]))
 
     ranked: list[Placement] = []
     for placed in placements if given in placements else [*placements, given]:
@@ -130,7 +132,8 @@ def compare_places(
                 seconds=time.perf_counter() - began,
             )
         )
-    ranked.sort(key=lambda each: (math.isnan(each.train), each.train))
+    # That of the study comes last where it is not one that may be chosen.
+    ranked.sort(key=lambda each: (each.storeys not in placements, math.isnan(each.train), each.train))
     for number, each in enumerate(ranked if testing else ()):
         if number < _JUDGED or each.given:
             inputs = digest_of(list(each.storeys.items()), each.command)
