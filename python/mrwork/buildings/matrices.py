@@ -112,7 +112,7 @@ class Building(Summarised):
     floor_names, storey_names
         Their names in reports.
     source, status
-        Origin of the numbers; the status is "verified", "published" or "ours".
+        Origin of the numbers; the status is "verified", "published", "ours" or "masses not known".
     n_strokes
         Number of last rows of `storeys` that are strokes of additions (a tuned mass, a damper behind its brace).
         They are not drifts and do not count in drift criteria.
@@ -470,7 +470,9 @@ def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
 
 
 _ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
-STATUSES: Final = ("verified", "published", "ours")
+WITHOUT_MASSES: Final = "masses not known"
+"""Status of a building of a state space without M: what a force does to it is not known."""
+STATUSES: Final = ("verified", "published", "ours", WITHOUT_MASSES)
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
 # First periods of frames [s]: the shortest for each storey, and the longest by number of storeys, with room for models

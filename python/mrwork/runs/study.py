@@ -121,6 +121,7 @@ def study_of(
     hardware: Hardware | Table | None = None,
     uncertainty: UncertaintyTable | Table | None = None,
     tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
+    places: Table | None = None,
     report: Table | None = None,
     clairvoyant: Table | None = None,
     target: Table | None = None,
@@ -153,7 +154,7 @@ def study_of(
         for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
-    hardware, uncertainty, tune, report, clairvoyant, target
+    hardware, uncertainty, tune, places, report, clairvoyant, target
         Their tables, or a `Hardware`, and one or several `TuneTable`.
     references
         What laws are compared with besides i = 0: ``"best_passive"`` or ``"none"``.
@@ -208,6 +209,7 @@ def study_of(
         "report": report,
         "uncertainty": uncertainty,
         "tune": tables,
+        "places": places,
         "clairvoyant": clairvoyant,
         "target": target,
     }
