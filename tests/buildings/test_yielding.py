@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_a_frame_that_yields_moves_as_in_plain_steps() -> None:
         return np.concatenate([v, -resisting / MASSES - pushed, turning])
 
     step, state, drifts = float(history.time[1]), np.zeros(6), [np.zeros(2)]
-    for start, end in zip(ground[:-1], ground[1:], strict=True):
+    for start, end in pairwise(ground):
         middle = 0.5 * (start + end)
         first = slopes(state, start)
         second = slopes(state + 0.5 * step * first, middle)

@@ -98,8 +98,8 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
         columns=("", *(STOREY_QUANTITIES[number].heading for number in known)),
         rows=tuple(lines),
         headings=headings,
-        note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and damping "
-        "carry; frame: its springs and elements alone, on which yield stands.",
+        note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and "
+        "damping carry; frame: its springs and elements alone, on which yield stands.",
     )
 
 
