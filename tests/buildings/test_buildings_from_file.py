@@ -9,6 +9,7 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.io import savemat
 from sentences import Refused
 
@@ -34,6 +35,7 @@ from mrwork.buildings import (
     with_yielding_damper,
 )
 from mrwork.buildings.from_file import Addition, BuildingTable
+from mrwork.errors import MrworkWarning
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """
@@ -326,3 +328,81 @@ def test_heights_are_those_of_storeys_and_of_no_addition(refused: Refused) -> No
         "heights = [0.0, 0.0]",
     ):
         refused(stated, SHEAR + wrong)
+
+
+FRAME = building("uts")
+A, B, E = FRAME.state_matrices()
+ORDERS = {
+    "displacements first": np.arange(10),
+    "velocities first": np.roll(np.arange(10), 5),
+    "by floors": np.arange(10).reshape(2, 5).T.ravel(),
+    "any": np.random.default_rng(0).permutation(10),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+def test_a_state_space_is_the_building_that_it_was_made_of_whatever_the_order_of_its_states(
+    order: NDArray[np.intp], tmp_path: Path
+) -> None:
+    coordinates = order[order < 5]
+    mass = FRAME.mass[np.ix_(coordinates, coordinates)]
+    space = {"A": A[np.ix_(order, order)], "B": np.column_stack([E, B[:, 2]])[order]}
+    floors, storeys = (np.array(rows)[:, coordinates].tolist() for rows in (FRAME.floors, FRAME.storeys))
+    rows = f"floors = {floors}\nstoreys = {storeys}\n"
+    savemat(tmp_path / "with_mass.mat", {**space, "M": mass})
+    savemat(tmp_path / "by_forces.mat", space)
+    # A force that pushes in place of one that resists.
+    savemat(tmp_path / "pushed.mat", {**space, "B": space["B"] * [1.0, -1.0]})
+    inputs = 'inputs = ["ground", "storey 3"]'
+    for text in ('"with_mass.mat"', f'"by_forces.mat"\n{inputs}', f'"pushed.mat"\n{inputs}'):
+        again = stated(f"{rows}system = {text}", tmp_path)
+        np.testing.assert_allclose(again.frequencies, FRAME.frequencies, rtol=1e-9)
+        np.testing.assert_allclose(again.damping_ratios, FRAME.damping_ratios, rtol=1e-9)
+        np.testing.assert_allclose(again.mass, mass, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(again.influence, FRAME.influence, rtol=1e-12)
+        np.testing.assert_array_equal(again.storeys, storeys)
+
+
+def test_a_state_space_without_masses_moves_right_and_takes_no_forces(
+    tmp_path: Path, refused: Refused
+) -> None:
+    savemat(tmp_path / "a.mat", {"A": A})
+    with pytest.warns(MrworkWarning, match="there is no M"):
+        known = stated('system = "a.mat"\n[rayleigh]\na0 = 0.1\na1 = 0.0', tmp_path)
+    np.testing.assert_allclose(known.frequencies, FRAME.frequencies, rtol=1e-9)
+    with pytest.warns(MrworkWarning, match="there is no M"):
+        refused(stated, 'system = "a.mat"\n[[viscous]]\nstorey = 1\ndamping = 1.0', tmp_path)
+
+
+def test_a_state_space_that_is_no_building_is_refused_with_what_is_missing(
+    tmp_path: Path, refused: Refused
+) -> None:
+    blind = B[:, 2].copy()
+    # A force that moves only the first mode.
+    blind[5:] = np.linalg.eig(-A[5:, :5])[1][:, 0]
+    scaled = np.diag([1.0] * 5 + [1e3] * 5)
+    spaces = {
+        "M": {"M": FRAME.mass, "B": E},
+        "millimetres": {"A": scaled @ A @ np.linalg.inv(scaled), "M": FRAME.mass},
+        "one_state_more": {"A": np.pad(A, (0, 1)), "M": FRAME.mass},
+        "other_mass": {"A": A, "M": np.diag([1.0, 2.0, 3.0, 4.0, 5.0])},
+        "small_mass": {"A": A, "M": np.eye(4)},
+        "forces": {"A": A, "B": np.column_stack([E, B[:, 2]])},
+        "blind": {"A": A, "B": blind[:, None]},
+    }
+    for name, matrices in spaces.items():
+        savemat(tmp_path / f"{name}.mat", matrices)
+    for text in (
+        '"M.mat"',
+        '"millimetres.mat"',
+        '"one_state_more.mat"',
+        '"other_mass.mat"',
+        '"small_mass.mat"',
+        '"forces.mat"\ninputs = ["ground"]',
+        '"forces.mat"\ninputs = ["ground", 2]',
+        '"forces.mat"\ninputs = ["ground", 9]',
+        '"blind.mat"\ninputs = [1]',
+        '"forces.mat"\nstiffness = [[1.0]]',
+    ):
+        refused(stated, f"system = {text}", tmp_path)
+    refused(stated, f"{SHEAR}inputs = [1]")

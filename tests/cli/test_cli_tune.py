@@ -47,6 +47,23 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
     )
 
 
+def test_placements_are_in_the_json_in_the_text_and_in_the_folder(tmp_path: Path) -> None:
+    study = tuning_samples.study_file(
+        tmp_path, building=tuning_samples.TWO_STOREYS, tune="[places]\ndampers = 2\n"
+    )
+    out = tmp_path / "out"
+    document = json.loads(printed("tune", study, "--out", out, "--threads", 1, "--json"))
+    assert len(document["places"]) == 3
+    assert set(document["places"][0]) == {"storeys", "command", "train", "test", "given"}
+    assert [each.storeys for each in mr.tuning.read_tuning(out).places] == [
+        each["storeys"] for each in document["places"]
+    ]
+    assert "3 placements of the dampers" in (out / "report.html").read_text(encoding="utf-8")
+    text = printed("tune", study, "--out", tmp_path / "text", "--threads", 1)
+    assert "3 placements of the dampers, each with its best constant command" in text
+    assert mrwork("respond", out / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0
+
+
 def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
     study = tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS)
     whole = mrwork("tune", study, "--out", tmp_path / "whole", "--threads", 1, "--json")

@@ -18,7 +18,6 @@ from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.responses import Labelled, history_signals, run_quantities
 from mrwork.control import ControlLaw
 
-
 SCALES = Scales(weight=10.0, heights=np.array([3.0, 4.0, 5.0]))
 
 

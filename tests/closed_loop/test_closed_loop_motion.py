@@ -316,6 +316,30 @@ def test_base_shear_is_the_force_that_carries_all_masses(every_step: tuple[Histo
     np.testing.assert_allclose(kept.rms_base_shear, np.sqrt(np.mean(shear**2)), rtol=1e-12)
 
 
+def test_storey_shears_carry_the_masses_above_and_turn_the_frame_over(
+    every_step: tuple[History, Responses],
+) -> None:
+    run, kept = every_step
+    building = five_storeys()
+    inertia = run.acceleration * np.diag(building.mass)
+    shears = np.cumsum(inertia[:, ::-1], axis=1)[:, ::-1]
+    np.testing.assert_allclose(kept.peak_storey_shear[0], np.abs(shears).max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(
+        kept.peak_frame_shear[0], building.storey_stiffnesses * np.abs(run.drift).max(axis=0), rtol=1e-12
+    )
+    # Heights of the frame of this test are not known.
+    assert np.isnan(kept.peak_overturning).all()
+    _, tall = run_of(
+        replace(building, heights=np.array([4.0, 3.0, 3.0, 3.0, 3.0])),
+        devices(rd1005()),
+        law_with_gains("clipped_optimal", plant_with(devices(rd1005()))),
+        sweep(),
+        Hardware(sample_time=5e-4, step=5e-4),
+    )
+    moments = np.cumsum((shears * [4.0, 3.0, 3.0, 3.0, 3.0])[:, ::-1], axis=1)[:, ::-1]
+    np.testing.assert_allclose(tall.peak_overturning[0], np.abs(moments).max(axis=0), rtol=1e-12)
+
+
 def test_what_enters_is_stored_or_lost(every_step: tuple[History, Responses]) -> None:
     run, kept = every_step
     building = five_storeys()

@@ -100,6 +100,7 @@ DRAWN = [
         figure="bands", kind="StoredRun", options={"over": "velocity"}, pairs=(("velocity", "model_force"),)
     ),
     *(Drawn(figure="spectra", kind=kind, pairs=SPECTRUM) for kind in ("GroundMotion", "ResponseSpectrum")),
+    Drawn(figure="pushover", kind="Pushover", pairs=(("roof", "base_shear"),)),
     Drawn(figure="suite_spectra", kind="SuiteCheck", pairs=(("period", "mean"), ("period", "target"))),
     *(Drawn(figure="storey_profiles", kind=kind) for kind in RUNS),
     *(Drawn(figure="energies", kind=kind) for kind in RUNS),

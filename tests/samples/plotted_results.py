@@ -194,6 +194,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "StudyResults": study_samples.results,
     "Fragilities": lambda: mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"}),
     "GroundMotion": motion,
+    "Pushover": lambda: mr.buildings.pushover(
+        mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005), steps=20
+    ),
     "SuiteCheck": lambda: mr.motions.check_suite(
         [motion()], mr.motions.en_1998_spectrum(2.0, "B"), period=0.5
     ),

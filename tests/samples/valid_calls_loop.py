@@ -341,6 +341,7 @@ def studies_calls(place: Path) -> Calls:
         hardware=mr.Hardware(),
         uncertainty={"realisations": 2, "stiffness": 0.1},
         tune={"laws": ["lyapunov"]},
+        places={"dampers": 2},
         report={"histories": "none"},
         clairvoyant={"interval": 0.02},
         design_level=float(sweep(0.1).peak),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +151,63 @@ def test_two_dampers_in_a_storey_have_names(refused: Refused) -> None:
     refused(names, {**kwok, "angle": 38})
     refused(names, {**kwok, "row": [1.0, 0.0]})
     refused(names, {**kwok, "row": [1.0, 0.0, 0.0, 0.0, 0.0], "angle": "38 deg"})
+
+
+GROUPS = (
+    {
+        "storey": 1,
+        "model": "bingham",
+        "parameters": {"f_c": [20.0, 350.0, -40.0], "v_s": 0.02, "c0": [200.0, 500.0], "f0": 0.0},
+        "largest_command": 1.5,
+    },
+    {
+        "storey": 2,
+        "model": "bingham",
+        "parameters": {"f_c": [20.0, 300.0], "v_s": 0.03, "c0": 150.0, "f0": 0.0},
+        "largest_command": 0.8,
+        "count": 2,
+    },
+)
+
+
+def grouped(*dampers: Mapping[str, object], **controller: object) -> mr.Study:
+    laws = [
+        {"law": "passive_on"},
+        {"law": "clipped_optimal", "settings": {"drifts": 1, "control_weight": 1e-12}},
+    ]
+    return mr.study_of(
+        building={"published": "uts"},
+        dampers=[dict(each) for each in dampers],
+        laws=[*laws, controller] if controller else laws,
+        motions=[{"synthetic": "kanai_tajimi", "duration": 3.0, "pga": "0.2 g"}],
+    )
+
+
+def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_own(refused: Refused) -> None:
+    one, other = GROUPS
+    raised = {
+        **other,
+        "parameters": {"f_c": [20.0, 300.0, 0.0], "v_s": 0.03, "c0": [150.0, 0.0], "f0": 0.0},
+    }
+    runs, written = (mr.run_study(grouped(one, each)).runs for each in (other, raised))
+    for key, run in runs.items():
+        np.testing.assert_array_equal(run.peak_drift, written[key].peak_drift)
+        np.testing.assert_array_equal(run.peak_force, written[key].peak_force)
+    results = mr.run_study(
+        grouped(one, other, law="inverse_direct", settings={"drifts": 1, "control_weight": 1e-12})
+    )
+    for kind in ("passive_on", "clipped_optimal"):
+        (row,) = (number for number, each in enumerate(results.rows) if each.description == kind)
+        np.testing.assert_allclose(results.runs[row, 0].peak_current, [1.5, 0.8])
+    # The best constant command is tried up to the larger driver, of which the smaller one gives what it can.
+    best = results.runs[results.row_of("best_passive"), 0].peak_current
+    assert best[1] == min(best[0], 0.8)
+    assert "takes it for that of damper in storey 2" in " ".join(text for _, text in results.facts)
+
+
+def test_laws_of_single_groups_and_groups_of_several_models_are_refused(refused: Refused) -> None:
+    refused(grouped, *GROUPS, {"storey": 3, "preset": "kwok2006"})
+    refused(grouped, GROUPS[0], {**GROUPS[1], "unit": "V"})
+    refused(grouped, GROUPS[0], {**GROUPS[1], "law": "clipped_optimal"})
+    refused(grouped, *GROUPS, law="clipped_optimal", damper=1)
+    refused(grouped, *GROUPS, law="clipped_optimal", largest_command=1.6)

@@ -37,6 +37,7 @@ SOUND: Document = {
     "hardware": {"feedback": "observer", "fault": [{"signal": "force", "start": 0.1, "end": 0.3}]},
     "uncertainty": {"realisations": 2, "stiffness": 0.1},
     "clairvoyant": {"interval": 0.02},
+    "places": {"dampers": 2},
     "report": {},
     "tune": [{"laws": ["lyapunov"], "risk": "cvar"}],
     "baseline": [],

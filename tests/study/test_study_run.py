@@ -20,6 +20,7 @@ from mrwork.store.codec import plain
 from mrwork.store.journal import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
 from mrwork.study import Study, StudyResults, read_study, run_study
+from mrwork.study.comparison import findings
 from mrwork.study.course import StudyProgress
 from mrwork.study.run_result import Histories, RunHistory
 
@@ -446,3 +447,28 @@ def test_drift_ratios_are_peaks_over_the_heights_of_the_storeys_of_the_bare_buil
         assert found is not None
         assert found["peak_drift_ratio"] == max(run.peak_drift / [4.0, 2.5])
         assert found["base_shear_coefficient"] == pytest.approx(run.peak_base_shear / (200.0 * 9.80665))
+
+
+def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps(
+    tmp_path: Path, refused: Refused
+) -> None:
+    path = tmp_path / "study.toml"
+    keys = 'height = 3\np_delta = true\ndrift_limit = "0.01 %"\n'
+    yields = '[building.storeys_that_yield]\nyield_drift = ["0.1 mm", "0.2 mm"]\n\n'
+    text = STUDY.replace("[building]\n", f"[building]\n{keys}")
+    first, rest = text.split("\n\n", 1)
+    path.write_text(f"{first}\n\n{yields}{rest}", encoding="utf-8")
+    results = run_study(read_study(path), threads=1)
+    for row, motion in results.runs:
+        found, run = results.criteria(row, motion), results.runs[row, motion]
+        assert found is not None
+        assert found["peak_ductility"] == pytest.approx(max(run.peak_drift / [1e-4, 2e-4]))
+        assert found["residual_drift_ratio"] == pytest.approx(max(abs(run.residual_drift)) / 3.0)
+        # Storeys are no devices.
+        assert run.peak_force.size == (results.rows[row].kind not in ("uncontrolled", "baseline"))
+    (said,) = [each for each in findings(results) if "drift limit" in each]
+    assert said.startswith("The drift limit of 0.01 % is ")
+    pushed = json.loads(printed("respond", path, "--pushover", "--json"))
+    assert pushed["roof"][-1] == pytest.approx(0.04 * 6.0)
+    path.write_text(text.replace("height = 3\n", ""), encoding="utf-8")
+    refused.command("respond", path)

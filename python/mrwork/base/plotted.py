@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mrwork.plots import MotionPlots as MotionPlots
     from mrwork.plots import PredictionPlots as PredictionPlots
     from mrwork.plots import ProfilesPlots as ProfilesPlots
+    from mrwork.plots import PushoverPlots as PushoverPlots
     from mrwork.plots import ResponsesPlots as ResponsesPlots
     from mrwork.plots import RunPlots as RunPlots
     from mrwork.plots import SpectrumPlots as SpectrumPlots

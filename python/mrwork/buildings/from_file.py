@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final
+from warnings import warn
 
 import numpy as np
 
@@ -34,7 +35,13 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import Building, PassiveElement, check_size, source_with
+from mrwork.buildings.matrices import (
+    WITHOUT_MASSES,
+    Building,
+    PassiveElement,
+    check_size,
+    source_with,
+)
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -44,8 +51,14 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
+from mrwork.buildings.state_space import (
+    LinearSystem,
+    building_of,
+    mass_of_forces,
+    order_of_states,
+)
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
-from mrwork.errors import RecordError
+from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines, toml_table
@@ -318,6 +331,16 @@ class BuildingTable:
         default=None,
         file=True,
     )
+    system: str | None = key(
+        "file .mat of a state space: A = [0 I; -M^-1 K, -M^-1 C] in any order of its states, and M, or B with `inputs`",
+        default=None,
+        file=True,
+    )
+    inputs: tuple[int | str, ...] | None = key(
+        'what each column of its B is: "ground", the ground acceleration, or the storey of a force of dampers, which '
+        "says the masses where there is no M",
+        default=None,
+    )
     mass: _Rows | str | None = key(f"mass matrix{_OR_FILE}", unit="kg", default=None, file=True)
     damping: _Rows | str | None = key(f"damping matrix{_OR_FILE}", unit="N s/m", default=None, file=True)
     stiffness: _Rows | str | None = key(f"stiffness matrix{_OR_FILE}", unit="N/m", default=None, file=True)
@@ -355,6 +378,12 @@ class BuildingTable:
         unit="m",
         default=None,
         least=0.0,
+    )
+    drift_limit: float | None = key(
+        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities",
+        default=None,
+        above=0.0,
+        below=1.0,
     )
     p_delta: bool = key(
         "whether weights act on the displaced storeys, each that of the masses above it; needs heights",
@@ -452,18 +481,19 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
 
 def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
     place, given = table.place, _list_given_keys(table)
-    forms: list[str] = [name for name in ("published", "file", "masses") if name in given]
+    forms: list[str] = [name for name in ("published", "file", "system", "masses") if name in given]
     forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
         given_forms = " and ".join(forms) or "none of them"
         place.refuse(
-            f"a building is given by published, file, mass and stiffness, or masses; here by {given_forms}"
+            f"a building is given by published, file, system, mass and stiffness, or masses; here by {given_forms}"
         )
     form = forms[0]
-    foreign = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
+    foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
+    foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
     for name in foreign:
         if name in given:
-            goes = "matrices" if form == "masses" else "masses"
+            goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
             with place.keeping():
                 place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
     if table.rayleigh is not None and table.modal_damping is not None:
@@ -475,6 +505,8 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _shear(table)
         elif form == "mass":
             built = _from_matrices(_arrays(table, folder), table)
+        elif form == "system":
+            built = _from_system(table, folder)
         else:
             name, where = getattr(table, form), place.within(form)
             if isinstance(name, str) and form == "file" and real_place(folder / name) in readers:
@@ -487,6 +519,8 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
             built = _with_loads(_with_heights(_with_elements(built, table), table), table)
+        if table.element or any(not isinstance(each, _OF_DAMPING) for each in table.additions()):
+            refuse_without_masses(built, place.within(form))
         for where, way in ways:
             with where.prefix_errors():
                 built = way()(built)
@@ -496,6 +530,18 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             with place.within("p_delta").prefix_errors():
                 built = with_p_delta(built)
     return built
+
+
+_OF_DAMPING: Final = (RayleighTable, ModalDampingTable)
+
+
+def refuse_without_masses(building: Building, place: Place) -> None:
+    """Refuse a building that is to have dampers or additions, and whose masses are not known."""
+    if building.status == WITHOUT_MASSES:
+        place.refuse(
+            "A alone does not say what a force does, and the building has dampers or additions; give M in the file, or "
+            'inputs = ["ground", 1], which says what the columns of its B are'
+        )
 
 
 def _with_elements(building: Building, table: BuildingTable) -> Building:
@@ -516,14 +562,14 @@ def _with_heights(building: Building, table: BuildingTable) -> Building:
     if table.height is not None and table.heights is not None:
         table.place.within("height").refuse("height and heights both give the heights; keep one")
     given = (table.height,) * count if table.height is not None else table.heights
-    if given is None:
-        return building
-    if len(given) != count:
+    if given is not None and len(given) != count:
         table.place.within("heights").refuse(
             f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
             "height for all"
         )
-    return replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
+    if given is not None:
+        building = replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
+    return building if table.drift_limit is None else replace(building, drift_limit=table.drift_limit)
 
 
 def _with_loads(building: Building, table: BuildingTable) -> Building:
@@ -568,7 +614,8 @@ def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Bu
     """Return a building with the matrices, names and source replaced by those of a table."""
     arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
-        arrays |= {"status": "ours", "source": source_with(known, f"{', '.join(arrays)} replaced")}
+        status = known.status if known.status == WITHOUT_MASSES else "ours"
+        arrays |= {"status": status, "source": source_with(known, f"{', '.join(arrays)} replaced")}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
     with table.place.prefix_errors():
         return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
@@ -584,6 +631,58 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
     return arrays
+
+
+def _from_system(table: BuildingTable, folder: Path) -> Building:
+    """The building of a state space, whose masses come with it, from the forces of its dampers, or are not known."""
+    place, path = table.place.within("system"), folder / str(table.system)
+    name, given = table.name or path.stem, _arrays(table, folder)
+    with place.prefix_errors():
+        found = read_matrices(path, ("A", "B", "M"))
+        if "A" not in found:
+            place.refuse(f"{path}: a state space needs A, and M or B; found {', '.join(found) or 'nothing'}")
+        A = found["A"]
+        B = found.get("B", np.empty((len(A), 0)))
+        system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
+        order, n = order_of_states(A, name), len(A) // 2
+    floors = given.get("floors", np.eye(n))
+    influence, mass, inputs = (
+        given.get("influence", np.ones(n)),
+        given.get("mass", found.get("M")),
+        table.inputs or (),
+    )
+    if inputs and len(inputs) != B.shape[1]:
+        table.place.within("inputs").refuse(
+            f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each"
+        )
+    if "ground" in inputs and "influence" not in given:
+        influence = -B[order[n:], inputs.index("ground")]
+    built = partial(
+        building_of,
+        system,
+        name=name,
+        influence=influence.ravel(),
+        floors=floors,
+        storeys=given.get("storeys", np.diff(floors, axis=0, prepend=0.0)),
+        floor_names=table.floor_names or (),
+        storey_names=table.storey_names or (),
+        source=table.source or str(path),
+    )
+    with place.prefix_errors():
+        building = built(mass=mass)
+    forces = [number for number, each in enumerate(inputs) if each != "ground"]
+    if mass is None and forces:
+        with table.place.within("inputs").prefix_errors():
+            rows = np.stack([building.storey_row(inputs[number]) for number in forces])
+            return built(mass=mass_of_forces(system, forces, rows, name))
+    if mass is None:
+        warn(
+            f"{path}: there is no M, so the masses of {name} and its shears are not known, and what tables say of them "
+            "means nothing; displacements and accelerations are right",
+            MrworkWarning,
+            stacklevel=2,
+        )
+    return building
 
 
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:

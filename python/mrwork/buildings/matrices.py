@@ -112,7 +112,7 @@ class Building(Summarised):
     floor_names, storey_names
         Their names in reports.
     source, status
-        Origin of the numbers; the status is "verified", "published" or "ours".
+        Origin of the numbers; the status is "verified", "published", "ours" or "masses not known".
     n_strokes
         Number of last rows of `storeys` that are strokes of additions (a tuned mass, a damper behind its brace).
         They are not drifts and do not count in drift criteria.
@@ -124,6 +124,8 @@ class Building(Summarised):
     loads
         Weight on each storey [N], shape (n_storeys,), as `with_p_delta` gives it: its second-order forces act when the
         building is simulated, and are not in K. Empty without them.
+    drift_limit
+        Drift ratio that the building is to keep, as 0.01; 0 if none is stated. Pages draw it.
 
     Raises
     ------
@@ -149,6 +151,7 @@ class Building(Summarised):
     elements: tuple[PassiveElement, ...] = ()
     heights: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
+    drift_limit: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
@@ -232,10 +235,10 @@ class Building(Summarised):
     def storey_stiffnesses(self) -> Floats:
         """Stiffness of each storey [N/m] of a chain of floors, lowest first; empty where it is no chain."""
         springs = self._springs_of(self.stiffness)
-        return springs if (springs > 0.0).all() else np.empty(0)
+        return np.asarray(springs if (springs > 0.0).all() else np.empty(0))
 
     def _springs_of(self, stiffness: Floats) -> Floats:
-        """Springs of the storeys [N/m], shape (n_storeys - n_strokes,), of which a matrix is made; empty if it is not."""
+        """Springs of the storeys [N/m], shape (n_drifts,), of which a matrix is made; empty if it is not."""
         inverse = self._from_stretched
         if not inverse.size:
             return np.empty(0)
@@ -261,7 +264,9 @@ class Building(Summarised):
             inverse = np.linalg.inv(rows).round(_DECIMALS)
         except np.linalg.LinAlgError:
             return np.empty(0)
-        return inverse if np.allclose(inverse @ rows, np.eye(len(rows)), atol=1e-6) else np.empty(0)
+        return np.asarray(
+            inverse if np.allclose(inverse @ rows, np.eye(len(rows)), atol=1e-6) else np.empty(0)
+        )
 
     @property
     def total_mass(self) -> float:
@@ -465,7 +470,9 @@ def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
 
 
 _ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
-STATUSES: Final = ("verified", "published", "ours")
+WITHOUT_MASSES: Final = "masses not known"
+"""Status of a building of a state space without M: what a force does to it is not known."""
+STATUSES: Final = ("verified", "published", "ours", WITHOUT_MASSES)
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
 # First periods of frames [s]: the shortest for each storey, and the longest by number of storeys, with room for models
@@ -563,6 +570,8 @@ def _check_loads(building: Building, where: str) -> None:
             f"{where}: loads is {_sides(loads)} from {loads.min(initial=0.0):g}; give a weight of 0 N or more for each "
             f"of {counted(len(building.storeys), 'storey')}"
         )
+    if building.drift_limit and not building.heights.size:
+        raise SettingError(f"{where}: drift_limit stands on heights; give height or heights in [building]")
     if loads.any() and not (building.heights.size and (building.heights[loads > 0.0] > 0.0).all()):
         raise SettingError(
             f"{where}: P-delta stands on the heights of the storeys; give height or heights in [building]"

@@ -15,7 +15,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.buildings.frames import number_names
-from mrwork.buildings.matrices import Building, source_with, transform_elements
+from mrwork.buildings.matrices import WITHOUT_MASSES, Building, source_with, transform_elements
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.files.matrices import read_matrices
@@ -246,12 +246,13 @@ def building_of(
     storey_names: Sequence[str] = (),
     source: str = "",
 ) -> Building:
-    """Return a linear system with A = [0 I; -M^-1 K, -M^-1 C] as a building.
+    """Return a linear system with A = [0 I; -M^-1 K, -M^-1 C], perhaps in another order of its states, as a building.
 
-    A contains M only in products with M^-1. Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of
-    M^-1 K with unit length; it makes K symmetric, and is the unit matrix if M^-1 K is symmetric already. The response
-    to a ground acceleration does not depend on this choice. The effect of a force does: its row is `-(M b)'`, where b
-    is the lower half of its column of B.
+    The coordinates have the order of the displacements among the states. A contains M only in products with M^-1.
+    Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of M^-1 K with unit length; it makes K symmetric,
+    and is the unit matrix if M^-1 K is symmetric already. The response to a ground acceleration does not depend on this
+    choice. The effect of a force does: its row is `-(M b)'`, where b is the lower half of its column of B. The building
+    then has the status that its masses are not known.
 
     Parameters
     ----------
@@ -265,14 +266,10 @@ def building_of(
     SettingError
         If A has another form, or no mass makes K symmetric, or the given one does not.
     """
-    n = system.n_states // 2
-    expected = np.hstack([np.zeros((n, n)), np.eye(n)])
-    if system.n_states != 2 * n or n == 0 or np.abs(system.A[:n] - expected).max() > _ROUNDING:
-        raise SettingError(
-            f"building {name}: the upper half of A is not [0 I], so its states are no displacements and their rates; "
-            "use it as a linear system"
-        )
-    stiffness, damping = -system.A[n:, :n], -system.A[n:, n:]
+    order, n = order_of_states(system.A, name), system.n_states // 2
+    ordered = system.A[np.ix_(order, order)]
+    stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
+    status = WITHOUT_MASSES if mass is None else "ours"
     mass = _mass_of(stiffness, name) if mass is None else np.asarray(mass, dtype=np.float64)
     if mass.shape != (n, n):
         raise SettingError(f"building {name}: the mass is not {n} x {n}, as half of A is")
@@ -294,7 +291,63 @@ def building_of(
         floor_names=tuple(floor_names) or number_names("floor", len(floors)),
         storey_names=tuple(storey_names) or number_names("storey", len(storeys)),
         source=source,
+        status=status,
     )
+
+
+def order_of_states(A: Floats, name: str) -> NDArray[np.intp]:
+    """States in the order [q; q'], shape (n,): the row of a displacement in A is 1 at its rate and 0 elsewhere.
+
+    Raises
+    ------
+    SettingError
+        If the states are no displacements and their rates.
+    """
+    rates = np.abs(A).argmax(axis=1) if A.size else np.empty(0, dtype=np.intp)
+    displacements = np.flatnonzero(np.abs(A - np.eye(len(A))[rates]).max(axis=1, initial=0.0) <= _ROUNDING)
+    order = np.concatenate([displacements, rates[displacements]])
+    if not len(A) or len(order) != len(A) or len(np.unique(order)) < len(A):
+        raise SettingError(
+            f"building {name}: {len(displacements)} of the {len(A)} rows of A are 1 at one state and 0 elsewhere, and "
+            "in A = [0 I; -M^-1 K, -M^-1 C], whatever the order of its states, half of them are, each at a rate of its "
+            "own; give states that are displacements [m] and their rates [m/s], or use it as a linear system"
+        )
+    return order
+
+
+def mass_of_forces(system: LinearSystem, columns: Sequence[int], rows: Floats, name: str) -> Floats:
+    """M [kg], shape (n / 2, n / 2), from columns b of B of forces that stretch `rows`, (n_columns, n / 2): -M b = row'.
+
+    With the modes phi of M^-1 K, `M = phi^-T diag(d) phi^-1`, and d follows from the forces in each mode, which resist
+    or push.
+
+    Raises
+    ------
+    SettingError
+        If a mode is moved by none of the forces, or no mass agrees with them.
+    """
+    order, n = order_of_states(system.A, name), system.n_states // 2
+    modes = _real_modes(-system.A[np.ix_(order[n:], order[:n])], name)
+    inverse = np.linalg.inv(modes)
+    moved, stretched = inverse @ system.B[order[n:]][:, list(columns)], modes.T @ rows.T
+    # Shapes of unit length: what moves is in 1/kg.
+    still = np.flatnonzero(
+        np.abs(moved).max(axis=1, initial=0.0) <= _ROUNDING * np.abs(moved).max(initial=0.0)
+    )
+    if len(still):
+        raise SettingError(
+            f"building {name}: the forces of these columns of B move {n - len(still)} of {n} modes, so they do not say "
+            "the masses; give M, or the columns of forces in other storeys too"
+        )
+    pushing = -(moved * stretched).sum(axis=1) / (moved**2).sum(axis=1)
+    weights = np.abs(pushing)
+    side = np.sign(pushing.sum())
+    if np.abs(weights[:, None] * moved + side * stretched).max() > 1e-6 * np.abs(stretched).max():
+        raise SettingError(
+            f"building {name}: no masses give these columns of B for forces in these storeys; name the storeys in the "
+            "order of the columns, or give M"
+        )
+    return np.asarray(inverse.T @ (weights[:, None] * inverse))
 
 
 @checked
@@ -322,6 +375,12 @@ def _mass_of(stiffness: Floats, name: str) -> Floats:
     """Return a mass that makes mass @ stiffness symmetric; `stiffness` is M^-1 K."""
     if np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max():
         return np.eye(len(stiffness))
+    inverse = np.linalg.inv(_real_modes(stiffness, name))
+    return np.asarray(inverse.T @ inverse)
+
+
+def _real_modes(stiffness: Floats, name: str) -> Floats:
+    """Modes of M^-1 K as columns of unit length."""
     squares, modes = np.linalg.eig(stiffness)
     if (
         np.abs(np.imag(squares)).max() > _ROUNDING * np.abs(squares).max()
@@ -331,8 +390,7 @@ def _mass_of(stiffness: Floats, name: str) -> Floats:
             f"building {name}: the modes of M^-1 K are no real shapes, so no mass makes K symmetric; "
             "use it as a linear system"
         )
-    inverse = np.linalg.inv(np.real(modes))
-    return np.asarray(inverse.T @ inverse)
+    return np.asarray(np.real(modes))
 
 
 # Square roots of the Gramians are exact to the square root of rounding; smaller singular values are noise.

@@ -1,21 +1,25 @@
-"""Frames that yield: storeys as bilinear loops, weights on displaced storeys (P-delta), and the push that shows both."""
+"""Frames that yield: storeys as bilinear loops, weights on displaced storeys (P-delta), and a push that shows both."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.buildings.modes import is_positive, modes_of
 from mrwork.errors import SettingError
+
+if TYPE_CHECKING:
+    from mrwork.base.plotted import PushoverPlots
 
 
 @checked
@@ -93,8 +97,8 @@ def _of_each(name: str, given: float | Sequence[float] | None, count: int) -> Fl
     numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if numbers.shape not in ((1,), (count,)):
         raise SettingError(
-            f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one for "
-            "each"
+            f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one "
+            "for each"
         )
     return np.broadcast_to(numbers, count).copy()
 
@@ -153,7 +157,7 @@ class Pushover(Summarised):
         Of the building [N].
     """
 
-    _made_by = "mr.buildings.pushover(building)"
+    _made_by: ClassVar[str] = "mr.buildings.pushover(building)"
 
     name: str
     pattern: str
@@ -163,6 +167,12 @@ class Pushover(Summarised):
     shears: Floats
     weight: float
     height: float
+
+    @property
+    def plot(self) -> PushoverPlots:
+        """Figures of the push, see `mr.plots`."""
+        made: PushoverPlots = plots_of(self, "PushoverPlots")
+        return made
 
     def _summary(self) -> Summary:
         rows = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:]
@@ -257,7 +267,7 @@ def pushover(
     path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
 
     def slopes(w: Floats, signs: Floats) -> Floats:
-        return loops[:, 1] * (1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2])
+        return np.asarray(loops[:, 1] * (1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]))
 
     for _ in range(steps):
         # A loop that turns back within a step unloads with its initial stiffness.

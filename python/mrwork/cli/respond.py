@@ -16,7 +16,7 @@ from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
-from mrwork.store.codec import finite
+from mrwork.store.codec import finite, plain
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples(
         "mrwork respond study.toml",
+        "mrwork respond study.toml --pushover",
         "mrwork respond study.toml --motions all --check-step --out out/checked",
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
@@ -49,6 +50,12 @@ def add_options(parser: CommandParser) -> None:
         "--building",
         action="store_true",
         help="print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
+    )
+    listings.add_argument(
+        "--pushover",
+        action="store_true",
+        help="push the building sideways in its first mode, print base shear and drifts over the displacement of the "
+        "roof and exit",
     )
     add_seed(parser, "noise and synthetic motions")
     study.add_argument(
@@ -92,11 +99,16 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
-    if options.building:
+    if options.building or options.pushover:
+        from mrwork.buildings.yielding import pushover
         from mrwork.study.reading import read_bare_building
         from mrwork.study.results import BuildingFacts
 
         building = read_bare_building(options.study)
+        if options.pushover:
+            pushed = pushover(building)
+            print_result(options, finite(plain(pushed)), repr(pushed))
+            return 0
         modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
         facts = {**asdict(BuildingFacts.of(building)), **modal, "warnings": building.warnings}
         print_result(options, finite(facts), repr(building))

@@ -35,7 +35,8 @@ def add_options(parser: CommandParser) -> None:
     parser.description = (
         "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
         "judge them on its test motions, beside i = 0, the best constant and the largest command and equal drift "
-        "weights. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
+        "weights. With [places], the storeys of its dampers are compared first, each placement with its best constant "
+        "command. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
         "prints the keys of [[tune]]."
     )
     parser.epilog = examples(
@@ -124,7 +125,7 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
 
 def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     """Scores on training and test motions, the settings, warnings, and where everything is."""
-    from mrwork.tuning.results import motions_in_words, settings_in_words, speed_in_words
+    from mrwork.tuning.results import motions_in_words, places_table, settings_in_words, speed_in_words
 
     head = ("", "training", "test", "drift", "acc.", "better", "settings")
     rows = [
@@ -144,6 +145,7 @@ def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
     lines = [
         results.title,
         "",
+        *([] if (places := places_table(results)) is None else [places.title, *places.lines("  "), ""]),
         f"Scores over i = 0 on {motions_in_words(results)}, lowest first;",
         "drift, acc.: mean ratios of the peaks; better: motions with both peaks below the best constant command",
         *table_lines([head, *rows]),

@@ -20,7 +20,6 @@ from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.codec import OrNan
 
-
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
 

@@ -18,6 +18,7 @@ from mrwork import _rust
 from mrwork.base.arguments import May, Threads, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
@@ -36,7 +37,7 @@ from mrwork.control.linear.lqr import Observer, observer_of
 from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.parameters import law_named
 from mrwork.dampers.simulation import core_refusals
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.store.codec import digest_of, plain
@@ -53,19 +54,12 @@ _NO_LIMIT = 1e300
 
 
 def _theta_of(devices: Sequence[Device]) -> Floats:
-    """Parameters of all draws and devices, shape (n_draws, n_devices, n_columns)."""
-    spec = devices[0].spec
-    for device in devices[1:]:
-        if (device.spec.name, device.spec.current) != (spec.name, spec.current):
-            raise SettingError(
-                f"{device.name} is a {device.spec.name} and {devices[0].name} a {spec.name}, or their current laws "
-                f"differ; one loop takes devices of one model with the same laws"
-            )
+    """Parameters of all draws and devices, which have the same laws, shape (n_draws, n_devices, n_columns)."""
     n_draws = max(len(device.draws) for device in devices)
     if any(len(device.draws) not in (1, n_draws) for device in devices):
         counts = ", ".join(str(len(device.draws)) for device in devices)
         raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
-    shape = (n_draws, len(spec.parameters))
+    shape = (n_draws, len(devices[0].spec.parameters))
     return np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
 
 
@@ -102,14 +96,14 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     assert spec.current is not None
     stretched = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
-        factor, start = float(factors[candidate, device]), 0
-        for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
-            kind = law_named(law)
-            columns = slice(start, start + kind.n_coefficients)
-            stretched[candidate, :, device, columns] = kind.rescale_command(
-                theta[:, device, columns], factor, log=parameter.scale == "log"
+        *given, rest = by_parameter(spec, theta[:, device])
+        rescaled = (
+            law_named(law).rescale_command(
+                each, float(factors[candidate, device]), log=parameter.scale == "log"
             )
-            start = columns.stop
+            for parameter, law, each in zip(spec.plain, spec.current.laws, given, strict=True)
+        )
+        stretched[candidate, :, device] = np.concatenate([*rescaled, rest], axis=-1)
     return stretched.reshape(-1, *theta.shape[1:])
 
 
@@ -533,7 +527,7 @@ def simulate_loop(
     Parameters
     ----------
     devices
-        One or more, all of one model with the same current laws; see `Device`.
+        One or more, all of one model, of which each may have parameters and current laws of its own; see `Device`.
     law
         A law of the registry with its gains, or a law in Python, which takes one thread.
     histories
@@ -544,9 +538,9 @@ def simulate_loop(
         The building for which the observer is designed; by default the building itself. It goes with the feedback of
         an observer only.
     largest_commands
-        Largest command of each candidate, shape (n_candidates,), up to that of the devices, for laws that send a share
-        of the largest command. Dampers then follow the scaled command, so results agree to rounding with those of
-        devices of that largest command.
+        Largest command of each candidate, shape (n_candidates,), up to the largest of the devices, of which each gets
+        its own at most, for laws that send a share of the largest command. Dampers then follow the scaled command, so
+        results agree to rounding with those of devices of that largest command.
     shaping
         Dead zone [m/s] and slope [A/s or V/s] of the command of each candidate, shape (n_candidates, 2), instead of
         those of the law.
@@ -602,7 +596,9 @@ def simulate_loop(
                 f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
             )
         n_candidates = max(len(gains), len(shaping))
-    actuators = law.spec.commands_force
+    actuators, given_devices = law.spec.commands_force, tuple(devices)
+    if not actuators:
+        devices = with_common_laws(devices)
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
             f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
@@ -704,9 +700,7 @@ def simulate_loop(
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     else:
         parts = _respond_elsewhere(workers, loop, own, on_progress)
-    responses = _responses(
-        parts, core.building, hardware, shape, () if actuators else tuple(devices), motions
-    )
+    responses = _responses(parts, core.building, hardware, shape, () if actuators else given_devices, motions)
     responses = responses.with_numbers(
         **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
     )
@@ -802,12 +796,13 @@ def _command_factors(
     if given.ndim != 1 or not given.size:
         raise SettingError(f"`largest_commands` has shape {given.shape}; give (n_candidates,)")
     factors: Floats = given[:, None] / np.array([device.largest_command for device in devices])
-    if not ((factors > 0.0) & (factors <= 1.0)).all():
+    # A device of a smaller driver gets what that gives.
+    if not (factors > 0.0).all() or not (factors.min(axis=1) <= 1.0).all():
         raise SettingError(
             f"`largest_commands` are from {given.min():g} to {given.max():g}; give one for each candidate, positive "
             "and up to that of the devices"
         )
-    return factors
+    return np.minimum(factors, 1.0)
 
 
 def _responses(

@@ -27,6 +27,8 @@ LawName = str
 
 # Most commands at which a law may have values; the compiled module refuses more.
 _MOST_NODES = 8
+# Commands in the name of a law have twelve digits.
+_ROUNDED = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,17 +154,49 @@ class CurrentLaw:
             return np.asarray(at_zero + factor * np.exp(exponent * command))
         return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
+    def _through(self, coefficients: Floats, commands: Floats, *, log: bool) -> Floats:
+        """The polynomial through the values on the last axis, itself at any commands, (n,)."""
+        there = _powers(self.nodes, commands) @ _basis(self.nodes)
+        log = log and self.takes_logarithms
+        given = np.log(coefficients) if log else coefficients
+        return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
+
     def rescale_command(self, coefficients: Floats, factor: float, *, log: bool = False) -> Floats:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
         if self.nodes:
-            # The values of the polynomial at `factor` times the nodes.
-            there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
-            log = log and self.takes_logarithms
-            given = np.log(coefficients) if log else coefficients
-            return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
+            return self._through(coefficients, factor * np.array(self.nodes), log=log)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
+
+    def rewrite(
+        self, coefficients: Floats, other: CurrentLaw, parameter: ParamSpec, largest: float
+    ) -> Floats | None:
+        """Coefficients of another law for the curve from 0 to `largest`, on the last axis; `None` if it has none."""
+        if other.name == self.name:
+            return coefficients
+        padded = [(0, 0)] * (coefficients.ndim - 1) + [(0, other.n_coefficients - self.n_coefficients)]
+        if self.degree == 0:
+            # What follows the command is limited to its range.
+            if not ((parameter.lower <= coefficients) & (coefficients <= parameter.upper)).all():
+                return None
+            return np.pad(coefficients, padded, mode="edge" if other.nodes else "constant")
+        log = parameter.scale == "log"
+        if self.is_exponential or self.n_coefficients > other.n_coefficients:
+            return None
+        if not other.nodes:
+            both = self.degree is not None and other.degree is not None
+            return np.pad(coefficients, padded) if both else None
+        # Beyond its nodes a law goes on straight, as one of two coefficients does anyway.
+        ends = (self.nodes[0], self.nodes[-1]) if self.nodes else (-np.inf, np.inf)
+        low, high = zip(ends, (other.nodes[0], other.nodes[-1]), strict=True)
+        covers = max(low) <= 0.0 or low[0] == low[1], min(high) >= largest * _ROUNDED or high[0] == high[1]
+        logarithms = (log and self.takes_logarithms, log and other.takes_logarithms)
+        if logarithms[0] != logarithms[1] or not (self.n_coefficients == 2 or all(covers)):
+            return None
+        if self.nodes:
+            return self._through(coefficients, np.array(other.nodes), log=log)
+        return np.asarray(coefficients @ np.vander(other.nodes, self.n_coefficients, increasing=True).T)
 
     def is_special_case_of(self, other: CurrentLaw) -> bool:
         """Whether this law is the other one with some coefficients at zero, or all of its values equal."""
@@ -243,6 +277,28 @@ def law_named(name: LawName) -> CurrentLaw:
 def law_by_values(law: LawName, commands: Sequence[float]) -> LawName:
     """A polynomial as the law by as many values at commands of the tests; another law as it is."""
     return _at_nodes(law, _VALUES, commands)
+
+
+def common_law(
+    curves: Sequence[tuple[CurrentLaw, Floats, float]], parameter: ParamSpec
+) -> tuple[LawName, list[Floats]] | None:
+    """The law of fewest coefficients that writes every curve, and the coefficients of each; `None` if there is none.
+
+    A curve has a law, coefficients on the last axis, and a largest command. Polynomials have the highest degree of all;
+    laws by values the commands of one of them, or as many evenly spaced from 0 to the largest command.
+    """
+    tried = sorted({law.name: law for law, _, _ in curves}.values(), key=lambda law: law.n_coefficients)
+    count = tried[-1].n_coefficients
+    if any(law.nodes for law in tried):
+        by_values = parameter.scale != "log" or any(law.takes_logarithms for law in tried)
+        commands = np.linspace(0.0, max(largest for _, _, largest in curves), count)
+        if by_values or count <= len(polynomial_laws()):
+            tried.append(law_named(law_at(_VALUES if by_values else polynomial_laws()[count - 1], commands)))
+    for other in tried:
+        written = [law.rewrite(each, other, parameter, largest) for law, each, largest in curves]
+        if all(each is not None for each in written):
+            return other.name, [each for each in written if each is not None]
+    return None
 
 
 def law_through(law: LawName, commands: Sequence[float]) -> LawName:

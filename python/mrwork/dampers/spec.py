@@ -511,6 +511,12 @@ def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floa
     )
 
 
+def by_parameter(spec: DamperSpec, theta: Floats) -> list[Floats]:
+    """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rate."""
+    laws = spec.current.laws if spec.current else polynomial_laws()[:1] * len(spec.plain)
+    return np.split(theta, np.cumsum([law_named(law).n_coefficients for law in laws]), axis=-1)
+
+
 def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
     for parameter, value, follows in _all_values(spec, theta, command):

@@ -6,6 +6,7 @@ from .of_studies import energies as energies
 from .of_studies import fragility as fragility
 from .of_studies import fronts as fronts
 from .of_studies import ida as ida
+from .of_studies import pushover as pushover
 from .of_studies import spectra as spectra
 from .of_studies import storey_profiles as storey_profiles
 from .of_studies import suite_spectra as suite_spectra
@@ -25,6 +26,7 @@ if True:  # the lower tier
     from .of_studies import FrontPlots as FrontPlots
     from .of_studies import HistoryPlots as HistoryPlots
     from .of_studies import MotionPlots as MotionPlots
+    from .of_studies import PushoverPlots as PushoverPlots
     from .of_studies import ResponsesPlots as ResponsesPlots
     from .of_studies import SpectrumPlots as SpectrumPlots
     from .of_studies import SuitePlots as SuitePlots

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
+from mrwork.buildings.yielding import Pushover
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
@@ -184,6 +185,37 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     )
     axes.set_ylim(bottom=0.0)
     return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"))
+
+
+@figure
+def pushover(result: Pushover, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+    """Base shear over the displacement of the roof of a frame that is pushed.
+
+    Parameters
+    ----------
+    result
+        The frame that was pushed, of `mr.buildings.pushover`.
+    ax
+        Axes to draw into; by default those of a new figure.
+    data
+        Whether to return the table behind the figure instead.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> frame = mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005)
+    >>> mr.buildings.pushover(frame, steps=10).plot.pushover(data=True).columns.tolist()
+    ['base_shear']
+    """
+    if data:
+        over = labels_of(result.roof, unit="m", long_name="displacement of the roof")
+        shear = {"base_shear": (result.base_shear, "N", "base shear")}
+        return over_axis(f"Pushover of {result.name}", "roof", over, shear).to_pandas()
+    axes, unit = axes_for(ax), shown_unit_of("N", float(result.base_shear.max()))
+    axes.plot(1e3 * result.roof, unit.factor * result.base_shear, color=style.MODEL, label=result.pattern)
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    return finished(axes, "Displacement of the roof (mm)", with_unit("Base shear", unit.symbol))
 
 
 # Bars that fit into a figure.
@@ -557,6 +589,12 @@ class FragilityPlots(Plots):
 
     ida = short(ida)
     fragility = short(fragility)
+
+
+class PushoverPlots(Plots):
+    """Figures of a frame that is pushed."""
+
+    pushover = short(pushover)
 
 
 class SuitePlots(Plots):

@@ -121,6 +121,7 @@ def study_of(
     hardware: Hardware | Table | None = None,
     uncertainty: UncertaintyTable | Table | None = None,
     tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
+    places: Table | None = None,
     report: Table | None = None,
     clairvoyant: Table | None = None,
     design_level: float | str | None = None,
@@ -154,7 +155,7 @@ def study_of(
         for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
-    hardware, uncertainty, tune, report, clairvoyant, target
+    hardware, uncertainty, tune, places, report, clairvoyant, target
         Their tables, or a `Hardware`, and one or several `TuneTable`.
     design_level
         Level of the motions on which laws are designed and the best constant command is chosen, where records have
@@ -213,6 +214,7 @@ def study_of(
         "report": report,
         "uncertainty": uncertainty,
         "tune": tables,
+        "places": places,
         "clairvoyant": clairvoyant,
         "target": target,
     }

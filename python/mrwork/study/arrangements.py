@@ -27,6 +27,7 @@ from mrwork.base.keys import (
 from mrwork.base.places import Place, Unread
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
+from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
@@ -180,8 +181,29 @@ def laws_text() -> str:
     return "\n\n".join(blocks)
 
 
+# Words with which a law would be given to some of the dampers.
+_OF_A_GROUP = {
+    "controller": ("damper", "dampers", "storey", "storeys", "group"),
+    "damper": ("law", "controller"),
+}
+
+
 def refuse_loose_settings(document: Mapping[str, Any], place: Place) -> None:
-    """Refuse settings of a law that stand beside its name, and read them as if they stood in [controller.settings]."""
+    """Refuse laws for some of the dampers, and settings of a law that stand beside its name.
+
+    Settings are read as if they stood in [controller.settings].
+    """
+    for kind, words in _OF_A_GROUP.items():
+        given = document.get(kind)
+        for number, table in enumerate(given if isinstance(given, list) else []):
+            for name in [
+                word for word in words if isinstance(table, dict) and table.pop(word, None) is not None
+            ]:
+                with place.keeping():
+                    place.within(kind, number, name).refuse(
+                        f"{name} in a [[{kind}]] would give one group of dampers a law of its own, and a law commands "
+                        "all of them; leave it out, several [[controller]] are compared with each other"
+                    )
     tables = document.get("controller")
     own = {entry.name for entry in keys_of(ControllerTable)}
     for number, table in enumerate(tables if isinstance(tables, list) else []):
@@ -299,7 +321,6 @@ def problem_of(
     reference_peaks: Callable[[], ReferencePeaks] | None = None,
 ) -> DesignProblem:
     """The building with its dampers, for which the laws of a study are designed, and the ground of these motions."""
-    first = table.damper[0] if devices else None
     return DesignProblem(
         building=building,
         devices=devices,
@@ -308,8 +329,8 @@ def problem_of(
         motions=tuple(motion.ground for motion in motions),
         judged=motions[0].use == "test",
         reference_peaks=reference_peaks,
-        amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
-        velocity=None if first is None else _range(first, "velocity", first.velocity),
+        amplitude=_range(table.damper, "amplitude"),
+        velocity=_range(table.damper, "velocity"),
     )
 
 
@@ -318,7 +339,7 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
     largest = controller.largest_command
     if largest is None:
         return problem
-    available = min(device.largest_command for device in problem.devices)
+    available = largest_command(problem.devices)
     if largest > available:
         controller.place.within("largest_command").refuse(
             f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
@@ -383,12 +404,17 @@ def _kind(law: StudyLaw | None) -> Kind:
     return "passive" if SETTINGS[law.name].constant else "controller"
 
 
-def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tuple[float, float] | None:
-    if given is None:
-        return None
-    if len(given) != 2 or given[0] > given[1]:
-        table.place.within(name).refuse(f"{name} takes the smallest and the largest value, as [0.001, 0.01]")
-    return given[0], given[1]
+def _range(tables: Sequence[DamperTable], name: str) -> tuple[float, float] | None:
+    """The range of the first damper that gives it."""
+    for table in tables:
+        given: tuple[float, ...] | None = getattr(table, name)
+        if given is not None:
+            if len(given) != 2 or given[0] > given[1]:
+                table.place.within(name).refuse(
+                    f"{name} takes the smallest and the largest value, as [0.001, 0.01]"
+                )
+            return given[0], given[1]
+    return None
 
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
@@ -462,7 +488,7 @@ def _choose_law(
         constant = CONSTANT_LAWS[table.law]
         if constant.share is None:
             return constant.title, None, None
-        command = constant.share * min(device.largest_command for device in problem.devices)
+        command = constant.share * largest_command(problem.devices)
         return constant.title, constant_command(problem.devices, command), None
     kind, spec = SETTINGS[table.law], control_law(table.law)
     with given.where.prefix_errors(SettingError):

@@ -21,6 +21,7 @@ from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
 from mrwork.store.codec import OrNan
 from mrwork.study.results import StudyResults, shares_in_words
+from mrwork.study.storeys import limits_in_words
 from mrwork.study.study import Kind, uses_in_words
 
 MOST_IN_DETAIL = 8
@@ -274,11 +275,12 @@ _CONSTANT = 0.01
 def findings(results: StudyResults) -> tuple[str, ...]:
     """Sentences on the best constant command, on the force of the dampers, on laws that send a constant command.
 
-    And on scores that the motions do not tell apart.
+    And on limits of storeys, and scores that the motions do not tell apart.
     """
     return (
         *results.choices,
         *shares_in_words(results),
+        *limits_in_words(results),
         *_constant_in_effect(results),
         *_ties(compared(results)),
     )

@@ -19,6 +19,8 @@ from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
+from mrwork.buildings.from_file import refuse_without_masses
+from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
@@ -282,8 +284,14 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
         }
         with suppress(SettingError, KeyError):
             dampers = tuple(chosen_damper(each, folder, fitted.__getitem__) for each in tables)
-            if all(each.spec == dampers[0].spec for each in dampers):
-                sets.append(OtherSet(fitted=fitted, dampers=dampers))
+            groups = [
+                Device(
+                    name="", spec=each.spec, theta=each.theta, row=[1.0], largest_command=each.largest_command
+                )
+                for each in dampers
+            ]
+            with_common_laws(groups)
+            sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 
 
@@ -291,6 +299,9 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and its devices; their dampers are asked for after their storeys."""
+    for table in tables:
+        if table.row is None:
+            refuse_without_masses(bare, table.place)
     parts = [table.place.attempt(_row_of, bare, table) for table in tables]
     chosen = choose()
     building, rows = bare, [each() for each in parts]
@@ -312,11 +323,6 @@ def equip_building(
             rows[number] = building.storeys[-1]
     devices: list[Device] = []
     for table, one, row in zip(tables, chosen, rows, strict=True):
-        if one.spec != chosen[0].spec:
-            table.place.refuse(
-                f"this damper is a {one.spec.name} and the first a {chosen[0].spec.name}, or their current laws "
-                "differ; all dampers of a building are of one model"
-            )
         # Braces of later dampers add coordinates, which do not move this one.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         name = table.name or f"damper in {bare.storey_name(table.storey)}"
@@ -338,6 +344,7 @@ def equip_building(
                     tested=one.tested,
                 )
             )
+            with_common_laws(devices)
     return building, tuple(devices)
 
 

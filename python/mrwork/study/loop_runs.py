@@ -8,7 +8,6 @@ from time import perf_counter
 
 import numpy as np
 
-from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device

@@ -20,6 +20,7 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
+from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, ratio
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import in_command_unit
@@ -137,7 +138,7 @@ def course_of_trials(
     def part(count: int, times: int) -> Part:
         def trial(share: float) -> tuple[float, int]:
             cut, tried = excerpts_of(problem.motions, share, hardware.sample_time, bare)
-            levels = np.linspace(0.0, min(device.largest_command for device in devices), count)
+            levels = np.linspace(0.0, largest_command(devices), count)
             law = constant_command(devices, *levels)
             responses = simulate_loop(problem.building, devices, law, cut, hardware)
             return tried, int(responses.steps.max())
@@ -179,7 +180,7 @@ class Trials:
         )
         if problem is problem.whole:
             return shaken, says
-        return shaken.limited_to(min(device.largest_command for device in problem.devices)), says
+        return shaken.limited_to(largest_command(problem.devices)), says
 
     @cached_property
     def _shaken(self) -> DesignProblem:
@@ -301,7 +302,7 @@ class Trials:
     @cached_property
     def _response(self) -> _Response:
         problem = self.problem.whole
-        command = min(device.largest_command for device in problem.devices)
+        command = largest_command(problem.devices)
         self.course.begin(_RESPONSE, "dampers at i = 0 and at the largest command", 0)
         off, on = (self._run(problem, constant_command(problem.devices, level)) for level in (0.0, command))
         magnitudes = magnitudes_of_runs(

@@ -70,6 +70,7 @@ from mrwork.study.dampers import (
     other_sets,
 )
 from mrwork.study.fragilities import USUAL_LIMIT, limit_of
+from mrwork.study.placements import Placed, placed_document
 from mrwork.study.schema import (
     PASSIVE_OFF,
     DamperTable,
@@ -421,10 +422,17 @@ def study_of_document(
     file: StudyFile | None = None,
 ) -> Study:
     """The study of a document, which may hold values that no file can; names of files are relative to `folder`."""
-    with place.collecting() as place:
-        refuse_loose_settings(document, place)
-        table = read_table(StudyTable, document, place)
-        return _study_of(table, file, place, folder, cache(identified), seed, on_python, on_progress)
+    identified = cache(identified)
+
+    def placed(placement: Placed) -> Study:
+        anew = placed_document(document, placement)
+        return study_of_document(anew, place, folder, identified, seed, on_python, on_progress, file)
+
+    with place.collecting() as collecting:
+        refuse_loose_settings(document, collecting)
+        table = read_table(StudyTable, document, collecting)
+        study = _study_of(table, file, collecting, folder, identified, seed, on_python, on_progress)
+    return replace(study, placed=placed)
 
 
 def _study_of(

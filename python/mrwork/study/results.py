@@ -19,12 +19,20 @@ from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded, round_to
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.closed_loop.evaluation import SCORE, Scales, Spread, criteria, criterion, ratio, score
+from mrwork.closed_loop.evaluation import (
+    SCORE,
+    STANDARD_GRAVITY,
+    Scales,
+    Spread,
+    criteria,
+    criterion,
+    ratio,
+    score,
+)
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.parameters import polynomial_laws
@@ -145,7 +153,7 @@ class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
     `heights` are those of the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
-    weights on them [N] with P-delta, if there are.
+    weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
     """
@@ -158,6 +166,7 @@ class BuildingFacts:
     heights: tuple[float, ...] = ()
     yield_drifts: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
+    drift_limit: float = 0.0
 
     @property
     def scales(self) -> Scales:
@@ -186,6 +195,7 @@ class BuildingFacts:
             heights=tuple(building.drift_heights.tolist()),
             yield_drifts=tuple(building.yield_drifts[: len(building.drifts)].tolist()),
             loads=tuple(building.loads[: len(building.drifts)].tolist()),
+            drift_limit=building.drift_limit,
         )
 
 

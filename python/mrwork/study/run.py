@@ -16,6 +16,7 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
+from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Scales, score, values
 from mrwork.closed_loop.hardware import Hardware
@@ -535,7 +536,7 @@ def _choose_best_constant(
 
 
 def _levels(arrangement: Arrangement) -> Floats:
-    return np.linspace(0.0, min(device.largest_command for device in arrangement.devices), LEVELS)
+    return np.linspace(0.0, largest_command(arrangement.devices), LEVELS)
 
 
 def _simulate_levels(

@@ -510,6 +510,27 @@ class ClairvoyantTable(ClairvoyantSettings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlacesTable:
+    """Places of equal dampers that `mrwork tune` compares, each with its best constant command, before it tunes laws.
+
+    All placements, up to 60, are ranked on the training motions; the best, and that of the study itself, are judged on
+    the test motions. Laws are tuned at the best one.
+    """
+
+    dampers: int | None = key(
+        "number of dampers, each as the [[damper]] with its count; by default as many as there are [[damper]]",
+        default=None,
+        least=1,
+        most=1000,
+    )
+    storeys: tuple[int | str, ...] | None = key(
+        "storeys that they may stand in, by default all", default=None
+    )
+    each: int | None = key("most of them in a storey, by default all", default=None, least=1)
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportTable:
     """Figures in detail on the page."""
 
@@ -547,7 +568,9 @@ class StudyTable:
         "folder that names of files are relative to, by default that of the study file", default=""
     )
     building: BuildingTable = key("the building")
-    damper: tuple[DamperTable, ...] = key("dampers, all of one model", default=())
+    damper: tuple[DamperTable, ...] = key(
+        "dampers, all of one model, each with parameters, laws and a largest command of its own", default=()
+    )
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
@@ -568,6 +591,7 @@ class StudyTable:
     report: ReportTable = key("figures on the page", default=ReportTable())
     uncertainty: UncertaintyTable | None = key("what is not known exactly", default=None)
     tune: tuple[TuneTable, ...] = key("laws to be tuned, by mrwork tune", default=())
+    places: PlacesTable | None = key("places of the dampers to be compared, by mrwork tune", default=None)
     clairvoyant: ClairvoyantTable | None = key("the non-causal optimum of each motion", default=None)
 
 

@@ -5,8 +5,8 @@ What is not known exactly has realisations: damper parameters, stiffness and dam
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
@@ -265,10 +265,10 @@ class Study(Summarised):
     histories of the motion `detailed`; what else it shows is in `report`, and `limit` is the criterion with its limit
     of which it has the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the
     laws to be tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is
-    searched for under every motion. `other_sets` are the dampers with other sets of laws that predict nearly as well.
-    `suite` has the spectra of the test motions beside the target, if there is one and each record has one level.
-    `table` is what was read, `None` for a part of it; names of files in it are relative to `folder`. `file` is the file
-    that was read, if it was one.
+    searched for under every motion. `other_sets` are the dampers with other sets of laws that predict nearly as well;
+    `placed` reads the study anew, with its dampers in other storeys. `suite` has the spectra of the test motions beside
+    the target, if there is one and each record has one level. `table` is what was read, `None` for a part of it; names
+    of files in it are relative to `folder`. `file` is the file that was read, if it was one.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -297,6 +297,7 @@ class Study(Summarised):
     clairvoyant: ClairvoyantRow | None = None
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
+    placed: Callable[[Mapping[str, int]], Study] | None = field(default=None, repr=False, compare=False)
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -467,8 +468,9 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 
 def constant_command(devices: Sequence[Device], *commands: float) -> ControlLaw:
-    """The law with a constant command, with one candidate for each of several."""
-    return ControlLaw(name="passive", gains={"command": np.outer(commands, np.ones(len(devices)))})
+    """The law with a constant command, one candidate for each of several; a device gets no more than its largest."""
+    largest = [device.largest_command for device in devices]
+    return ControlLaw(name="passive", gains={"command": np.minimum(np.array(commands)[:, None], largest)})
 
 
 def make_arrangement(

@@ -117,6 +117,7 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
         "storey_names": list(value.storey_names),
         "n_strokes": value.n_strokes,
         "heights": value.drift_heights.tolist(),
+        "drift_limit": value.drift_limit,
         "loads": value.loads[: len(value.drifts)].tolist(),
         "element": [each | {"row": each["row"].tolist()} for each in elements],
     }

@@ -108,6 +108,9 @@ _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
     ("peak_drift", *_MILLIMETRE),
     ("peak_drift_ratio", "%", 100.0),
+    ("peak_ductility", "1", 1.0),
+    ("stability_coefficient", "1", 1.0),
+    ("residual_drift_ratio", "%", 100.0),
     ("peak_acceleration", *_ACCELERATION),
     ("peak_base_shear", *_KILONEWTON),
     ("rms_drift", *_MILLIMETRE),

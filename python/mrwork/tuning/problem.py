@@ -12,6 +12,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
@@ -286,7 +287,7 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
     study = bench.study
-    largest = min(device.largest_command for device in study.devices)
+    largest = largest_command(study.devices)
     on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
     bench.clock.candidates -= 1
     constant = None
@@ -302,8 +303,8 @@ def describe(candidate: LawCandidate) -> Mapping[str, object]:
     return {**candidate.settings, "largest_command": candidate.largest_command, **candidate.shaping}
 
 
-# That of a study, whatever a table minimises, so that all laws are compared by one number.
-_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+"""That of a study, whatever a table minimises, so that all laws are compared by one number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -480,7 +481,7 @@ def _judge(
 
 def _ratios(runs: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": _SCORE.run_scores(runs, passive)}
+    ratios = {"score": STUDY_SCORE.run_scores(runs, passive)}
     return ratios | {
         entry.name: ratio_to_baseline(runs.numbers[entry.name], passive.numbers[entry.name])
         for entry in criteria()

@@ -17,7 +17,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, n
 from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import csv_text
+from mrwork.base.table import Table, csv_text
 from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import RecordError, SettingError, UnknownNameError
@@ -34,6 +34,7 @@ from mrwork.store.run_folder import (
     check_manifest,
     read_kind,
 )
+from mrwork.study.placements import placed_document
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile, level_warnings
 from mrwork.tuning.space import (
@@ -207,6 +208,26 @@ def _candidate_of(settings: Mapping[str, Any]) -> LawCandidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """Dampers by storey, their best constant command, and its scores over the building without dampers.
+
+    A score is the mean over motions of peak and rms drift and acceleration over those without dampers, which do not
+    depend on the placement; `test` is `None` where it was not judged. `given` says that the study has its dampers so.
+    """
+
+    storeys: dict[str, Whole]
+    command: float
+    train: OrInfinite
+    test: OrInfinite | None = None
+    given: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """Where the dampers are, as in "2 in storey 1, 1 in storey 3"."""
+        return ", ".join(f"{number} in {name}" for name, number in self.storeys.items())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FrontPoint:
     """A point of a Pareto front: its objectives on the training and on the test motions, settings and certificate."""
 
@@ -298,6 +319,7 @@ class TuningResults(WithAxes, Summarised):
     Its arrays are `score` and the ratio of every criterion to that at i = 0 over law and motion, laws before
     references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
     settings of each law that are numbers.
+    `places` are placements of the dampers, the best first, at which the laws are tuned.
     `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
     `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
     demand of the tuned laws outside the tested ranges of the dampers; `design_levels` are the levels of the motions
@@ -315,6 +337,7 @@ class TuningResults(WithAxes, Summarised):
     command_unit: str
     realisations: Whole
     fronts: tuple[Front, ...] = ()
+    places: tuple[Placement, ...] = ()
     seconds: NotNegative = 0.0
     candidates_per_second: NotNegative = 0.0
     seconds_outside: NotNegative = 0.0
@@ -436,6 +459,7 @@ class TuningResults(WithAxes, Summarised):
                 ("training motions", list_names(self.training)),
                 ("test motions", list_names(self.testing) or "none"),
                 ("candidates", f"{self.candidates_per_second:.3g} a second"),
+                *(("best placement", each.in_words) for each in self.places[:1]),
             ),
             columns=("law", "training", "test", "settings"),
             rows=[
@@ -449,6 +473,38 @@ class TuningResults(WithAxes, Summarised):
             ],
             notes=[f"warning: {warning}" for warning in self.warnings],
         )
+
+
+# Placements that are listed, beside that of the study.
+_LISTED = 10
+
+
+def places_table(results: TuningResults) -> Table | None:
+    """The best placements of the dampers and that of the study; `None` where none were compared."""
+    shown = [
+        (number, each)
+        for number, each in enumerate(results.places, start=1)
+        if number <= _LISTED or each.given
+    ]
+    if not shown:
+        return None
+    return Table(
+        title=f"{counted(len(results.places), 'placement')} of the dampers, each with its best constant command: score "
+        "over the building without dampers",
+        columns=("", "Dampers", "Command", "Training", "Test"),
+        rows=tuple(
+            (
+                str(number),
+                each.in_words + (" (the study)" if each.given else ""),
+                f"{each.command:.3g} {results.command_unit}",
+                with_decimals(each.train, 3),
+                "-" if each.test is None else with_decimals(each.test, 3),
+            )
+            for number, each in shown
+        ),
+        words=(1,),
+        note="Laws are tuned at the first.",
+    )
 
 
 def motions_in_words(results: TuningResults) -> str:
@@ -579,6 +635,8 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     The text of the study stays; names of files in it are relative to its own folder.
     """
     text = study_file.text
+    if results.places:
+        text = toml_text(placed_document(toml_table(text), results.places[0].storeys))
     blocks = [_controller(law) for law in results.laws]
     folder = study_file.path.parent / toml_table(text).get("folder", "")
     head = (

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
+from itertools import islice
 from typing import Literal
 
 from mrwork.base.arguments import Seed, Threads, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import given_in, suggestion
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import control_law
@@ -31,8 +32,9 @@ from mrwork.tuning.law_tuning import (
     front_of,
     tune_law,
 )
-from mrwork.tuning.problem import Clock, benches_of, check_controllable, magnitudes_of
-from mrwork.tuning.results import Better, Front, LawResult, TuningResults
+from mrwork.tuning.placing import PlacingProgress, compare_places
+from mrwork.tuning.problem import STUDY_SCORE, Clock, benches_of, check_controllable, magnitudes_of
+from mrwork.tuning.results import Better, Front, LawResult, Placement, TuningResults
 from mrwork.tuning.space import (
     TuningObjective,
     check_scored_criterion,
@@ -41,7 +43,7 @@ from mrwork.tuning.space import (
 )
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
-OnTuning = Callable[[TuningProgress], None]
+OnTuning = Callable[[TuningProgress | PlacingProgress], None]
 
 
 @checked
@@ -61,6 +63,7 @@ def tune(
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study and judge them on its test motions.
 
+    Where the study has a table of places, the placements of its dampers are compared first, and laws tuned at the best.
     First candidates (equal and published weights, the energy) and a search on the free settings are scored by the
     objective of the table; the best is chosen and judged, beside references that no search has touched.
 
@@ -101,6 +104,7 @@ def tune(
     0.655
     """
     check_controllable(study)
+    placing = None if study.table is None else study.table.places
     tables = _tables(study, tables, laws, risk, budget)
     objectives = [_check_table(table, study) for table in tables]
     clock = Clock()
@@ -108,6 +112,7 @@ def tune(
         journal.agree("tuning", _fingerprint(study, tables, rng))
     tuned: list[LawResult] = []
     fronts: list[Front] = []
+    places: list[Placement] = []
     references: list[LawResult] = []
     demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
 
@@ -129,12 +134,17 @@ def tune(
             seconds_outside=clock.seconds_outside,
             facts=study.facts,
             fronts=tuple(fronts),
+            places=tuple(places),
             building_warnings=study.building_warnings,
             design_levels=study.design_levels,
             damper_warnings=damper_warnings(demands),
         )
 
     try:
+        if placing is not None:
+            places.extend(compare_places(study, journal=journal, threads=threads, on_progress=on_progress))
+            assert study.placed is not None
+            study = study.placed(places[0].storeys)
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
         basis = basis_of(
@@ -143,7 +153,9 @@ def tune(
         plans = _plans(study, tables, objectives, basis.magnitudes)
         for plan in plans:
             check_settings(plan, benches.training)
-        references.extend(references_of(benches, objectives[0], basis))
+        # The first three are constant commands, which is all where no law is tuned.
+        found = references_of(benches, [*objectives, STUDY_SCORE][0], basis)
+        references.extend(islice(found, None if plans else 3))
         if any(each.relative_to == "best_passive" for each in objectives):
             benches = benches.with_constant(best_constant(references))
         for number, plan in enumerate(plans):
@@ -216,9 +228,10 @@ def _tables(
         made = TuneTable(laws=tuple(laws), risk=risk)
         return (made if budget is None else replace(made, budget=budget),)
     tables_of_laws = tuple(tables) or study.tunes
-    if not tables_of_laws:
+    if not tables_of_laws and (study.table is None or study.table.places is None):
         raise SettingError(
-            f'study {study.title!r} has nothing to tune; give it a [[tune]] with laws = ["clipped_optimal"]'
+            f"study {study.title!r} has nothing to tune; give it a [[tune]], as "
+            'laws = ["clipped_optimal"], or [places]'
         )
     return tables_of_laws
 
@@ -297,5 +310,10 @@ def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[st
             {each.name: getattr(table, each.name) for each in fields(table) if each.name != "place"}
             for table in tables
         ],
+        **(
+            {}
+            if study.table is None or study.table.places is None
+            else {"places": given_in(study.table.places)}
+        ),
         "rng": rng,
     }

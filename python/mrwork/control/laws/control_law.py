@@ -18,6 +18,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Building, Device
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
@@ -164,13 +165,7 @@ class LoopModel(Summarised):
     def __post_init__(self) -> None:
         if not self.devices:
             raise SettingError("the model of a loop has no device; give one")
-        first = self.devices[0].spec
-        for device in self.devices[1:]:
-            if (device.spec.name, device.spec.current) != (first.name, first.current):
-                raise SettingError(
-                    f"{device.name} of the model is a {device.spec.name} and {self.devices[0].name} a {first.name}, or "
-                    "their current laws differ; give devices of one model with the same laws"
-                )
+        object.__setattr__(self, "devices", with_common_laws(self.devices))
 
 
 @checked

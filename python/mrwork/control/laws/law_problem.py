@@ -17,7 +17,7 @@ import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.keys import DeclaredTable, plain_values, refuse_repeated
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device, elongation_rows
@@ -168,6 +168,21 @@ class DesignProblem(Summarised):
     def each(self, number: float) -> Floats:
         """An array with the same number for every device."""
         return np.full(len(self.devices), number)
+
+
+def unlike_first(problem: DesignProblem, *, groups: bool = False) -> tuple[str, ...]:
+    """A sentence where dampers differ from the first, whose force a law knows; as `groups` also in their number."""
+    first = problem.devices[0]
+
+    def same(device: Device) -> bool:
+        alike = device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
+        return alike and (
+            not groups or (device.count, device.differential) == (first.count, first.differential)
+        )
+
+    others = [device.name for device in problem.devices if not same(device)]
+    said = f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too."
+    return (said,) if others else ()
 
 
 @array_dataclass(repr=False)

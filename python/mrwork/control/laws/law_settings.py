@@ -14,9 +14,10 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import key
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
+from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, LoopModel, control_law
 from mrwork.control.laws.fuzzy import FuzzySettings
-from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
+from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span, unlike_first
 from mrwork.control.laws.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.laws.regulator_settings import (
     ClippedSettings,
@@ -58,12 +59,13 @@ class PassiveSettings(LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The command of each device."""
-        largest = min((device.largest_command for device in problem.devices), default=math.inf)
-        if self.command > largest:
+        if self.command > (largest := largest_command(problem.devices) if problem.devices else math.inf):
             raise InvalidSettingError(
                 "command", f"command is {self.command:g}, and the driver gives {largest:g} at most"
             )
-        return Design(gains={"command": problem.each(self.command)})
+        return Design(
+            gains={"command": np.minimum(self.command, [each.largest_command for each in problem.devices])}
+        )
 
 
 @checked
@@ -218,7 +220,11 @@ def design_law(
         signals=design.signals,
         curve=curve,
         model=_model_of(spec, problem),
-        notes=(*settings.notes(problem, design), *(() if margins is None else (margins.in_words,))),
+        notes=(
+            *settings.notes(problem, design),
+            *(unlike_first(problem) if spec.needs_curve else ()),
+            *(() if margins is None else (margins.in_words,)),
+        ),
         weights=settings.weights(problem),
         margins=margins,
     )

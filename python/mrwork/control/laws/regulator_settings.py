@@ -22,6 +22,7 @@ from mrwork.control.laws.law_problem import (
     LawSettings,
     Magnitude,
     Span,
+    unlike_first,
 )
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
@@ -304,6 +305,10 @@ class NetworkSettings(RegulatorSettings):
         layer = np.column_stack([network.b1, network.W1 / reach, network.w2 * size])
         tables = {"layer": layer.ravel(), "output": np.array([network.b2 * size]), "reach": reach}
         return Design(gains={"gain": gain}, tables=tables)
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """Sentences on the gain, and on dampers for which the network was not trained."""
+        return (*RegulatorSettings.notes(self, problem, design), *unlike_first(problem, groups=True))
 
 
 _SIGNALS, _MOST_POWERS = 4, 9

@@ -8,6 +8,7 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import key
+from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
 
@@ -117,7 +118,7 @@ class RolloutSettings(LawSettings):
         """The numbers of the prediction."""
         base, drift, acceleration = self._references(problem)
         building = problem.building
-        largest = min(device.largest_command for device in problem.devices)
+        largest = largest_command(problem.devices)
         if base > largest:
             raise InvalidSettingError("base", f"base is {base:g}, and the driver gives {largest:g} at most")
         samples = round(self.decision / problem.sample_time)
@@ -136,7 +137,7 @@ class RolloutSettings(LawSettings):
         commands = np.array([[device.largest_command] for device in problem.devices])
         return Design(
             gains={
-                "base": problem.each(base),
+                "base": np.minimum(base, commands[:, 0]),
                 "tails": np.minimum(base * np.tile(_TAILS, (len(commands), 1)), commands),
                 "levels": self.levels * np.array(LEVELS) * commands,
                 "drift_weight": np.array([drift**-2]),
@@ -165,7 +166,7 @@ class RolloutSettings(LawSettings):
         known = problem.reference_peaks() if missing and problem.reference_peaks is not None else None
         if known is None:
             return float(self.base or 0.0), float(self.drift or 1.0), float(self.acceleration or 1.0)
-        largest = min(device.largest_command for device in problem.devices)
+        largest = largest_command(problem.devices)
         return (
             min(known.command, largest) if self.base is None else self.base,
             known.drift if self.drift is None else self.drift,

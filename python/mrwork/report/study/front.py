@@ -10,7 +10,6 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import list_names
@@ -19,9 +18,10 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import axis_of
 from mrwork.drawing import style
-from mrwork.drawing.canvas import coinciding, name_small_axes, small_axes
-from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, short, strokes
+from mrwork.drawing.canvas import coinciding, small_axes
+from mrwork.drawing.of_studies import Stroke, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
+from mrwork.report.study.storey_section import profile_figure
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     BOTH,
@@ -242,7 +242,6 @@ def _peaks(results: StudyResults, row: int, quantity: str) -> Floats | None:
     return np.array([getattr(run, quantity) for run in runs]) if finished else None
 
 
-@style.drawn_in_style()
 def _profile_figure(
     results: StudyResults,
     quantity: str,
@@ -251,25 +250,24 @@ def _profile_figure(
     shaded: Sequence[int],
 ) -> Figure:
     """A line for each row with values, the first of the `drawn` ones in front, and the range of the `shaded` ones."""
-    drift = axis_of(quantity) == "storey"
-    names = results.storey_names if drift else results.floor_names
+    drift, facts, limit = axis_of(quantity) == "storey", results.building, 0.0
     factor: Floats | float = 1e3 if drift else 1.0
     abscissa = "Drift (mm)" if drift else "Acceleration (m/s²)"
-    if drift and results.building is not None and results.building.has_ratios:
-        factor, abscissa = 100.0 / np.array(results.building.heights), "Drift ratio (%)"
-    figure, axes = small_axes(labelled=True)
+    if drift and facts is not None and facts.has_ratios:
+        factor, abscissa, limit = (
+            100.0 / np.array(facts.heights),
+            "Drift ratio (%)",
+            100.0 * facts.drift_limit,
+        )
     of_row = strokes(results, drawn)
-    for row in [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]:
-        add_height_line(axes, factor * values[row].mean(axis=0), of_row[row], results.rows[row].label)
-    for row in shaded:
-        low, high = factor * values[row].min(axis=0), factor * values[row].max(axis=0)
-        heights = np.arange(1, len(names) + 1)
-        axes.fill_betweenx(heights, low, high, color=style.BAND, linewidth=0.0, zorder=0.5)
-    name_heights(axes, names, numbers=True)
-    axes.set_xlim(left=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-    name_small_axes(axes, "Storey" if drift else "Floor", abscissa)
-    return figure
+    order = [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]
+    return profile_figure(
+        {results.rows[row].label: (factor * values[row].mean(axis=0), of_row[row]) for row in order},
+        results.storey_names if drift else results.floor_names,
+        ("Storey" if drift else "Floor", abscissa),
+        [factor * values[row] for row in shaded],
+        limit,
+    )
 
 
 def _building_panel(results: StudyResults) -> Iterator[Panel]:

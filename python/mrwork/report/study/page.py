@@ -23,6 +23,7 @@ from mrwork.report.study.figures import (
 )
 from mrwork.report.study.fragility_section import fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
+from mrwork.report.study.storey_section import storey_section
 from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
 from mrwork.study.run_result import RunResult
@@ -158,6 +159,7 @@ def study_page(
     took = [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
     of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
+    bare = [row for row in (comparison.uncontrolled,) if row is not None and row not in first]
     sections = [
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
@@ -165,6 +167,7 @@ def study_page(
         fragility_section(results),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),
+        storey_section(results, [*first, *bare], drawn_rows(comparison), of_row),
         device_section(results, histories, first, of_row),
         energy_section(results, shown),
         band_section(bands_of_study(results, shown.listed), results.n_realisations),

@@ -32,6 +32,7 @@ from mrwork.tuning.results import (
     LawResult,
     TuningResults,
     motions_in_words,
+    places_table,
     settings_in_words,
     speed_in_words,
 )
@@ -110,6 +111,7 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
     note = "All laws have the same realisations."
     sections = [
         warning_section(results.warnings),
+        _places_section(results),
         _score_section(results),
         _settings_section(results),
         band_section(band_table(bands, results.realisations, note=note), results.realisations),
@@ -260,6 +262,18 @@ def _score_section(results: TuningResults) -> Section:
     summary = f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else ""
     group = Group(table=table, prose=results.findings)
     return Section(anchor="scores", title="Scores", summary=summary, groups=(group,))
+
+
+def _places_section(results: TuningResults) -> Section | None:
+    table = places_table(results)
+    if table is None:
+        return None
+    return Section(
+        anchor="places",
+        title="Places",
+        summary=f"The lowest score on the training motions: {results.places[0].in_words}.",
+        groups=(Group(table=table),),
+    )
 
 
 def _settings_section(results: TuningResults) -> Section | None:

@@ -1,0 +1,85 @@
+"""Placements of equal dampers over the storeys of a building, which `mrwork tune` compares."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from mrwork.base.numbers import counted
+from mrwork.buildings import Building
+from mrwork.errors import SettingError
+from mrwork.study.schema import DamperTable, StudyTable
+
+MOST_PLACEMENTS: Final = 60
+
+Placed = Mapping[str, int]
+"""Number of equal dampers in each storey that has any, by its name, lowest first."""
+
+
+def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Placed]]:
+    """The placement that the [[damper]] of a study give, and those of its [places]."""
+    places, dampers = table.places, table.damper
+    assert places is not None
+    place = places.place
+    first = dampers[0]
+    for each in dampers:
+        if replace(each, storey=first.storey, name=first.name, place=first.place) != first:
+            each.place.refuse(
+                "[places] compares places of equal dampers, and this one differs from the first; keep one"
+            )
+        if each.row is not None:
+            each.place.within("row").refuse(
+                "row is of one place, and [places] compares several; give an angle"
+            )
+    own = Counter(bare.storey_name(each.storey) for each in dampers)
+    with place.within("storeys").prefix_errors(SettingError):
+        names = list(dict.fromkeys(bare.storey_name(each) for each in places.storeys or ()))
+    names = names or list(bare.storey_names[: len(bare.drifts)])
+    number = places.dampers or len(dampers)
+    if len(dampers) not in (1, number):
+        place.within("dampers").refuse(
+            f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place"
+        )
+    most = min(places.each or number, number)
+    ways = [1, *[0] * number]
+    for _ in names:
+        ways = [sum(ways[max(0, total - most) : total + 1]) for total in range(number + 1)]
+    if not 1 <= ways[number] <= MOST_PLACEMENTS:
+        remedy = (
+            "fewer storeys, a smaller each, or fewer dampers of a larger count"
+            if ways[number]
+            else "a larger each"
+        )
+        place.refuse(
+            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have "
+            f"{ways[number]:,} placements, and 1 to {MOST_PLACEMENTS} are compared; give {remedy}"
+        )
+    given = {name: own[name] if len(dampers) > 1 else number for name in bare.storey_names if own[name]}
+    return given, list(_spread(names, number, most))
+
+
+def _spread(names: Sequence[str], number: int, most: int) -> Iterator[dict[str, int]]:
+    if number == 0:
+        yield {}
+    elif number <= most * len(names):
+        for count in range(min(most, number), -1, -1):
+            for rest in _spread(names[1:], number - count, most):
+                yield ({names[0]: count} if count else {}) | rest
+
+
+def placed_tables(first: DamperTable, placed: Placed) -> list[DamperTable]:
+    """Tables of the dampers of a placement, made of that of one."""
+    return [
+        replace(first, storey=name, name=None, count=first.count * number) for name, number in placed.items()
+    ]
+
+
+def placed_document(document: Mapping[str, Any], placed: Placed) -> dict[str, Any]:
+    """The document of a study with its dampers in a placement, which it no longer looks for."""
+    first = {key: value for key, value in document["damper"][0].items() if key != "name"}
+    dampers = [
+        first | {"storey": name, "count": first.get("count", 1) * number} for name, number in placed.items()
+    ]
+    return {key: value for key, value in document.items() if key != "places"} | {"damper": dampers}

@@ -1,0 +1,152 @@
+"""What engineers ask of each storey: drift ratio with its limit, ductility, shears, residual drift, P-delta."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.base.numbers import NOTHING, significant
+from mrwork.base.table import Table
+from mrwork.base.units import STANDARD_GRAVITY
+from mrwork.base.values import Floats
+from mrwork.closed_loop.evaluation import Scale
+from mrwork.study.results import BuildingFacts, StudyResults
+
+# Coefficients up to which P-delta may be left out, and above which a frame is not to be built (EN 1998-1, 4.4.2.2).
+_SMALL, _MOST = 0.1, 0.3
+# Storeys of a table.
+_MOST_STOREYS = 30
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreyQuantity:
+    """A quantity of each storey as it is shown: its title, its unit and the factor to it, and what it is divided by."""
+
+    name: str
+    title: str
+    unit: str
+    factor: float = 1.0
+    scale: Scale = ""
+
+    @property
+    def heading(self) -> str:
+        """Title with unit."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    def of_runs(self, results: StudyResults, row: int) -> Floats | None:
+        """Under each judged motion, shape (n_motions, n_storeys); `None` unless all are known of finished runs."""
+        runs = [results.runs.get((row, motion)) for motion in results.judged_motions]
+        if results.building is None or not runs or any(run is None or not run.finished for run in runs):
+            return None
+        values = np.abs([getattr(run, self.name) for run in runs]) * self.factor
+        if self.scale:
+            shears = np.array([run.peak_storey_shear for run in runs if run is not None])
+            values = results.building.scales.divide(values, self.scale, shears)
+        return None if np.isnan(values).any() else values
+
+
+DRIFT = StoreyQuantity(name="peak_drift", title="Drift", unit="mm", factor=1e3)
+RATIO = StoreyQuantity(name="peak_drift", title="Drift ratio", unit="%", factor=100.0, scale="height")
+SHEAR = StoreyQuantity(name="peak_storey_shear", title="Shear", unit="kN", factor=1e-3)
+OVERTURNING = StoreyQuantity(name="peak_overturning", title="Overturning moment", unit="kN m", factor=1e-3)
+STOREY_QUANTITIES = (
+    DRIFT,
+    RATIO,
+    StoreyQuantity(name="peak_drift", title="Ductility", unit="", scale="yield drift"),
+    StoreyQuantity(name="peak_drift", title="Stability", unit="", scale="stability"),
+    StoreyQuantity(name="residual_drift", title="Residual drift", unit="mm", factor=1e3),
+    SHEAR,
+    StoreyQuantity(name="peak_frame_shear", title="Frame", unit="kN", factor=1e-3),
+    OVERTURNING,
+    StoreyQuantity(name="storey_energy", title="Energy", unit="kJ", factor=1e-3),
+)
+
+
+def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
+    """Peaks of each storey, mean over the judged motions, of some arrangements; `None` where none is known."""
+    facts = results.building
+    if facts is None or len(results.storey_names) > _MOST_STOREYS:
+        return None
+    of_row = {row: [each.of_runs(results, row) for each in STOREY_QUANTITIES] for row in rows}
+    known = [
+        number
+        for number, each in enumerate(STOREY_QUANTITIES)
+        if any(values[number] is not None for values in of_row.values())
+        and (each.name != "storey_energy" or facts.yield_drifts)
+    ]
+    if not known:
+        return None
+    lines: list[tuple[str, ...]] = []
+    headings = {}
+    for row, values in of_row.items():
+        headings[len(lines)] = results.rows[row].label
+        for storey, name in enumerate(results.storey_names):
+            cells = (values[number] for number in known)
+            lines.append(
+                (
+                    name,
+                    *(
+                        NOTHING if each is None else significant(float(each[:, storey].mean()), 3)
+                        for each in cells
+                    ),
+                )
+            )
+    return Table(
+        label="Storeys",
+        columns=("", *(STOREY_QUANTITIES[number].heading for number in known)),
+        rows=tuple(lines),
+        headings=headings,
+        note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and "
+        "damping carry; frame: its springs and elements alone, on which yield stands.",
+    )
+
+
+def limits_in_words(results: StudyResults) -> Iterator[str]:
+    """Sentences on the drift limit, and on what weights do on displaced storeys."""
+    facts = results.building
+    if facts is None:
+        return
+    of_row = {
+        row: each for row in range(len(results.rows)) if (each := RATIO.of_runs(results, row)) is not None
+    }
+    if facts.drift_limit and of_row:
+        limit = 100.0 * facts.drift_limit
+        over = {row: values.max(axis=1) for row, values in of_row.items()}
+        broken = [
+            f"{results.rows[row].label} under {int((peaks > limit).sum())} of {peaks.size}, up to "
+            f"{significant(float(peaks.max()), 3)} %"
+            for row, peaks in over.items()
+            if (peaks > limit).any()
+        ]
+        kept = [results.rows[row].label for row, peaks in over.items() if (peaks <= limit).all()]
+        parts = [f"kept by {', '.join(kept)}"] if kept else []
+        parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
+        yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
+    yield from _stability_in_words(results, facts)
+
+
+def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
+    if not (facts.heights and facts.stiffnesses) or min(facts.heights) <= 0.0:
+        return
+    above = STANDARD_GRAVITY * np.cumsum(facts.masses[::-1])[::-1]
+    loads, worst = np.array(facts.loads) if facts.loads else above, (0.0, "")
+    if len(loads) != len(facts.heights):
+        return
+    for row, each in enumerate(results.rows):
+        drifts, shears = DRIFT.of_runs(results, row), SHEAR.of_runs(results, row)
+        if drifts is not None and shears is not None:
+            under = 1e-6 * loads * drifts / (np.array(facts.heights) * np.maximum(shears, 1e-300))
+            worst = max(worst, (float(under.max()), each.label))
+    coefficient, label = worst
+    if facts.loads and coefficient > _MOST:
+        yield (
+            f"The stability coefficient reaches {significant(coefficient, 2)} with {label}, above {_MOST:g}, beyond "
+            "which EN 1998-1 allows no frame: what is simulated there does not collapse as a real one would."
+        )
+    elif not facts.loads and coefficient > _SMALL:
+        yield (
+            f"P-delta is left out, and the stability coefficient reaches {significant(coefficient, 2)} with {label}, "
+            f"above {_SMALL:g}: give p_delta = true in [building]."
+        )

@@ -1,0 +1,175 @@
+"""Frames that yield: what is simulated beside the elastic matrices, P-delta, and the push sideways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.base.values import Floats
+from mrwork.buildings import Building
+from mrwork.closed_loop import STANDARD_GRAVITY, Responses
+from mrwork.control import ControlLaw
+
+of = mr.buildings
+MASSES, STIFFNESSES, HEIGHTS = [3e4, 2e4], [2e7, 1.5e7], [4.0, 3.0]
+YIELD = 0.01
+
+
+def frame() -> Building:
+    built = of.shear_building(name="frame", masses=MASSES, stiffnesses=STIFFNESSES, heights=HEIGHTS)
+    return of.with_rayleigh_damping(built, ratios=(0.03, 0.03))
+
+
+def yielding(sharpness: float = 4.0) -> Building:
+    return of.with_storeys_that_yield(
+        frame(), yield_drift=YIELD, post_yield_ratio=[0.05, 0.1], sharpness=sharpness
+    )
+
+
+def shaken(building: Building, peak: float) -> Responses:
+    """Without dampers, under a pulse that rings and rests."""
+    time = np.arange(0.0, 6.0, 0.01)
+    pulse = mr.GroundMotion(
+        name="pulse", dt=0.01, acceleration=peak * np.sin(12.0 * time) * np.exp(-1.5 * time)
+    )
+    spec = mr.damper("dahl")
+    still = mr.Device(
+        name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0
+    )
+    law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    return mr.simulate_loop(building, [still], law, [pulse], histories=True)
+
+
+def test_loops_take_the_place_of_their_stiffness_and_the_matrices_stay_elastic() -> None:
+    elastic, yields = frame(), of.with_p_delta(yielding())
+    np.testing.assert_array_equal(yields.stiffness, elastic.stiffness)
+    np.testing.assert_array_equal(yields.periods, elastic.periods)
+    rows = elastic.storeys
+    loops = sum(
+        each.yield_force / each.yield_displacement * np.outer(each.row, each.row) for each in yields.elements
+    )
+    weights = STANDARD_GRAVITY * np.array([sum(MASSES), MASSES[1]])
+    np.testing.assert_allclose(yields.loads, weights)
+    geometric = rows.T @ np.diag(weights / HEIGHTS) @ rows
+    np.testing.assert_allclose(yields.site_stiffness + loops + geometric, elastic.stiffness, rtol=1e-12)
+
+
+def test_a_frame_that_hardly_moves_is_elastic() -> None:
+    small = shaken(yielding(), 0.05), shaken(frame(), 0.05)
+    np.testing.assert_allclose(small[0].peak_drift, small[1].peak_drift, rtol=1e-6)
+    np.testing.assert_allclose(small[0].peak_frame_shear, small[1].peak_frame_shear, rtol=1e-6)
+
+
+def test_a_frame_that_yields_moves_as_in_plain_steps() -> None:
+    """Runge-Kutta of the same equations, written once more."""
+    building = of.with_p_delta(yielding())
+    found = shaken(building, 12.0)
+    history = (found.histories or ())[0]
+    assert found.peak_drift.max() > 3.0 * YIELD
+    ground = history.ground_acceleration
+    loops = [each.numbers[3:6] for each in building.elements]
+
+    def slopes(state: Floats, pushed: float) -> Floats:
+        q, v, w = state.reshape(3, 2)
+        rate = building.storeys @ v
+        turning = np.array(
+            [
+                (r - 0.5 * (abs(r) * abs(x) ** (n - 1.0) * x + r * abs(x) ** n)) * slope
+                for r, x, (_, slope, n) in zip(rate, w, loops, strict=True)
+            ]
+        )
+        resisting = (
+            building.site_stiffness @ q
+            + building.damping @ v
+            + building.storeys.T @ (w * [force for force, *_ in loops])
+        )
+        return np.concatenate([v, -resisting / MASSES - pushed, turning])
+
+    step, state, drifts = float(history.time[1]), np.zeros(6), [np.zeros(2)]
+    for start, end in pairwise(ground):
+        middle = 0.5 * (start + end)
+        first = slopes(state, start)
+        second = slopes(state + 0.5 * step * first, middle)
+        third = slopes(state + 0.5 * step * second, middle)
+        state = state + step / 6.0 * (first + 2.0 * (second + third) + slopes(state + step * third, end))
+        drifts.append(building.storeys @ state[:2])
+    # The core takes two steps where this takes one.
+    np.testing.assert_allclose(history.drift, drifts, atol=2e-6)
+
+
+def test_what_the_frame_dissipates_is_the_work_on_it_less_what_it_gives_back() -> None:
+    found = shaken(yielding(), 12.0)
+    balance = found.input_energy - found.kinetic_energy - found.strain_energy - found.damping_energy
+    np.testing.assert_allclose(found.element_energy.sum(axis=1), balance, rtol=1e-6)
+    # At rest the loops hold what their force at the end says: f^2 / (2 k).
+    history = (found.histories or ())[0]
+    building = yielding()
+    springs = [each.stiffness for each in building.elements]
+    held = [
+        (force - spring * drift) ** 2 / (2.0 * each.yield_force / each.yield_displacement)
+        for force, spring, drift, each in zip(
+            history.element_force[-1], springs, history.drift[-1], building.elements, strict=True
+        )
+    ]
+    np.testing.assert_allclose(found.storey_energy[0], found.element_energy[0] - held, rtol=1e-3)
+    np.testing.assert_allclose(found.residual_drift[0], history.drift[-1], atol=1e-5)
+
+
+def test_laws_are_designed_for_the_elastic_frame() -> None:
+    rows = frame().storeys
+    plants = [mr.control.plant_of(each, rows[:1], ["one"]) for each in (frame(), of.with_p_delta(yielding()))]
+    np.testing.assert_array_equal(plants[0].A, plants[1].A)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1e6])
+def test_a_storey_that_is_pushed_follows_its_loop(weight: float) -> None:
+    """With the sharpness 1 the loop is 1 - exp(-d / d_y)."""
+    one = of.shear_building(name="one", masses=[1e4], stiffnesses=[1e7], heights=[4.0])
+    one = replace(one, loads=np.array([weight]))
+    yields = of.with_storeys_that_yield(one, yield_shear=1e5, post_yield_ratio=0.1, sharpness=1.0)
+    found = of.pushover(yields, roof=0.06, steps=400)
+    carried = 0.1 * 1e7 * found.roof + 0.9 * 1e5 * (1.0 - np.exp(-found.roof / 0.01))
+    np.testing.assert_allclose(found.shears[:, 0], carried, rtol=1e-4)
+    np.testing.assert_allclose(found.base_shear, carried - weight / 4.0 * found.roof, rtol=1e-4)
+
+
+def test_a_push_begins_with_the_elastic_frame_and_reaches_what_is_asked_for() -> None:
+    found = of.pushover(yielding(), pattern="uniform")
+    building = frame()
+    force = np.array(MASSES) / sum(MASSES)
+    elastic = 1.0 / float(building.floors[-1] @ np.linalg.solve(building.stiffness, force))
+    assert found.base_shear[1] / found.roof[1] == pytest.approx(elastic, rel=1e-3)
+    assert found.roof[-1] == pytest.approx(0.04 * sum(HEIGHTS))
+    # In equilibrium with the forces above each storey.
+    np.testing.assert_allclose(found.shears[:, 1], found.base_shear * force[1], rtol=2e-3, atol=10.0)
+
+
+def test_shears_and_springs_are_those_of_the_storeys_also_with_additions() -> None:
+    braced = of.with_brace(frame(), storey=1, stiffness=1e8, mass=10.0)
+    tuned = of.with_tuned_mass(braced, floor=2, mass=500.0, frequency=2.0, ratio=0.1)
+    slab = of.with_base_isolation(tuned, mass=5e3, stiffness=1e6, damping=1e4)
+    np.testing.assert_allclose(tuned.storey_springs[:2], STIFFNESSES)
+    np.testing.assert_allclose(slab.storey_springs[:3], [1e6, *STIFFNESSES])
+    above = slab.unit_drifts @ slab.mass @ slab.influence
+    np.testing.assert_allclose(above[:3], [5e3 + 5e4 + 500.0, 5e4 + 500.0, 2e4 + 500.0])
+    assert not mr.building("sac3").storey_springs.any()
+
+
+def test_frames_that_cannot_yield_or_stand_are_refused(refused: Refused) -> None:
+    bare = replace(frame(), heights=np.empty(0))
+    refused(of.with_storeys_that_yield, mr.building("sac3"), yield_drift=0.01)
+    refused(of.with_storeys_that_yield, frame())
+    refused(of.with_storeys_that_yield, frame(), yield_drift=[0.01, 0.01, 0.01])
+    refused(of.with_storeys_that_yield, frame(), yield_drift=0.01, post_yield_ratio=1.0)
+    refused(of.with_p_delta, bare)
+    refused(of.with_p_delta, replace(frame(), stiffness=1e-3 * frame().stiffness))
+    refused(of.pushover, bare)
+    refused(of.pushover, frame(), steps=1)
+    refused(replace, bare, loads=np.array([1.0, 1.0]))
+    refused(replace, bare, drift_limit=0.01)
+    refused(of.system_of, of.with_p_delta(frame()))

@@ -1,0 +1,175 @@
+"""Placements of equal dampers are enumerated, ranked by their best constant command, and judged on unseen motions."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sentences import Refused
+from tuning_samples import motion
+
+import mrwork as mr
+from mrwork.errors import Interrupted
+from mrwork.store.codec import plain
+from mrwork.study.placements import placements_of
+from mrwork.tuning import TuningResults, tune
+from mrwork.tuning.placing import PlacingProgress
+from mrwork.tuning.results import chosen_study, places_table, tuning_document
+
+# Storey 3 is the soft one, where dampers help most.
+SOFT = "masses = [1000, 1000, 1000, 1000]\nstiffnesses = [4e6, 4e6, 3e5, 4e6]\nmodal_damping = { ratios = [0.02] }"
+DAMPER = '[[damper]]\nstorey = "storey 1"\npreset = "kwok2006"\ndifferential = true\n'
+MOTIONS = motion("A", 1, "training") + motion("B", 2) + motion("C", 3)
+
+
+def study_with(
+    folder: Path, places: str, *, dampers: str = DAMPER, more: str = "", motions: str = MOTIONS
+) -> mr.Study:
+    path = folder / "study.toml"
+    path.write_text(f'title = "Soft"\n[building]\n{SOFT}\n{dampers}\n{places}\n{more}{motions}')
+    return mr.read_study(path)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> mr.Study:
+    return study_with(tmp_path_factory.mktemp("study"), "[places]\ndampers = 2")
+
+
+@pytest.fixture(scope="module")
+def results(study: mr.Study) -> TuningResults:
+    return tune(study, threads=1)
+
+
+def test_every_placement_is_compared_and_the_soft_storey_is_the_best_for_one_damper(
+    study: mr.Study, results: TuningResults, tmp_path: Path
+) -> None:
+    names = study.building.storey_names
+    expected = set(combinations_with_replacement(names, 2))
+    given = [
+        tuple(name for name, count in each.storeys.items() for _ in range(count)) for each in results.places
+    ]
+    assert set(given) == expected
+    assert len(given) == len(expected) == 10
+    scores = [each.train for each in results.places]
+    assert scores == sorted(scores)
+    alone = tune(study_with(tmp_path, "[places]"), threads=1)
+    assert alone.places[0].storeys == {"storey 3": 1}
+    # That of the study stands in storey 1.
+    assert [each.storeys for each in alone.places if each.given] == [{"storey 1": 1}]
+
+
+def test_the_best_and_the_one_of_the_study_are_judged_on_unseen_motions(results: TuningResults) -> None:
+    judged = [number for number, each in enumerate(results.places) if each.test is not None]
+    (given,) = (number for number, each in enumerate(results.places) if each.given)
+    assert judged == sorted({*range(5), given})
+
+
+def test_scores_are_those_of_a_study_with_the_dampers_there(results: TuningResults, tmp_path: Path) -> None:
+    best = results.places[0]
+    dampers = "".join(
+        f"{DAMPER}count = {count}\n".replace("storey 1", name) for name, count in best.storeys.items()
+    )
+    law = f'[[controller]]\nlaw = "passive"\nsettings = {{ command = {best.command!r} }}\n'
+    runs = mr.run_study(study_with(tmp_path, "", dampers=dampers, more=law))
+    (row,) = (number for number, each in enumerate(runs.rows) if each.description == "passive")
+
+    def score(motions: list[int]) -> float:
+        ratios = [
+            np.max(getattr(runs.runs[row, each], name)) / np.max(getattr(runs.runs[0, each], name))
+            for each in motions
+            for name in ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
+        ]
+        return float(np.mean(ratios))
+
+    assert score([0]) == pytest.approx(best.train, rel=1e-9)
+    assert score([1, 2]) == pytest.approx(best.test, rel=1e-9)
+
+
+def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path: Path) -> None:
+    study = study_with(
+        tmp_path, '[places]\nstoreys = [2, "storey 3"]\ndampers = 1', dampers=f"# Here.\n{DAMPER}"
+    )
+    results = tune(study, laws=["clipped_optimal"], budget=24, threads=1)
+    # That of the study stands in none of the storeys, and is compared, but not chosen.
+    assert [each.given for each in results.places] == [False, False, True]
+    assert study.file is not None
+    chosen = tmp_path / "chosen.toml"
+    chosen.write_text(chosen_study(results, study.file))
+    again = mr.read_study(chosen)
+    assert again.device_names == ("damper in storey 3",)
+    assert again.table is not None
+    assert again.table.places is None
+    runs = mr.run_study(again)
+    (row,) = (number for number, each in enumerate(runs.rows) if each.label == results.laws[0].label)
+    tuned = results.laws[0].test
+    assert tuned is not None
+    assert runs.score(row) == pytest.approx(tuned.score, rel=1e-6)
+    best = next(each for each in results.references if each.label == "Optimal passive")
+    # Of one study, by another denominator.
+    assert best.settings["command"] == pytest.approx(results.places[0].command, abs=0.5)
+
+
+def without_times(results: TuningResults) -> Any:
+    references = tuple(replace(each, seconds=0.0) for each in results.references)
+    return plain(
+        tuning_document(
+            replace(
+                results, references=references, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0
+            )
+        )
+    )
+
+
+def test_an_interrupted_comparison_resumes_to_the_same_bits(
+    study: mr.Study, results: TuningResults, tmp_path: Path
+) -> None:
+    said: list[str] = []
+
+    def stop(progress: object) -> None:
+        if isinstance(progress, PlacingProgress):
+            said.append(progress.in_words)
+            if progress.done == 4:
+                raise KeyboardInterrupt
+
+    with closing(mr.Journal(tmp_path / "journal")) as journal, pytest.raises(Interrupted) as ended:
+        tune(study, threads=1, journal=journal, on_progress=stop)
+    assert ended.value.result.status == "interrupted"
+    assert said[0].startswith("placement 1 of 10: 2 in storey 1")
+    kept = (tmp_path / "journal").read_text()
+    assert kept.count('"placement"') == 4
+    with closing(mr.Journal(tmp_path / "journal", resume=True)) as journal:
+        assert without_times(tune(study, threads=1, journal=journal)) == without_times(results)
+    whole = (tmp_path / "journal").read_text()
+    assert whole.startswith(kept)
+    assert whole.count('"placement"') == 10
+
+
+def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_path: Path) -> None:
+    dampers = DAMPER + DAMPER.replace("storey 1", "storey 3").replace("preset", 'name = "upper"\npreset')
+    study = study_with(tmp_path, "[places]\nstoreys = [1, 2, 3, 4]\neach = 1", dampers=dampers)
+    assert study.table is not None
+    given, placements = placements_of(study.table, study.building)
+    assert given == {"storey 1": 1, "storey 3": 1}
+    assert given in placements
+    assert len(placements) == 6
+    table = places_table(tune(study, threads=1))
+    assert table is not None
+    assert sum("(the study)" in row[1] for row in table.rows) == 1
+
+
+def test_places_that_cannot_be_compared_are_refused(tmp_path: Path, refused: Refused) -> None:
+    def tuned(places: str, dampers: str = DAMPER) -> TuningResults:
+        return tune(study_with(tmp_path, places, dampers=dampers))
+
+    refused(tuned, "[places]\ndampers = 9")
+    refused(tuned, "[places]\ndampers = 5\neach = 1")
+    refused(tuned, "[places]\nstoreys = [7]")
+    refused(tuned, "[places]", DAMPER + DAMPER.replace("differential = true", "count = 2"))
+    refused(tuned, "[places]\ndampers = 3", 2 * DAMPER)
+    refused(tuned, "[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n")
+    refused(tuned, "[places]", "")
