@@ -28,7 +28,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "baseline": "comparison reference benchmark alternative compare other_building baseline_correction detrend",
     "report": "output plot figure result page recorder",
     "uncertainty": "monte_carlo uncertain robustness scatter random_variable",
-    "places": "placement placements placing positions damper_placement optimal_placement",
+    "places": "placement placing positions damper_placement optimal_placement",
     "tune": "tuning optimise optimize optimisation optimization ga nsga",
     "clairvoyant": "optimum noncausal upper_bound best_possible",
     "name label title": "name label title caption legend id tag heading description",

@@ -17,6 +17,7 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Whole
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.closed_loop.responses import unit_of
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
@@ -589,7 +590,7 @@ def _criteria_csv(results: StudyResults) -> str:
 
 
 def _profiles_csv(results: StudyResults) -> str:
-    """Peaks and root mean squares of every floor and storey as a table, a line for each."""
+    """Peaks and root mean squares of every floor and storey as a table, a line for each; drifts at the end."""
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for (row, motion), run in sorted(results.runs.items()):
         if not run.finished:
@@ -602,6 +603,11 @@ def _profiles_csv(results: StudyResults) -> str:
         ):
             for name, peak, rms in zip(names, peaks, squares, strict=True):
                 lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
+        for quantity in ("peak_storey_shear", "peak_frame_shear", "peak_overturning", "residual_drift"):
+            title, unit = quantity.removeprefix("peak_").replace("_", " "), unit_of(quantity)
+            for name, peak in zip(results.storey_names, getattr(run, quantity), strict=True):
+                if not math.isnan(peak):
+                    lines.append([*labels, title, name, f"{peak:.9g}", "", unit])
     return csv_text(lines)
 
 

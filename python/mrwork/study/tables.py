@@ -121,6 +121,8 @@ _VALUES = (
     ("command_travel", "", 1.0),
     ("switching_rate", "1/s", 1.0),
 )
+# What is not worth a column where no storey yields.
+_OF_YIELD = ("residual_drift_ratio",)
 
 
 def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[int]) -> Table:
@@ -159,7 +161,9 @@ def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     return {
         name: criteria[name]
         for name, *_ in _VALUES
-        if name in criteria and np.size(getattr(run, criterion(name).quantity))
+        if name in criteria
+        and np.size(getattr(run, criterion(name).quantity))
+        and (name not in _OF_YIELD or "peak_ductility" in criteria)
     }
 
 

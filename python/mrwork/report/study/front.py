@@ -87,7 +87,10 @@ def _subject(results: StudyResults) -> str:
     )
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
-    return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}; under {names}"
+    drifts = sorted({significant(1e3 * each, 3) for each in facts.yield_drifts if each}, key=float)
+    yields = f", yields at {' to '.join(drifts[:: max(len(drifts) - 1, 1)])} mm of drift" if drifts else ""
+    weights = ", P-delta" if facts.loads else ""
+    return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
 
 
 def little_said(count: int, noun: str) -> tuple[str, ...]:
