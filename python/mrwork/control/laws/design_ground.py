@@ -99,7 +99,9 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
         system = shaken_system(problem, spectrum)
         X = LyapunovEquations(system.A).covariance(system.ground)
         elongations = problem.plant.attachment @ system.state[: problem.plant.n_coordinates]
-        rms = [np.sqrt(np.einsum("ij,jk,ik->i", rows, X, rows)) for rows in (elongations, system.rates)]
+        variances = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (elongations, system.rates))
+        # With next to no stiffness rounding may make one negative.
+        rms = [np.sqrt(np.maximum(each, 0.0)) for each in variances]
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]
     strokes = [
