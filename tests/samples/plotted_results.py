@@ -193,6 +193,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Responses": responses,
     "StudyResults": study_samples.results,
     "GroundMotion": motion,
+    "Building": lambda: mr.building("uts"),
     "Pushover": lambda: mr.buildings.pushover(
         mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005), steps=20
     ),
