@@ -273,7 +273,8 @@ def _profile_figure(
 
 def _building_panel(results: StudyResults) -> Iterator[Panel]:
     facts = results.building
-    if facts is None or not facts.stiffnesses or len(facts.stiffnesses) > _MOST_FLOORS:
+    # With additions there are more masses than storeys.
+    if facts is None or len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
     dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
     yield panel(
