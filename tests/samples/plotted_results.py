@@ -194,6 +194,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "StudyResults": study_samples.results,
     "Fragilities": lambda: mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"}),
     "GroundMotion": motion,
+    "Building": lambda: mr.building("uts"),
     "Pushover": lambda: mr.buildings.pushover(
         mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005), steps=20
     ),

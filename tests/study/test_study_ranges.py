@@ -82,6 +82,7 @@ BUILDINGS: list[Document] = [
         "stiffnesses": [1e6],
         "n_storeys": 2,
         "rayleigh": {"ratios": [0.02, 0.02], "modes": [1, 2]},
+        "storeys_that_yield": {"yield_drift": 0.01, "post_yield_ratio": 0.1, "sharpness": 2.0},
     },
 ]
 """With every addition to a building and each of its forms."""

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mrwork.plots import BuildingPlots as BuildingPlots
     from mrwork.plots import DrawsPlots as DrawsPlots
     from mrwork.plots import FitPlots as FitPlots
     from mrwork.plots import FragilityPlots as FragilityPlots

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import field, replace
 from itertools import groupby
-from typing import Annotated, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 import numpy as np
 import scipy
@@ -15,12 +15,16 @@ from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import control_in
 from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.buildings.modes import damping_warnings, growing_modes, is_positive, modes_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange, Outside, outside_of
 from mrwork.errors import SettingError, UnknownNameError
+
+if TYPE_CHECKING:
+    from mrwork.base.plotted import BuildingPlots
 
 
 @checked
@@ -158,6 +162,12 @@ class Building(Summarised):
         for name in (*_ARRAYS, "heights", "loads"):
             object.__setattr__(self, name, freeze_samples(getattr(self, name)))
         _check_building(self)
+
+    @property
+    def plot(self) -> BuildingPlots:
+        """Figures of the building, see `mr.plots`."""
+        made: BuildingPlots = plots_of(self, "BuildingPlots")
+        return made
 
     @property
     def n_coordinates(self) -> int:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
+from mrwork.base.numbers import significant
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.drawing import style
 from mrwork.drawing.style import DisplayUnit
 from mrwork.study.fragilities import Fragilities, Fragility
-from mrwork.study.results import StudyResults
+from mrwork.study.results import BuildingFacts, StudyResults
 from mrwork.tuning.results import Front
 
 _SMALL_BINS = 350
@@ -103,6 +106,30 @@ def name_heights(axes: Axes, names: Sequence[str], *, numbers: bool = False) -> 
     places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
     axes.set_yticks(places, [str(n) if numbers else short(names[n - 1], 13) for n in places])
     axes.set_ylim(0.6, len(names) + 0.4)
+
+
+def add_building(axes: Axes, facts: BuildingFacts, dampers: Sequence[int] = ()) -> None:
+    """Floors with their masses, storeys with their stiffnesses, dampers as braces in their storeys, from 0."""
+    axes.set_axis_off()
+    n_storeys = len(facts.stiffnesses)
+    every = max(1, -(-n_storeys // 8))
+    write = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
+    for number, (mass, stiffness) in enumerate(zip(facts.masses, facts.stiffnesses, strict=True)):
+        for side in (0.0, 1.0):
+            axes.plot([side, side], [number, number + 1], color=style.INK, linewidth=1.3)
+        axes.add_patch(Rectangle((0.0, number + 0.94), 1.0, 0.12, facecolor=style.FAINT_INK, linewidth=0))
+        if number % every == every // 2:
+            write(1.08, number + 1.0, f"{significant(1e-3 * mass, 3)} t")
+            write(-0.08, number + 0.5, f"{significant(1e-6 * stiffness, 3)} kN/mm", ha="right")
+    for bottom in dampers:
+        axes.plot([0.0, 1.0], [bottom, bottom + 0.94], color=style.MODEL, linewidth=1.6)
+        body = Rectangle(
+            (0.36, bottom + 0.34), 0.28, 0.26, facecolor=style.PAGE, edgecolor=style.MODEL, zorder=3
+        )
+        axes.add_patch(body)
+    axes.plot([-0.25, 1.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
+    axes.set_xlim(-1.1, 1.9)
+    axes.set_ylim(-0.15, n_storeys + 0.3)
 
 
 def short(text: str, most: int) -> str:

@@ -2,6 +2,7 @@ from .of_fits import bands as bands
 from .of_fits import laws as laws
 from .of_fits import posterior as posterior
 from .of_fits import profiles as profiles
+from .of_studies import building as building
 from .of_studies import energies as energies
 from .of_studies import fragility as fragility
 from .of_studies import fronts as fronts
@@ -22,6 +23,7 @@ if True:  # the lower tier
     from .of_fits import ProfilesPlots as ProfilesPlots
     from .of_fits import RunPlots as RunPlots
     from .of_fits import TestPlots as TestPlots
+    from .of_studies import BuildingPlots as BuildingPlots
     from .of_studies import FragilityPlots as FragilityPlots
     from .of_studies import FrontPlots as FrontPlots
     from .of_studies import HistoryPlots as HistoryPlots

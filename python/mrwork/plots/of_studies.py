@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
+from mrwork.buildings.matrices import Building
 from mrwork.buildings.yielding import Pushover
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
@@ -25,6 +26,7 @@ from mrwork.drawing.of_studies import (
     ENERGY_PARTS,
     MARKERS,
     Stroke,
+    add_building,
     add_energies,
     add_energy_bars,
     add_fragility,
@@ -56,7 +58,7 @@ from mrwork.plots.sheet import (
     table_of,
 )
 from mrwork.study.fragilities import Fragilities
-from mrwork.study.results import StudyResults
+from mrwork.study.results import BuildingFacts, StudyResults
 from mrwork.tuning.results import Front, TuningResults
 
 if TYPE_CHECKING:
@@ -185,6 +187,46 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     )
     axes.set_ylim(bottom=0.0)
     return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"))
+
+
+@figure
+def building(result: Building, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+    """Floors of a frame with their masses, and storeys with their stiffnesses.
+
+    Parameters
+    ----------
+    result
+        The building: a chain of floors, each on the spring of its storey.
+    ax
+        Axes to draw into; by default those of a new figure.
+    data
+        Whether to return the table behind the figure instead.
+
+    Raises
+    ------
+    SettingError
+        If the building is no such chain.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.building("uts").plot.building(data=True)["mass"].tolist()
+    [337.0, 330.0, 330.0, 330.0, 330.0]
+    """
+    facts = BuildingFacts.of(result)
+    if len(facts.stiffnesses) != len(facts.masses):
+        raise SettingError(
+            f"{result.name} is no chain of floors, each on the spring of its storey; its modes are in its `repr`"
+        )
+    if data:
+        over = labels_of(np.arange(1, len(facts.masses) + 1), long_name="storey")
+        columns = {"mass": facts.masses, "stiffness": facts.stiffnesses}
+        units = {"mass": "kg", "stiffness": "N/m"}
+        named = {name: (np.array(values), units[name], name) for name, values in columns.items()}
+        return over_axis(result.name, "storey", over, named).to_pandas()
+    axes = axes_for(ax)
+    add_building(axes, facts)
+    return axes
 
 
 @figure
@@ -589,6 +631,12 @@ class FragilityPlots(Plots):
 
     ida = short(ida)
     fragility = short(fragility)
+
+
+class BuildingPlots(Plots):
+    """Figures of a building."""
+
+    building = short(building)
 
 
 class PushoverPlots(Plots):

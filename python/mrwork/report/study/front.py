@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import list_names
@@ -19,7 +17,7 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import axis_of
 from mrwork.drawing import style
 from mrwork.drawing.canvas import coinciding, small_axes
-from mrwork.drawing.of_studies import Stroke, short, strokes
+from mrwork.drawing.of_studies import Stroke, add_building, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
 from mrwork.report.study.storey_section import profile_figure
 from mrwork.study.comparison import (
@@ -275,7 +273,8 @@ def _profile_figure(
 
 def _building_panel(results: StudyResults) -> Iterator[Panel]:
     facts = results.building
-    if facts is None or not facts.stiffnesses or len(facts.stiffnesses) > _MOST_FLOORS:
+    # With additions there are more masses than storeys.
+    if facts is None or len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
     dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
     yield panel(
@@ -290,30 +289,10 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
 
 @style.drawn_in_style()
 def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
-    """Floors with their masses, storeys with their stiffnesses, dampers as braces in their storeys."""
+    """The building with its dampers."""
     figure, axes = small_axes(labelled=True)
     axes.set_position((0.02, 0.02, 0.96, 0.94))
-    axes.set_axis_off()
-    n_storeys = len(facts.stiffnesses)
-    every = max(1, -(-n_storeys // 8))
-    write = partial(axes.text, fontsize=style.SMALL_TEXT_SIZE, va="center")
-    for number, (mass, stiffness) in enumerate(zip(facts.masses, facts.stiffnesses, strict=True)):
-        for side in (0.0, 1.0):
-            axes.plot([side, side], [number, number + 1], color=style.INK, linewidth=1.3)
-        axes.add_patch(Rectangle((0.0, number + 0.94), 1.0, 0.12, facecolor=style.FAINT_INK, linewidth=0))
-        if number % every == every // 2:
-            write(1.08, number + 1.0, f"{significant(1e-3 * mass, 3)} t")
-            write(-0.08, number + 0.5, f"{significant(1e-6 * stiffness, 3)} kN/mm", ha="right")
-    for damper in results.dampers:
-        bottom = damper.storey
-        axes.plot([0.0, 1.0], [bottom, bottom + 0.94], color=style.MODEL, linewidth=1.6)
-        body = Rectangle(
-            (0.36, bottom + 0.34), 0.28, 0.26, facecolor=style.PAGE, edgecolor=style.MODEL, zorder=3
-        )
-        axes.add_patch(body)
-    axes.plot([-0.25, 1.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
-    axes.set_xlim(-1.1, 1.9)
-    axes.set_ylim(-0.15, n_storeys + 0.3)
+    add_building(axes, facts, [damper.storey for damper in results.dampers])
     return figure
 
 
