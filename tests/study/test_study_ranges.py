@@ -38,6 +38,7 @@ SOUND: Document = {
     "uncertainty": {"realisations": 2, "stiffness": 0.1},
     "clairvoyant": {"interval": 0.02},
     "places": {"dampers": 2},
+    "target": {"code": "en_1998", "a_g": 2.0},
     "report": {},
     "tune": [{"laws": ["lyapunov"], "risk": "cvar"}],
     "baseline": [],

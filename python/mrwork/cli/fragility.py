@@ -40,8 +40,8 @@ def add_options(parser: CommandParser) -> None:
     found.add_argument(
         "--limit",
         metavar="CRITERION=LIMIT",
-        help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: that of the "
-        "study's page",
+        help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: limit of "
+        "[report] or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%%",
     )
     add_number(found, "--level", SHARE, "level of the bands, default 0.9", default=0.9, metavar="P")
     add_number(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from mrwork.base.plotted import FragilityPlots
 
 _DRAWS = 2000
-USUAL_LIMIT: Mapping[str, float] = {"peak_drift_ratio": 0.01}
+COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": 0.1}
 """Limit of a study that names none."""
 
 _FEWEST = 2
@@ -337,8 +337,8 @@ def fragility(
     Parameters
     ----------
     limit
-        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default that of the page of the study,
-        and a drift ratio of 0.01 where its file names none.
+        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default that of the study, `limit` of
+        `[report]` or `drift_limit` of `[building]`, and where it states none collapse, a drift ratio of 0.1.
     level
         Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
     modelling_dispersion
@@ -364,7 +364,7 @@ def fragility(
             "runs would look safe; finish it with --resume"
         )
     scales = None if results.building is None else results.building.scales
-    given = limit if limit is not None else results.limit or USUAL_LIMIT
+    given = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(given, results.command_unit, scales).items()
     at = results.record_levels
     n_records, n_levels = at.places.shape

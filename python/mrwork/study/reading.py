@@ -69,7 +69,7 @@ from mrwork.study.dampers import (
     fitted_of,
     other_sets,
 )
-from mrwork.study.fragilities import USUAL_LIMIT, limit_of
+from mrwork.study.fragilities import limit_of
 from mrwork.study.placements import Placed, placed_document
 from mrwork.study.schema import (
     PASSIVE_OFF,
@@ -673,10 +673,10 @@ def _design_motions(
 def _limit(
     table: ReportTable, chosen: Sequence[ChosenDamper], bare: Building, place: Place
 ) -> Mapping[str, float]:
-    """The criterion with its limit of which the page has the fragility; none without heights."""
+    """The criterion with its limit of which the study has the fragility, if it states one."""
     scales = Scales.of(bare)
     if table.limit is None:
-        return {} if scales.lacking("height") else USUAL_LIMIT
+        return {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
     current = chosen[0].spec.current if chosen else None
     with place.within("report", "limit").prefix_errors(SettingError):
         return limit_of(table.limit, "A" if current is None else current.unit, scales)

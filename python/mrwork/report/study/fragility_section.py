@@ -14,6 +14,8 @@ from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.results import StudyResults
 
+# The limit of a study that states none.
+_USUAL = {"peak_drift_ratio": 0.01}
 # Records and levels from which on a page has the section, and arrangements that it draws.
 _RECORDS, _LEVELS, _DRAWN = 2, 3, 6
 _PANEL, _COLUMNS = (2.5, 2.3), 3
@@ -47,11 +49,12 @@ def fragility_figure(found: Fragilities) -> Figure:
 
 def fragility_section(results: StudyResults) -> Section | None:
     """Median intensities at the limit of the study; `None` without several records at several levels, or a limit."""
-    at, limit = results.record_levels, results.limit
+    at, facts = results.record_levels, results.building
+    limit = results.limit or (_USUAL if facts is not None and facts.heights else None)
     few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
     if few or not limit or not results.complete:
         return None
-    found = fragility(results)
+    found = fragility(results, limit)
     sentences = found.in_words()
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     return Section(
