@@ -230,12 +230,13 @@ def pushover(
     The forces on the floors are mass times the first mode, mass ("uniform"), or mass times height ("triangular", by the
     number of the floor where heights are not known). The loops of elements follow the push, weights act where the
     building has P-delta; dampers and damping take no part. By default the roof goes to 4 % of the height of the
-    building, or where heights are not known to eight times the displacement at which the first storey yields.
+    building; where heights are not known to eight times the displacement at which the first storey yields, or where
+    none does to that under its weight as force.
 
     Raises
     ------
     SettingError
-        If the floors are no chain, or neither heights, yielding storeys nor `roof` say how far to push.
+        If the floors are no chain.
     """
     drifts, floors = building.drifts, building.floors
     if not building.unit_drifts.any():
@@ -307,11 +308,9 @@ def _far(building: Building, force: Floats, height: float) -> float:
     if height > 0.0:
         return _FAR * height
     yields = building.yield_drifts[: len(building.drifts)]
-    if not yields.any():
-        raise SettingError(
-            f"{building.name} has no heights and no storeys that yield, which would say how far to push; give `roof`"
-        )
     elastic = np.linalg.solve(building.stiffness, force)
+    if not yields.any():
+        return building.total_mass * STANDARD_GRAVITY * float(abs(building.floors[-1] @ elastic))
     drifts = np.abs(building.drifts @ elastic)
     first = float(np.min(np.divide(yields, drifts, out=np.full(len(yields), np.inf), where=yields > 0.0)))
     return _DUCTILE * first * float(abs(building.floors[-1] @ elastic))

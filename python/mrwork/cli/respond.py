@@ -37,7 +37,6 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples(
         "mrwork respond study.toml",
-        "mrwork respond study.toml --pushover",
         "mrwork respond study.toml --motions all --check-step --out out/checked",
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
