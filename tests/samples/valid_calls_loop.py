@@ -38,9 +38,11 @@ def buildings_calls(_: Path) -> Calls:
     yield call(mr.Building, name="x", **matrices, **names, source="s", status="ours", n_strokes=0)
     yield call(frame.state_matrices, rows=frame.storeys)
     tall = replace(frame, heights=np.full(5, 3.0))
-    yield call(of.with_storeys_that_yield, frame, yield_drift=0.01, post_yield_ratio=0.05, sharpness=5.0)
-    yield call(of.with_p_delta, tall)
-    yield call(of.pushover, tall, pattern="uniform", roof=0.1, steps=10)
+    yield call(
+        of.with_storeys_that_yield, building=frame, yield_drift=0.01, post_yield_ratio=0.05, sharpness=5.0
+    )
+    yield call(of.with_p_delta, building=tall)
+    yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
     yield call(frame.floor_row, floor="floor 1")
     yield call(frame.storey_name, storey=1)

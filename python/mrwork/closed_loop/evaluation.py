@@ -260,7 +260,7 @@ def is_within_spread(differences: Sequence[float]) -> bool:
 
 
 def ties_in_words(
-    leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]]
+    leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]], noun: str = "motions"
 ) -> tuple[str, ...]:
     """A sentence on the rows whose scores under single motions the leading one does not beat beyond their spread."""
     tied = {
@@ -272,8 +272,8 @@ def ties_in_words(
         return ()
     listed = ", ".join(f"{label} ({float(np.mean(each)):+.3f})" for label, each in tied.items())
     return (
-        f"On these {len(scores)} motions the score of {leading} is not told apart from that of {listed}: the mean "
-        f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the motions.",
+        f"On these {len(scores)} {noun} the score of {leading} is not told apart from that of {listed}: the mean "
+        f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the {noun}.",
     )
 
 

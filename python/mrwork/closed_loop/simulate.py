@@ -726,7 +726,10 @@ def _shears(
         "storey_energy": is_chain,
         "peak_overturning": is_chain and bool(building.heights.size),
     }
-    linear = {} if building.elements else {"peak_frame_shear": numbers["peak_drift"] * own}
+    drifts = numbers["peak_drift"]
+    # A stroke has no spring, also in a run without an end.
+    shears = np.multiply(drifts, own, out=np.zeros_like(drifts), where=own > 0.0)
+    linear = {} if building.elements else {"peak_frame_shear": shears}
     return linear | {name: np.full_like(numbers[name], np.nan) for name, says in known.items() if not says}
 
 

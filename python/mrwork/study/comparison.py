@@ -409,8 +409,9 @@ def is_tied(results: StudyResults, row: int, reference: int) -> bool:
 
 
 def _scores(results: StudyResults, row: int) -> list[float]:
-    """Scores of a row under each judged motion."""
-    return [results.score_under(row, (motion,)) for motion in results.judged_motions]
+    """Scores of a row under each record, at all its levels together, which are no evidence of their own."""
+    places = results.record_levels.places
+    return [results.score_under(row, tuple(own[own >= 0].tolist())) for own in places]
 
 
 def _ties(comparison: StudyComparison) -> tuple[str, ...]:
@@ -422,7 +423,9 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
     rows = (*laws, *([] if comparison.passive is None else [comparison.passive]))
     scores = {results.rows[row].label: _scores(results, row) for row in rows}
     leading = results.rows[laws[0]].label
-    return ties_in_words(leading, scores.pop(leading), scores)
+    several = len(results.record_levels.records) < len(results.judged_motions)
+    noun = "records" if several else "motions"
+    return ties_in_words(leading, scores.pop(leading), scores, noun)
 
 
 @checked
