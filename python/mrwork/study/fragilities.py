@@ -455,7 +455,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
     if scales is not None and (lacking := scales.lacking(criterion(name).scale)):
-        raise SettingError(f"{name} stands on {lacking}; give {lacking} in [building]")
+        raise SettingError(f"{name} is known only with {lacking} in [building]; give it")
     return {name: float(value)}
 
 

@@ -270,7 +270,7 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     for key in ("criteria", "objectives", "constraints"):
         for name in getattr(table, key) or ():
             if lacking := scales.lacking(criterion(name).scale):
-                refuse_within(table, f"{name} stands on {lacking}; give {lacking} in [building]", key)
+                refuse_within(table, f"{name} is known only with {lacking} in [building]; give it", key)
     return objective
 
 
