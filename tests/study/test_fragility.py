@@ -17,7 +17,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
-from mrwork.study.fragilities import lognormal_of
+from mrwork.study.fragilities import Fragilities, drawn_weights, fragility_of, lognormal_of
 
 G = 9.80665
 LEVELS = (0.1, 0.14, 0.2, 0.25, 0.3, 0.36, 0.43, 0.51, 0.6)
@@ -79,6 +79,28 @@ def test_records_that_one_intensity_separates_have_no_dispersion() -> None:
     )
     assert medians.tolist() == [pytest.approx(math.sqrt(5.0)), math.inf, 0.0]
     assert dispersions.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_interval_only() -> None:
+    weights = drawn_weights(3, 0)
+    responses = np.array([[0.5, 2.0], [0.6, 3.0], [0.9, 1.1]])
+    found = fragility_of(
+        "law", "controller", responses, np.array([4.0, 8.0]), 1.0, weights, level=0.9, records=("a", "b", "c")
+    )
+    assert (found.dispersion, found.band) == (0.0, (4.0, 8.0))
+    both = Fragilities(
+        criterion="rms_drift",
+        limit=1.0,
+        unit="m",
+        level=0.9,
+        rows={"law": found, "other": replace(found, label="other")},
+    )
+    assert both.ratio("other", "law") == (1.0, (0.5, 2.0))
+    (sentence,) = both.in_words("law")
+    assert sentence.endswith("90 % band of the ratio 0.500 to 2.00, which holds 1: they are not told apart.")
+    assert "the RMS drift reaches" in sentence
+    (caution,) = both.cautions
+    assert caution.startswith("law; other: one intensity separates all records")
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +216,7 @@ def test_a_sentence_says_what_each_law_changes() -> None:
     sentence = found.in_words()[1]
     assert "the median PGA at which the peak drift reaches 0.02 m rises from" in sentence
     assert f"90 % band of the ratio {low:.2f} to {high:.2f}" in sentence
-    assert 1.0 < low <= ratio <= high
+    assert 1.0 <= low <= ratio <= high
     assert "falls from" in found.in_words("Lyapunov <1 A>")[0]
     same = replace(found, rows={**found.rows, "twin": replace(found["Isolation"], label="twin")})
     assert "is 0." in same.in_words("Isolation")[-1]

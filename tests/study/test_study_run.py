@@ -466,6 +466,10 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
         assert found["residual_drift_ratio"] == pytest.approx(max(abs(run.residual_drift)) / 3.0)
         # Storeys are no devices.
         assert run.peak_force.size == (results.rows[row].kind not in ("uncontrolled", "baseline"))
+        bars = results.plot.energies(motion=motion, data=True).iloc[row]
+        assert bars.sum() == pytest.approx(run.input_energy)
+        assert bars["dampers"] == run.device_energy.sum()
+        assert bars["structure"] > run.storey_energy.sum() > 0.0
     (said,) = [each for each in findings(results) if "drift limit" in each]
     assert said.startswith("The drift limit of 0.01 % is ")
     pushed = json.loads(printed("respond", path, "--pushover", "--json"))

@@ -66,22 +66,30 @@ _OTHER = Stroke(colour=style.DATA, width=0.6, marker="")
 
 
 def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
-    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J]."""
-    devices = np.sum(numbers["device_energy"]) + np.sum(numbers.get("element_energy", 0.0))
+    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J].
+
+    What is not in the devices and does not move is in the structure: its damping, and its storeys that yield.
+    """
+    devices = np.sum(numbers["device_energy"])
+    if "element_energy" in numbers:
+        # The elements of `Responses` are the passive devices and the storeys that yield.
+        devices += np.sum(numbers["element_energy"]) - np.nansum(numbers["storey_energy"])
     moving = numbers["kinetic_energy"] + numbers["strain_energy"]
-    return float(devices), float(numbers["damping_energy"]), float(moving)
+    return float(devices), float(numbers["input_energy"] - devices - moving), float(moving)
 
 
 def add_energy_bars(axes: Axes, names: Sequence[str], parts: ArrayLike) -> None:
     """A bar for each of the names, the first on top, of its `ENERGY_PARTS` [J] one behind the other."""
     rising = np.reshape(parts, (len(names), len(ENERGY_PARTS)))[::-1]
+    unit = style.energy_unit(float(np.abs(rising).sum(axis=1).max(initial=0.0)))
+    rising = rising * unit.factor
     ends = np.zeros(len(names))
     for amounts, (label, tone) in zip(rising.T, ENERGY_PARTS.items(), strict=True):
         axes.barh(range(len(names)), amounts, left=ends, height=0.62, color=tone, label=label)
         ends = ends + amounts
     axes.set_yticks(range(len(names)), names[::-1])
     axes.set_xlim(0.0, 1.02 * float(ends.max(initial=0.0)) or 1.0)
-    axes.set_xlabel("Energy (J)")
+    axes.set_xlabel(f"Energy ({unit.symbol})")
 
 
 def add_height_line(axes: Axes, values: Floats, stroke: Stroke, label: str) -> None:
@@ -137,15 +145,18 @@ def short(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def add_energies(axes: Axes, time: Floats, given: Floats, parts: Sequence[Floats]) -> None:
-    """Line of the energy that was given, cumulative over time, above its `ENERGY_PARTS`, stacked [J]."""
+def add_energies(axes: Axes, time: Floats, given: Floats, devices: Floats, moving: Floats) -> str:
+    """Name of the ordinate; draws the energy that was given, cumulative over time, above its `ENERGY_PARTS` [J]."""
+    unit = style.energy_unit(float(np.abs(given).max(initial=0.0)))
+    parts = (devices, given - devices - moving, moving)
     every = slice(None, None, max(1, len(time) // _SMALL_BINS))
-    time, shown = time[every], [each[every] for each in parts]
+    time, given, shown = time[every], given * unit.factor, [each[every] * unit.factor for each in parts]
     axes.stackplot(time, *shown, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
     axes.plot(time, given[every], color=style.INK, linewidth=0.9, label="Input")
     # An actuator may supply energy; the energy that it takes up is then negative.
     axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((shown[0] + shown[1]).max()), 1e-9))
     axes.margins(x=0.0)
+    return f"Energy ({unit.symbol})"
 
 
 def add_front(axes: Axes, front: Front) -> None:

@@ -341,7 +341,8 @@ def energies(
 ) -> Axes | DataFrame:
     """Input energy and its distribution: a bar for each run at the end of the motion, or the course of one run.
 
-    Of a history, what dampers and structure have not dissipated is still moving: kinetic and strain energy.
+    Of a history, what dampers and structure have not dissipated is still moving: kinetic and strain energy; all
+    elements of its building count as dampers, storeys that yield among them.
 
     Parameters
     ----------
@@ -430,13 +431,13 @@ def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFram
     numbers: Mapping[str, Floats] = history.numbers
     devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
     damping, given = numbers["damping_energy"], numbers["input_energy"]
-    parts = (devices, damping, given - devices - damping)
+    moving = given - devices - damping
     if data:
+        parts = (devices, damping, moving)
         columns = _energy_columns({**dict(zip(ENERGY_PARTS, parts, strict=True)), "Input": given})
         return over_axis("Energies of a closed loop", "time", time_labels(history.time), columns).to_pandas()
     axes = axes_for(ax)
-    add_energies(axes, history.time, given, parts)
-    return finished(axes, "Time (s)", "Energy (J)")
+    return finished(axes, "Time (s)", add_energies(axes, history.time, given, devices, moving))
 
 
 def _energy_columns(parts: Mapping[str, Floats]) -> dict[str, tuple[Floats, str, str]]:

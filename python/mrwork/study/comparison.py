@@ -211,7 +211,7 @@ class StudyComparison(Summarised):
         rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
         parts = [self.results.rows[row].label]
         if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
-            parts.append(f"lowest score of {len(rows)} {_small_first(rank.title)}")
+            parts.append(f"lowest score of {len(rows)} {small_first(rank.title)}")
         if motions > 1:
             parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
@@ -239,7 +239,7 @@ class StudyComparison(Summarised):
             change = changes[entry.name]
             if not math.isnan(change.mean):
                 largest = f" ({in_percent(change.largest)} % under {change.motion})"
-                words = f"{_small_first(entry.title)} {in_percent(change.mean)} %"
+                words = f"{small_first(entry.title)} {in_percent(change.mean)} %"
                 parts[change.worse].append(f"{words}{largest if several and change.worse else ''}")
         better, worse = ", ".join(parts[False]), ", ".join(parts[True])
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
@@ -250,7 +250,7 @@ class StudyComparison(Summarised):
         for rank, rows in self.ranks:
             score = self.results.score(rows[0])
             if rank.name != "uncontrolled" and math.isfinite(score):
-                parts.append(f"{_small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
+                parts.append(f"{small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
         return (
             f"lowest score of each kind over {judged_in_words(self.results)}, the dampers without a command being 1: "
             f"{'; '.join(parts)}."
@@ -490,5 +490,6 @@ def _changes(results: StudyResults, row: int, reference: int) -> dict[str, Quant
     return {entry.name: change(entry.name) for entry in compared_quantities()}
 
 
-def _small_first(title: str) -> str:
+def small_first(title: str) -> str:
+    """A title within a sentence."""
     return title if title[:2].isupper() else title[:1].lower() + title[1:]

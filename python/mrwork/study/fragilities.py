@@ -27,6 +27,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.study.comparison import small_first
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import FINISHED
 from mrwork.study.study import Kind
@@ -70,9 +71,11 @@ class Fragility(Summarised):
         is 0 where one intensity separates all records, so that finer levels are needed.
     band
         Lower and upper end of the band of the median [m/s^2], by bootstrap over the records. An infinite median of a
-        draw is known to lie above the highest level only, one of 0 below the lowest.
-    medians
-        Medians of the bootstrap [m/s^2], shape (n_draws,), of the same records for every arrangement.
+        draw is known to lie above the highest level only, one of 0 below the lowest. Where
+        the dispersion is 0 the median of a draw is known to lie in the intervals of its middle records only.
+    medians, ends
+        Medians of the bootstrap, of the same records for every arrangement, and between which they are known to lie
+        [m/s^2], shapes (n_draws,) and (2, n_draws).
     crossings
         What is known of each record.
     bound
@@ -94,6 +97,7 @@ class Fragility(Summarised):
     dispersion: float
     band: tuple[float, float]
     medians: Floats
+    ends: Floats
     crossings: tuple[Crossing, ...]
     bound: Literal["above", "below", ""]
     levels: Floats
@@ -107,11 +111,6 @@ class Fragility(Summarised):
         if self.dispersion == 0.0 or not 0.0 < self.median < math.inf:
             return float(intensity > self.median)
         return float(scipy.special.ndtr(math.log(intensity / self.median) / self.dispersion))
-
-    @property
-    def ends(self) -> tuple[Floats, Floats]:
-        """Between which each of `medians` lies: itself, or a level and 0 or infinity [m/s^2]."""
-        return _known_ends(self.medians, self.levels)
 
     @property
     def reaching(self) -> str:
@@ -153,7 +152,7 @@ class Fragility(Summarised):
                 "one intensity separates all records, so that the dispersion is not known: give finer levels",
             ),
         )
-        return tuple(f"{self.label}: {sentence}" for holds, sentence in said if holds)
+        return tuple(sentence for holds, sentence in said if holds)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -263,8 +262,7 @@ class Fragilities(WithAxes, Summarised):
     @property
     def title(self) -> str:
         """The criterion within a sentence."""
-        title = criterion(self.criterion).title
-        return f"{title[:1].lower()}{title[1:]}"
+        return small_first(criterion(self.criterion).title)
 
     @property
     def limit_value(self) -> str:
@@ -276,6 +274,15 @@ class Fragilities(WithAxes, Summarised):
     def in_percent(self) -> bool:
         """Whether the criterion is a drift ratio, which is told in per cent."""
         return criterion(self.criterion).scale == "height"
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The cautions of all rows, each once, behind the labels that it holds for."""
+        said: dict[str, list[str]] = {}
+        for label, each in self.rows.items():
+            for caution in each.cautions:
+                said.setdefault(caution, []).append(label)
+        return tuple(f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
@@ -295,7 +302,7 @@ class Fragilities(WithAxes, Summarised):
         verb = "rises" if ratio > 1.0 else "falls"
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
         if ratio == 1.0:
-            return f"{what} is {one.median_in_words}, as with {base.label}; {band}."
+            return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
         change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
@@ -314,7 +321,7 @@ class Fragilities(WithAxes, Summarised):
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[*self.in_words(against), *(note for each in self.rows.values() for note in each.cautions)],
+            notes=[*self.in_words(against), *self.cautions],
         )
 
 
@@ -421,14 +428,20 @@ def fragility_of(
     )
     above, below = (np.array([getattr(each, end) for each in crossings]) for end in ("above", "below"))
     medians, dispersions = lognormal_of(above, below, weights)
+    ends = _known_ends(medians[1:], levels)
+    if dispersions[0] == 0.0 and 0.0 < medians[0] < math.inf:
+        ends = np.where(
+            (medians[1:] > 0.0) & (medians[1:] < np.inf), _middle(above, below, weights[1:]), ends
+        )
     return Fragility(
         label=label,
         kind=kind,
         measure=measure,
         median=float(medians[0]),
         dispersion=float(dispersions[0]),
-        band=_band(*_known_ends(medians[1:], levels), level, len(crossings)),
+        band=_band(*ends, level, len(crossings)),
         medians=medians[1:],
+        ends=ends,
         crossings=crossings,
         bound="above" if medians[0] > levels[-1] else "below" if medians[0] < levels[0] else "",
         levels=levels,
@@ -497,9 +510,19 @@ def drawn_weights(n_records: int, seed: int) -> Floats:
     return np.vstack([np.ones(n_records), drawn])
 
 
-def _known_ends(medians: Floats, levels: Floats) -> tuple[Floats, Floats]:
+def _known_ends(medians: Floats, levels: Floats) -> Floats:
+    """Between which each median lies, shape (2, n_draws): itself, or a level and 0 or infinity."""
     low, high = np.where(np.isinf(medians), levels[-1], medians), np.where(medians == 0.0, levels[0], medians)
-    return low, high
+    return np.stack([low, high])
+
+
+def _middle(above: Floats, below: Floats, weights: Floats) -> Floats:
+    """Between which the median record of each draw lies, shape (2, n_draws)."""
+    half, ends = 0.5 * weights.sum(axis=1, keepdims=True), []
+    for values, reaches in ((above, np.greater_equal), (below, np.greater)):
+        order = np.argsort(values)
+        ends.append(values[order][reaches(np.cumsum(weights[:, order], axis=1), half).argmax(axis=1)])
+    return np.array(ends)
 
 
 def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[float, float]:

@@ -123,7 +123,8 @@ class RunHistory(Labelled):
     """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
     They are those of `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
-    devices [J], cumulative from the start; passive elements count among the devices.
+    devices [J], cumulative from the start; passive devices count among them. The rest of the input is in storeys that
+    yield.
     """
 
     time: Floats
@@ -239,7 +240,8 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.kinetic_energy(arrangement.building),
         history.strain_energy(arrangement.building),
         history.damping_energy,
-        history.device_energy[:, : len(arrangement.devices)].sum(axis=1) + history.element_energy.sum(axis=1),
+        history.device_energy[:, : len(arrangement.devices)].sum(axis=1)
+        + history.element_energy[:, arrangement.passive_devices].sum(axis=1),
     )
     kept = {each.name: _own_columns(history, each, arrangement) for each in kept_signals()}
     return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})

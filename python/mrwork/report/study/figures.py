@@ -116,9 +116,8 @@ def strip_of(history: RunHistory) -> slice:
 def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
     figure, axes = small_axes(labelled=True)
-    given, kinetic, strain, damping, devices = history.energy.T
-    add_energies(axes, history.time, given, (devices, damping, kinetic + strain))
-    name_small_axes(axes, "Energy (J)", "Time (s)")
+    given, kinetic, strain, _, devices = history.energy.T
+    name_small_axes(axes, add_energies(axes, history.time, given, devices, kinetic + strain), "Time (s)")
     return figure
 
 
@@ -204,8 +203,8 @@ def device_section(
         f"{what} from the controller and in the coil over a shorter time, where it varies."
     )
     parts = (
-        "Cumulative: dissipated by the dampers (blue) and by the structure (light blue), kinetic and "
-        "strain energy (grey), input (line)."
+        "Cumulative: dissipated by the dampers (blue) and by the structure and what of it yields (light blue), "
+        "kinetic and strain energy (grey), input (line)."
     )
     last_group = Group(title="Energies", prose=(parts,), panels=tuple(energies), layout="small")
     return Section(

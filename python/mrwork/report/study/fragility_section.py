@@ -97,5 +97,5 @@ def _table(found: Fragilities) -> Table:
         label=summary.title,
         columns=tuple(summary.columns),
         rows=tuple(map(tuple, summary.rows)),
-        note=" ".join(f"{each}." for one in found.rows.values() for each in one.cautions),
+        note=" ".join(f"{each}." for each in found.cautions),
     )

@@ -71,7 +71,7 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
         label="Balance of energy",
         columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
         rows=tuple(cells(row, runs) for row, runs in finished.items() if runs),
-        note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
+        note="Input = kinetic + strain + structure + dampers, integrated with the same stages as the motion. "
         "The error is the imbalance over the largest energy, the largest of all motions.",
     )
 
