@@ -69,12 +69,9 @@ SpectrumQuantity = Literal[
 ]
 
 _UNITS: dict[SpectrumQuantity, str] = {
-    "pseudo_acceleration": "m/s^2",
-    "pseudo_velocity": "m/s",
-    "acceleration": "m/s^2",
-    "velocity": "m/s",
+    "pseudo_acceleration": "m/s^2", "pseudo_velocity": "m/s", "acceleration": "m/s^2", "velocity": "m/s",
     "displacement": "m",
-}
+}  # fmt: skip
 # Periods of most buildings [s].
 _PERIODS = (0.05, 4.0, 120)
 
