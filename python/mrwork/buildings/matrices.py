@@ -166,8 +166,7 @@ class Building(Summarised):
     @property
     def plot(self) -> BuildingPlots:
         """Figures of the building, see `mr.plots`."""
-        made: BuildingPlots = plots_of(self, "BuildingPlots")
-        return made
+        return plots_of(self, "BuildingPlots")
 
     @property
     def n_coordinates(self) -> int:

@@ -616,8 +616,7 @@ class Fit(WithAxes, Summarised, Related):
     @property
     def plot(self) -> FitPlots:
         """Figures of the fit, see `mr.plots`."""
-        made: FitPlots = plots_of(self, "FitPlots")
-        return made
+        return plots_of(self, "FitPlots")
 
     def _named_arrays(self) -> NamedArrays:
         parameters = columns_of(

@@ -395,8 +395,7 @@ class SuiteCheck(Summarised):
     @property
     def plot(self) -> SuitePlots:
         """Figure of the spectra beside the target, see `mr.plots`."""
-        made: SuitePlots = plots_of(self, "SuitePlots")
-        return made
+        return plots_of(self, "SuitePlots")
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

@@ -73,8 +73,7 @@ class StoredRun(Summarised):
     @property
     def plot(self) -> RunPlots:
         """Figures of the run, see `mr.plots`."""
-        made: RunPlots = plots_of(self, "RunPlots")
-        return made
+        return plots_of(self, "RunPlots")
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
@@ -187,8 +187,7 @@ class Fragilities(WithAxes, Summarised):
     @property
     def plot(self) -> FragilityPlots:
         """Figures of the responses and of the probabilities, see `mr.plots`."""
-        made: FragilityPlots = plots_of(self, "FragilityPlots")
-        return made
+        return plots_of(self, "FragilityPlots")
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()
@@ -196,7 +195,7 @@ class Fragilities(WithAxes, Summarised):
         fitted = [[each.probability(float(level)) for level in each.levels] for each in every]
         crossed, outside = [each.crossed for each in every], [each.outside for each in every]
         responses = [each.responses for each in every]
-        arrays = {
+        arrays: dict[str, tuple[Any, tuple[str, ...], str, str]] = {
             "probability": (fitted, *shares, f"probability that {self.limit_in_words}"),
             "reached": (crossed, *shares, "share of the runs that reach the limit"),
             "outside": (outside, *shares, "share of the runs beyond tested ranges"),

@@ -278,8 +278,7 @@ class Front(WithAxes, Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
@@ -408,8 +407,7 @@ class TuningResults(WithAxes, Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)

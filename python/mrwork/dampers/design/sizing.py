@@ -384,8 +384,7 @@ class SizeFront(Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _summary(self) -> Summary:
         return Summary(

@@ -119,8 +119,7 @@ class Prediction(WithAxes, Summarised):
     @property
     def plot(self) -> PredictionPlots:
         """Figures of the prediction, see `mr.plots`."""
-        made: PredictionPlots = plots_of(self, "PredictionPlots")
-        return made
+        return plots_of(self, "PredictionPlots")
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()

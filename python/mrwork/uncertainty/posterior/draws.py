@@ -318,8 +318,7 @@ class Draws(WithAxes, Summarised):
     @property
     def plot(self) -> DrawsPlots:
         """Figures of the draws, see `mr.plots`."""
-        made: DrawsPlots = plots_of(self, "DrawsPlots")
-        return made
+        return plots_of(self, "DrawsPlots")
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape
