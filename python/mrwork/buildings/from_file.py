@@ -35,13 +35,7 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import (
-    WITHOUT_MASSES,
-    Building,
-    PassiveElement,
-    check_size,
-    source_with,
-)
+from mrwork.buildings.matrices import WITHOUT_MASSES, Building, PassiveElement, check_size, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -51,12 +45,7 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
-from mrwork.buildings.state_space import (
-    LinearSystem,
-    building_of,
-    mass_of_forces,
-    order_of_states,
-)
+from mrwork.buildings.state_space import LinearSystem, building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix

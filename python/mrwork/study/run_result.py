@@ -587,11 +587,7 @@ def recall_or_compute(
 
 
 def recall_or_compute_runs(
-    journal: Journal | None,
-    step: str,
-    inputs: str,
-    axes: Axes,
-    compute: Callable[[], LabelledRuns],
+    journal: Journal | None, step: str, inputs: str, axes: Axes, compute: Callable[[], LabelledRuns]
 ) -> LabelledRuns:
     """Criteria over these axes from the journal, whose lines have no labels, or computed, and then recorded."""
     if journal is None:

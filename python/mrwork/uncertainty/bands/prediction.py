@@ -256,11 +256,7 @@ class LeftOut(Summarised):
 
 
 @checked
-def predict_left_out(
-    tests: Sequence[DamperTest],
-    fold: Fold,
-    identify_rest: IdentifyRest,
-) -> LeftOut:
+def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: IdentifyRest) -> LeftOut:
     """Leave out the tests of each fold in turn, identify from the others, and predict those left out.
 
     Parameters

@@ -351,17 +351,7 @@ class Draws(WithAxes, Summarised):
                 ),
                 ("verdict", self.verdict),
             ),
-            columns=(
-                "parameter",
-                "median",
-                "2.5 %",
-                "97.5 %",
-                "unit",
-                "R-hat",
-                "ESS",
-                "verdict",
-                "reason",
-            ),
+            columns=("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason"),
             rows=[
                 (
                     summary.name,
