@@ -32,22 +32,10 @@ _ANY = re.compile(f"[\n{_HIDDEN}]")
 _BUT_LINES = re.compile(f"[{_HIDDEN}]")
 
 __all__ = [
-    "ArgumentError",
-    "Interrupted",
-    "InvalidSettingError",
-    "JournalError",
-    "LibraryError",
-    "MistakesError",
-    "MrworkError",
-    "MrworkWarning",
-    "OutputError",
-    "RecordError",
-    "SettingError",
-    "SimulationError",
-    "UnitError",
-    "UnknownChoiceError",
-    "UnknownNameError",
-]
+    "ArgumentError", "Interrupted", "InvalidSettingError", "JournalError", "LibraryError", "MistakesError",
+    "MrworkError", "MrworkWarning", "OutputError", "RecordError", "SettingError", "SimulationError", "UnitError",
+    "UnknownChoiceError", "UnknownNameError",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -148,10 +148,7 @@ class NamedArrays:
 
 
 def over_axis(
-    title: str,
-    axis: str,
-    labels: NamedArray,
-    columns: Mapping[str, tuple[ArrayLike, str, str]],
+    title: str, axis: str, labels: NamedArray, columns: Mapping[str, tuple[ArrayLike, str, str]]
 ) -> NamedArrays:
     """Columns over one axis with these labels, each with its unit and words."""
     return NamedArrays(

@@ -9,7 +9,7 @@ annotations of the functions.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from mrwork.plots import BuildingPlots as BuildingPlots
@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from mrwork.plots import TestPlots as TestPlots
 
 
-def plots_of(result: object, name: str) -> Any:
+PlotsT = TypeVar("PlotsT")
+
+
+def plots_of(result: object, name: str) -> PlotsT:  # type: ignore[type-var] # the attribute says which class it is
     """The figures of a result by the name of their class in `mrwork.plots`."""
-    return getattr(import_module("mrwork.plots"), name)(result)
+    made: PlotsT = getattr(import_module("mrwork.plots"), name)(result)
+    return made

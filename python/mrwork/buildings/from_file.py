@@ -35,13 +35,7 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import (
-    WITHOUT_MASSES,
-    Building,
-    PassiveElement,
-    check_size,
-    source_with,
-)
+from mrwork.buildings.matrices import WITHOUT_MASSES, Building, PassiveElement, check_size, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -51,12 +45,7 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
-from mrwork.buildings.state_space import (
-    LinearSystem,
-    building_of,
-    mass_of_forces,
-    order_of_states,
-)
+from mrwork.buildings.state_space import LinearSystem, building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
@@ -518,7 +507,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     known = name
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
-            built = _with_loads(_with_heights(_with_elements(built, table), table), table)
+            built = _with_storeys(_with_elements(built, table), table)
         if table.element or any(not isinstance(each, _OF_DAMPING) for each in table.additions()):
             refuse_without_masses(built, place.within(form))
         for where, way in ways:
@@ -556,9 +545,9 @@ def _with_elements(building: Building, table: BuildingTable) -> Building:
     return replace(building, n_strokes=n_strokes, elements=(*building.elements, *elements))
 
 
-def _with_heights(building: Building, table: BuildingTable) -> Building:
-    """The building with the heights of its storeys that a table states."""
-    count = len(building.drifts)
+def _with_storeys(building: Building, table: BuildingTable) -> Building:
+    """The building with the heights of its storeys, their limit of drift, and the weights on them of a table."""
+    count, strokes = len(building.drifts), np.zeros(building.n_strokes)
     if table.height is not None and table.heights is not None:
         table.place.within("height").refuse("height and heights both give the heights; keep one")
     given = (table.height,) * count if table.height is not None else table.heights
@@ -567,16 +556,10 @@ def _with_heights(building: Building, table: BuildingTable) -> Building:
             f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
             "height for all"
         )
-    if given is not None:
-        building = replace(building, heights=np.append(np.array(given), np.zeros(building.n_strokes)))
-    return building if table.drift_limit is None else replace(building, drift_limit=table.drift_limit)
-
-
-def _with_loads(building: Building, table: BuildingTable) -> Building:
-    """The building with the weights on its storeys that a table states."""
-    if table.loads is None:
-        return building
-    return replace(building, loads=np.append(np.array(table.loads), np.zeros(building.n_strokes)))
+    stated: dict[str, Any] = {} if table.drift_limit is None else {"drift_limit": table.drift_limit}
+    stated |= {} if given is None else {"heights": np.append(given, strokes)}
+    stated |= {} if table.loads is None else {"loads": np.append(table.loads, strokes)}
+    return replace(building, **stated) if stated else building
 
 
 def _shear(table: BuildingTable) -> Building:

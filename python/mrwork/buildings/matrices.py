@@ -166,8 +166,7 @@ class Building(Summarised):
     @property
     def plot(self) -> BuildingPlots:
         """Figures of the building, see `mr.plots`."""
-        made: BuildingPlots = plots_of(self, "BuildingPlots")
-        return made
+        return plots_of(self, "BuildingPlots")
 
     @property
     def n_coordinates(self) -> int:
@@ -784,10 +783,7 @@ class Device(Summarised):
         return Summary(
             title=f"Device {self.name}: {self.spec.name}",
             facts=(
-                (
-                    "dampers",
-                    f"{self.count:g}{', and as many in opposition' if self.differential else ''}",
-                ),
+                ("dampers", f"{self.count:g}{', and as many in opposition' if self.differential else ''}"),
                 ("command", f"0 to {self.largest_command:g}"),
                 ("draws", str(len(self.draws))),
                 ("tested", self.tested.in_words if self.tested else "not known"),

@@ -71,10 +71,7 @@ def add_options(parser: CommandParser) -> None:
         "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
         "files, the tests of the run are left out in turn, and each is predicted by a fit to the others."
     )
-    parser.epilog = examples(
-        "mrwork calibrate out/rig rig",
-        "mrwork calibrate out/rig --leave-out motion",
-    )
+    parser.epilog = examples("mrwork calibrate out/rig rig", "mrwork calibrate out/rig --leave-out motion")
     add_run(parser)
     add_files(parser, required=False)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)

@@ -30,10 +30,7 @@ def add_options(parser: CommandParser) -> None:
         "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
         "and others."
     )
-    parser.epilog = examples(
-        "mrwork check rig",
-        "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json",
-    )
+    parser.epilog = examples("mrwork check rig", "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json")
     add_files(parser)
     parser.group(OUTPUT).add_argument(
         "--table",

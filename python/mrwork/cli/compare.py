@@ -21,8 +21,7 @@ def add_options(parser: CommandParser) -> None:
         "parameters; of studies and tunings the laws and motions that they have in common."
     )
     parser.epilog = examples(
-        "mrwork compare out/rig out/demo --held-out rig",
-        "mrwork compare out/demo out/rig --json",
+        "mrwork compare out/rig out/demo --held-out rig", "mrwork compare out/demo out/rig --json"
     )
     parser.add_argument("runs", nargs="+", type=named_path, metavar="RUN", help="run folders, two or more")
     parser.group("tests").add_argument(

@@ -70,9 +70,7 @@ def _write_rig(folder: Path) -> _Written:
     contents = {test.file: test.text(rng).encode() for test in _TESTS}
     rows = [
         ListedTest(
-            file=str(folder / test.file),
-            use=test.use,
-            columns={**_COLUMNS, "command": f"{test.current:g} A"},
+            file=str(folder / test.file), use=test.use, columns={**_COLUMNS, "command": f"{test.current:g} A"}
         )
         for test in _TESTS
     ]

@@ -33,10 +33,7 @@ _PARAMETER_COLUMNS = (
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "List the damper models, or show one in full."
-    parser.epilog = examples(
-        "mrwork models",
-        "mrwork models normalised_bouc_wen --figure loops.svg",
-    )
+    parser.epilog = examples("mrwork models", "mrwork models normalised_bouc_wen --figure loops.svg")
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
     figure = parser.group("figure")
     figure.add_argument(

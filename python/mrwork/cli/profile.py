@@ -39,10 +39,7 @@ def add_options(parser: CommandParser) -> None:
         "Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "
         "verdicts on identifiability, and directions in parameter space that do not change the force."
     )
-    parser.epilog = examples(
-        "mrwork profile out/demo",
-        "mrwork profile out/demo --parameter k_w --level 0.9",
-    )
+    parser.epilog = examples("mrwork profile out/demo", "mrwork profile out/demo --parameter k_w --level 0.9")
     add_run(parser)
     intervals = parser.group("intervals")
     add_repeated(

@@ -26,10 +26,7 @@ def add_options(parser: CommandParser) -> None:
     parser.description = (
         "Draw the page of a run again, with everything that its folder holds: of a fit, a study or a tuning."
     )
-    parser.epilog = examples(
-        "mrwork report out/demo --summary",
-        "mrwork report out/demo --figures",
-    )
+    parser.epilog = examples("mrwork report out/demo --summary", "mrwork report out/demo --figures")
     add_run(parser)
     page = parser.group("page")
     page.add_argument(

@@ -36,8 +36,7 @@ def add_options(parser: CommandParser) -> None:
         "file."
     )
     parser.epilog = examples(
-        "mrwork respond study.toml",
-        "mrwork respond study.toml --motions all --check-step --out out/checked",
+        "mrwork respond study.toml", "mrwork respond study.toml --motions all --check-step --out out/checked"
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
     listings, study = parser.group("listings"), parser.group("simulation")

@@ -47,8 +47,7 @@ def add_options(parser: CommandParser) -> None:
         f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder."
     )
     parser.epilog = examples(
-        "mrwork sample out/demo --steps 200",
-        "mrwork sample out/demo --steps 400 --resume",
+        "mrwork sample out/demo --steps 200", "mrwork sample out/demo --steps 400 --resume"
     )
     add_run(parser)
     posterior, chain = parser.group("posterior"), parser.group("chain")

@@ -40,8 +40,7 @@ def add_options(parser: CommandParser) -> None:
         "prints the keys of [[tune]]."
     )
     parser.epilog = examples(
-        "mrwork tune study.toml --quick",
-        "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov",
+        "mrwork tune study.toml --quick", "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov"
     )
     parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
     search = parser.group(SEARCH)

@@ -9,13 +9,8 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.control_law import control_laws
 
 OWN_LAWS = (
-    "passive",
-    "proportional_direct",
-    "signal_network",
-    "clipped_optimal",
-    "modified_clipped_optimal",
-    "lyapunov",
-)
+    "passive", "proportional_direct", "signal_network", "clipped_optimal", "modified_clipped_optimal", "lyapunov",
+)  # fmt: skip
 """Laws of the registry that loops with dampers of the user have: those of `LAWS` in `twins/own_loop.py`."""
 
 

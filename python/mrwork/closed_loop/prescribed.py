@@ -57,10 +57,7 @@ class PrescribedCommands(Summarised):
     @classmethod
     @checked
     def of_history(
-        cls,
-        command: Annotated[Floats, Within(least=0.0)],
-        sample_time: Positive,
-        interval: Positive,
+        cls, command: Annotated[Floats, Within(least=0.0)], sample_time: Positive, interval: Positive
     ) -> PrescribedCommands:
         """The mean command of each interval of a history at the control samples, shape (n_time, n_devices)."""
         if command.ndim != 2 or not command.size:

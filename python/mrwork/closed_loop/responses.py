@@ -203,8 +203,7 @@ class History(Labelled, WithAxes, Summarised):
     @property
     def plot(self) -> HistoryPlots:
         """Figures of the history, see `mr.plots`."""
-        made: HistoryPlots = plots_of(self, "HistoryPlots")
-        return made
+        return plots_of(self, "HistoryPlots")
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -282,8 +281,7 @@ class Responses(Labelled, WithAxes, Summarised):
     @property
     def plot(self) -> ResponsesPlots:
         """Figures of the runs, see `mr.plots`."""
-        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
-        return made
+        return plots_of(self, "ResponsesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")

@@ -23,13 +23,7 @@ from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
 from mrwork.closed_loop.own_runs import beyond_twin
-from mrwork.closed_loop.responses import (
-    History,
-    Responses,
-    columns_by_name,
-    history_signals,
-    run_quantities,
-)
+from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.counterpart import is_curve
@@ -340,10 +334,7 @@ def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
 
 
 def _respond_elsewhere(
-    workers: Workers,
-    loop: LoopOfRuns,
-    runs: RunsOfLoop,
-    on_progress: Callable[[int, int], None] | None,
+    workers: Workers, loop: LoopOfRuns, runs: RunsOfLoop, on_progress: Callable[[int, int], None] | None
 ) -> list[Any]:
     """Runs of a loop by workers, in chunks that depend on their samples alone."""
     samples = np.array([motion.duration for motion in loop.motions]) / loop.hardware.sample_time
@@ -439,10 +430,7 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
         # with it in the first mode.
         noise[len(floors) :] /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
     return observer_of(
-        plant,
-        stack_outputs(chosen, deformations(plant)),
-        hardware.sample_time,
-        noise_intensity=noise,
+        plant, stack_outputs(chosen, deformations(plant)), hardware.sample_time, noise_intensity=noise
     )
 
 

@@ -235,13 +235,7 @@ def simulate_sensitivities(
         return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
     with core_refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
-            spec.name,
-            rows,
-            history,
-            wanted,
-            *_laws(spec),
-            substep_factor,
-            threads,
+            spec.name, rows, history, wanted, *_laws(spec), substep_factor, threads
         )
     return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 

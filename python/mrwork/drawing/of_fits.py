@@ -189,10 +189,7 @@ def _line(profile: Profile, left: float, right: float) -> tuple[Floats, Floats]:
 
 
 def add_corner(
-    panels: Mapping[tuple[int, int], Axes],
-    draws: Draws,
-    names: Sequence[str],
-    fitted: Mapping[str, float],
+    panels: Mapping[tuple[int, int], Axes], draws: Draws, names: Sequence[str], fitted: Mapping[str, float]
 ) -> None:
     """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
     values = [draws.chain(name).reshape(-1) for name in names]

@@ -164,12 +164,7 @@ def scattered_samples(abscissa: Floats, ordinate: Floats, most: int) -> NDArray[
     return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / most, 1.0)
 
 
-def _nearest_samples(
-    abscissa: Floats,
-    ordinate: Floats,
-    shares: Floats,
-    aspect: float,
-) -> NDArray[np.intp]:
+def _nearest_samples(abscissa: Floats, ordinate: Floats, shares: Floats, aspect: float) -> NDArray[np.intp]:
     """The samples at `shares` of the length of the curve, each sample once."""
     if ordinate.size <= shares.size:
         return np.arange(ordinate.size)

@@ -208,11 +208,7 @@ class _Run:
         if width and width == self.width:
             return replace(self, length=self.length + 1)
         return _Run(
-            delimiter=self.delimiter,
-            first=index,
-            length=1 if width else 0,
-            width=width,
-            raw_width=len(raw),
+            delimiter=self.delimiter, first=index, length=1 if width else 0, width=width, raw_width=len(raw)
         )
 
 

@@ -281,12 +281,7 @@ def _matrix(
 
 
 def _items(
-    kind: int,
-    items: Block,
-    order: str,
-    name: str,
-    allowance: Allowance,
-    shape: tuple[int, ...] | None = None,
+    kind: int, items: Block, order: str, name: str, allowance: Allowance, shape: tuple[int, ...] | None = None
 ) -> NDArray[np.generic]:
     """Items of a data element in the shape of the matrix, or flat without a shape."""
     if kind not in _V5_ITEMS:

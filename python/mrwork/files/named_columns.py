@@ -253,10 +253,7 @@ def _size(quantity: TestQuantity, samples: Floats) -> float | None:
 
 
 def _likely_column(
-    quantity: TestQuantity,
-    left: Sequence[str],
-    units: Mapping[str, str],
-    numbers: Mapping[str, Floats],
+    quantity: TestQuantity, left: Sequence[str], units: Mapping[str, str], numbers: Mapping[str, Floats]
 ) -> str:
     """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
     of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]

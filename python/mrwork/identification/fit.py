@@ -226,9 +226,7 @@ class Estimate:
         undetermined = verdict.verdict == "not identifiable"
         kept = "" if self.remark == "not identifiable" else self.remark
         return replace(
-            self,
-            standard_error=verdict.standard_error,
-            remark="not identifiable" if undetermined else kept,
+            self, standard_error=verdict.standard_error, remark="not identifiable" if undetermined else kept
         )
 
 
@@ -616,8 +614,7 @@ class Fit(WithAxes, Summarised, Related):
     @property
     def plot(self) -> FitPlots:
         """Figures of the fit, see `mr.plots`."""
-        made: FitPlots = plots_of(self, "FitPlots")
-        return made
+        return plots_of(self, "FitPlots")
 
     def _named_arrays(self) -> NamedArrays:
         parameters = columns_of(
@@ -707,8 +704,5 @@ class Fit(WithAxes, Summarised, Related):
                 )
                 for estimate in self.estimates
             ],
-            notes=[
-                f"tested: {self.tested.in_words}",
-                *(f"warning: {warning}" for warning in self.warnings),
-            ],
+            notes=[f"tested: {self.tested.in_words}", *(f"warning: {warning}" for warning in self.warnings)],
         )

@@ -13,15 +13,7 @@ from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, parse_document, read_document, record_from_json, record_of
 from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
-from mrwork.store.run_folder import (
-    FIT,
-    FIT_RUN,
-    JOURNAL,
-    NEAR_SETS,
-    REPORT,
-    check_manifest,
-    read_kind,
-)
+from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, NEAR_SETS, REPORT, check_manifest, read_kind
 from mrwork.store.unfinished import INTERRUPTED
 
 if TYPE_CHECKING:

@@ -193,14 +193,7 @@ def identify_with(
     def on_search(fitted: str, generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
         reporter.report(
-            "search",
-            count,
-            "simulations",
-            misfit,
-            share,
-            generation=generation,
-            median=median,
-            fitted=fitted,
+            "search", count, "simulations", misfit, share, generation=generation, median=median, fitted=fitted
         )
 
     try:

@@ -325,12 +325,7 @@ class Objective(Summarised):
         return on_every_test(len(self.tests), self.threads, work)
 
     def _simulate_test(
-        self,
-        index: int,
-        theta: Floats,
-        *,
-        limits: Floats | None = None,
-        threads: int,
+        self, index: int, theta: Floats, *, limits: Floats | None = None, threads: int
     ) -> Misfits:
         each = self.compared[index]
         return simulate_misfits(

@@ -178,7 +178,7 @@ def provenance_of(problem: Problem) -> Provenance:
                     "n_settle": test.n_settle,
                 }
                 for test in tests
-            },
+            }
         },
         tests,
         packages=_PACKAGES,

@@ -129,10 +129,7 @@ def without_nuisance(force: Floats, measured: Floats, names: tuple[NuisanceName,
 
 
 def _linearised_without_nuisance(
-    force: Floats,
-    slope: Floats,
-    measured: Floats,
-    names: tuple[NuisanceName, ...],
+    force: Floats, slope: Floats, measured: Floats, names: tuple[NuisanceName, ...]
 ) -> tuple[Floats, Floats]:
     """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
 

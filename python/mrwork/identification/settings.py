@@ -275,10 +275,7 @@ class FitSettings:
                 for name, kind in hints_of(cls).items()
                 if name in record and name != "search"
             }
-            return cls(
-                search=None if search is None else _search_of_record(search),
-                **known,
-            )
+            return cls(search=None if search is None else _search_of_record(search), **known)
         except (TypeError, ValueError, KeyError, AttributeError) as reason:
             raise RecordError(
                 f"the settings of this fit cannot be read ({reason}); run `mrwork identify` again"

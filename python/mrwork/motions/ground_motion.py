@@ -93,8 +93,7 @@ class GroundMotion(Summarised):
     @property
     def plot(self) -> MotionPlots:
         """Figures of the motion, see `mr.plots`."""
-        made: MotionPlots = plots_of(self, "MotionPlots")
-        return made
+        return plots_of(self, "MotionPlots")
 
     def _summary(self) -> Summary:
         return Summary(

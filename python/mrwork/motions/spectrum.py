@@ -69,8 +69,7 @@ class ResponseSpectrum(Summarised):
     @property
     def plot(self) -> SpectrumPlots:
         """Figure of the spectrum, see `mr.plots`."""
-        made: SpectrumPlots = plots_of(self, "SpectrumPlots")
-        return made
+        return plots_of(self, "SpectrumPlots")
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))

@@ -298,13 +298,8 @@ def scaled_to_target(
         periods = np.array([period]) if by == "sa" else _range_of(period)
         own = response_spectrum(motion, periods, damping=target.damping).pseudo_acceleration
     factor = float(own @ target.acceleration(periods) / (own @ own))
-    over = (
-        "PGA"
-        if by == "pga"
-        else f"{periods[0]:.3g} s"
-        if by == "sa"
-        else f"{periods[0]:.3g} to {periods[-1]:.3g} s"
-    )
+    ends = " to ".join(dict.fromkeys(f"{each:.3g}" for each in (periods[0], periods[-1])))
+    over = "PGA" if by == "pga" else f"{ends} s"
     change = f"acceleration x {factor:.6g}, to {target.name} at {over}"
     return replace_samples(motion, factor * motion.acceleration, motion.dt, change)
 
@@ -364,25 +359,20 @@ class SuiteCheck(Summarised):
     def shortcomings(self) -> tuple[str, ...]:
         """Sentences on what the rule wants and the suite does not have; empty if it meets the rule."""
         rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, len(self.names)
-        factor = math.ceil(1e3 * self.factor) / 1e3
-        said = (
-            (
-                count < rule.fewest,
-                f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.",
-            ),
-            (
-                least < LEAST_RATIO * _ROUNDED,
+        said = []
+        if count < rule.fewest:
+            said.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
+        if least < LEAST_RATIO * _ROUNDED:
+            said.append(
                 f"The mean spectrum falls to {100.0 * least:.3g} % of the target at {at:.3g} s, and is to be "
-                f"{100.0 * LEAST_RATIO:g} % or more from {self._range_in_words}.",
-            ),
-            (
-                rule.holds_peak and peak is not None and peak < _ROUNDED,
-                f"The mean of the peaks is {100.0 * (peak or 0.0):.3g} % of the target at the period zero, and is to "
-                "be 100 % or more.",
-            ),
-            (self.factor * _ROUNDED > 1.0, f"A factor of {factor:g} on every motion is enough."),
-        )
-        return tuple(sentence for wrong, sentence in said if wrong)
+                f"{100.0 * LEAST_RATIO:g} % or more from {self._range_in_words}."
+            )
+        if rule.holds_peak and peak is not None and peak < _ROUNDED:
+            share = f"{100.0 * peak:.3g} % of the target at the period zero"
+            said.append(f"The mean of the peaks is {share}, and is to be 100 % or more.")
+        if self.factor * _ROUNDED > 1.0:
+            said.append(f"A factor of {math.ceil(1e3 * self.factor) / 1e3:g} on every motion is enough.")
+        return tuple(said)
 
     @property
     def in_words(self) -> tuple[str, ...]:
@@ -405,8 +395,7 @@ class SuiteCheck(Summarised):
     @property
     def plot(self) -> SuitePlots:
         """Figure of the spectra beside the target, see `mr.plots`."""
-        made: SuitePlots = plots_of(self, "SuitePlots")
-        return made
+        return plots_of(self, "SuitePlots")
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

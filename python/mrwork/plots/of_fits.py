@@ -49,11 +49,7 @@ _LEVEL = 0.95
 
 @figure
 def laws(
-    result: Fit | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: bool = False,
+    result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
 ) -> Panels | DataFrame:
     """Each parameter that follows the command, over the commands of the tests; marks are at the ends of the range.
 
@@ -156,11 +152,7 @@ def profiles(
 
 @figure
 def posterior(
-    result: Draws | StoredRun,
-    ax: GivenAxes = None,
-    *,
-    parameters: Sequence[str] = (),
-    data: bool = False,
+    result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
 ) -> Panels | DataFrame:
     """Densities of the parameters on the diagonal, and of their pairs below it: dark holds 50 %, light 90 %.
 

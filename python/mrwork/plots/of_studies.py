@@ -69,12 +69,9 @@ SpectrumQuantity = Literal[
 ]
 
 _UNITS: dict[SpectrumQuantity, str] = {
-    "pseudo_acceleration": "m/s^2",
-    "pseudo_velocity": "m/s",
-    "acceleration": "m/s^2",
-    "velocity": "m/s",
+    "pseudo_acceleration": "m/s^2", "pseudo_velocity": "m/s", "acceleration": "m/s^2", "velocity": "m/s",
     "displacement": "m",
-}
+}  # fmt: skip
 # Periods of most buildings [s].
 _PERIODS = (0.05, 4.0, 120)
 
@@ -95,14 +92,12 @@ def spectra(
     ----------
     result
         A motion, or a spectrum of one.
-    ax
-        Axes to draw into; by default those of a new figure.
+    ax, data
+        As in `histories`; the table has all quantities.
     quantity
         Ordinate.
     periods, damping
         Of the spectrum of a motion [s, 1]; by default from 0.05 to 4 s at 5 % damping.
-    data
-        Whether to return the table behind the figure instead, with all quantities.
 
     Raises
     ------
@@ -150,10 +145,8 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     ----------
     result
         The suite beside its target, of `mr.motions.check_suite`.
-    ax
-        Axes to draw into; by default those of a new figure.
-    data
-        Whether to return the table behind the figure instead, with a column for each motion.
+    ax, data
+        As in `histories`; the table has a column for each motion.
 
     Examples
     --------
@@ -174,17 +167,12 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     for number, spectrum in enumerate(result.spectra):
         label = None if number else "Motions"
         axes.plot(result.periods, spectrum, color=style.DATA, linewidth=0.6, label=label)
-    axes.plot(result.periods, result.mean, color=style.MODEL, linewidth=1.6, label="Mean")
-    axes.plot(result.periods, target, color=style.INK, linewidth=1.4, label=result.target.name)
-    floor = f"{100.0 * LEAST_RATIO:g} % of it"
-    axes.plot(
-        result.periods,
-        LEAST_RATIO * target,
-        color=style.INK,
-        linestyle=style.DASHED,
-        linewidth=1.0,
-        label=floor,
-    )
+    for values, colour, pattern, width, label in (
+        (result.mean, style.MODEL, "-", 1.6, "Mean"),
+        (target, style.INK, "-", 1.4, result.target.name),
+        (LEAST_RATIO * target, style.INK, style.DASHED, 1.0, f"{100.0 * LEAST_RATIO:g} % of it"),
+    ):
+        axes.plot(result.periods, values, color=colour, linestyle=pattern, linewidth=width, label=label)
     axes.set_ylim(bottom=0.0)
     return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"))
 
@@ -197,10 +185,8 @@ def building(result: Building, ax: Axes | None = None, *, data: bool = False) ->
     ----------
     result
         The building: a chain of floors, each on the spring of its storey.
-    ax
-        Axes to draw into; by default those of a new figure.
-    data
-        Whether to return the table behind the figure instead.
+    ax, data
+        As in `histories`.
 
     Raises
     ------
@@ -220,9 +206,7 @@ def building(result: Building, ax: Axes | None = None, *, data: bool = False) ->
         )
     if data:
         over = labels_of(np.arange(1, len(facts.masses) + 1), long_name="storey")
-        columns = {"mass": facts.masses, "stiffness": facts.stiffnesses}
-        units = {"mass": "kg", "stiffness": "N/m"}
-        named = {name: (np.array(values), units[name], name) for name, values in columns.items()}
+        named = {"mass": (facts.masses, "kg", "mass"), "stiffness": (facts.stiffnesses, "N/m", "stiffness")}
         return over_axis(result.name, "storey", over, named).to_pandas()
     axes = axes_for(ax)
     add_building(axes, facts)
@@ -237,10 +221,8 @@ def pushover(result: Pushover, ax: Axes | None = None, *, data: bool = False) ->
     ----------
     result
         The frame that was pushed, of `mr.buildings.pushover`.
-    ax
-        Axes to draw into; by default those of a new figure.
-    data
-        Whether to return the table behind the figure instead.
+    ax, data
+        As in `histories`.
 
     Examples
     --------

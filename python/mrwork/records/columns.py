@@ -303,10 +303,7 @@ class _Names:
         return None
 
     def refusal(
-        self,
-        unclear: Sequence[_UnclearError],
-        chosen: Mapping[TestQuantity, ColumnChoice],
-        read: ReadColumn,
+        self, unclear: Sequence[_UnclearError], chosen: Mapping[TestQuantity, ColumnChoice], read: ReadColumn
     ) -> MrworkError:
         """The first problem, with the options that solve all of them."""
         taken = {choice.column for choice in chosen.values()}

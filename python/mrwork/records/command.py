@@ -77,11 +77,7 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
 
 
 def motion_matches_name(
-    displacement: Floats,
-    dominant: float,
-    duration: float,
-    amplitude: float | None,
-    frequency: float | None,
+    displacement: Floats, dominant: float, duration: float, amplitude: float | None, frequency: float | None
 ) -> tuple[Finding, ...]:
     """Warn if amplitude [m] or frequency [Hz] are far from their nominal values."""
     findings: list[Finding] = []

@@ -215,10 +215,7 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
 
 
 def _fold_periods(
-    force: Floats,
-    place: Floats,
-    direction: Floats,
-    period: float,
+    force: Floats, place: Floats, direction: Floats, period: float
 ) -> tuple[Floats, Floats, Floats] | None:
     """Mean force about the turns: time [periods], force [half ranges, falling], and number of samples in each mean."""
     reach = _FOLDED * period
@@ -268,11 +265,7 @@ def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[
 
 
 def _until_fallen(
-    time: Floats,
-    force: Floats,
-    count: Floats,
-    delays: Floats,
-    before: float,
+    time: Floats, force: Floats, count: Floats, delays: Floats, before: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Windows, first sample and beyond the last, from `before` each corner until the force has fallen enough."""
     first = np.searchsorted(time, delays - before, side="right")

@@ -410,8 +410,7 @@ class DamperTest(WithAxes, Summarised):
     @property
     def plot(self) -> TestPlots:
         """Figures of the test, see `mr.plots`."""
-        made: TestPlots = plots_of(self, "TestPlots")
-        return made
+        return plots_of(self, "TestPlots")
 
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)

@@ -72,21 +72,10 @@ from mrwork.records.window import (
 )
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
-    checks.smoothing_finding,
-    delay_finding,
-    mass_finding,
-    checks.breakaway_finding,
-    checks.stroke_finding,
-    checks.force_finding,
-    checks.pace_finding,
-    checks.command_finding,
-    checks.resolution_findings,
-    still_findings,
-    jump_finding,
-    drift_of_displacement_finding,
-    repeated_part,
-    drift_finding,
-)
+    checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding, checks.stroke_finding,
+    checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, still_findings,
+    jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
+)  # fmt: skip
 
 
 @checked

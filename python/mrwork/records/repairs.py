@@ -189,13 +189,9 @@ DETECT: Final = "detect"
 NONE: Final = "none"
 
 _FIELDS: Final = {
-    "average": "average_seconds",
-    "lowpass": "lowpass_hz",
-    "lag": "lag_seconds",
-    "delay": "delay_seconds",
-    "gain": "gain",
-    "offset": "offset",
-}
+    "average": "average_seconds", "lowpass": "lowpass_hz", "lag": "lag_seconds", "delay": "delay_seconds",
+    "gain": "gain", "offset": "offset",
+}  # fmt: skip
 VALUES_IN_WORDS: Final = "; ".join(
     f"{name} from {least:g} to {most:g} {unit}".rstrip()
     for name, (least, most, unit) in ((name, RANGES[field]) for name, field in _FIELDS.items())

@@ -280,11 +280,7 @@ def settling_samples(displacement: Floats) -> int:
 
 
 def uncompared_spans(
-    displacement: Floats,
-    velocity: Floats,
-    spiky: NDArray[np.bool_],
-    missing: NDArray[np.bool_],
-    dt: float,
+    displacement: Floats, velocity: Floats, spiky: NDArray[np.bool_], missing: NDArray[np.bool_], dt: float
 ) -> tuple[tuple[int, int], ...]:
     """Spans of samples, first and beyond the last, that are not compared: in spikes, in gaps and after these.
 

@@ -14,16 +14,7 @@ from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
 from mrwork.identification.fit_file import read_addition, read_fit, read_others
 from mrwork.store.codec import read_document
-from mrwork.store.run_folder import (
-    FIT,
-    FIT_RUN,
-    LAWS,
-    PLAN,
-    PROFILES,
-    RANKING,
-    STUDY_RUN,
-    read_kind,
-)
+from mrwork.store.run_folder import FIT, FIT_RUN, LAWS, PLAN, PROFILES, RANKING, STUDY_RUN, read_kind
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.held_out import HeldOutTests, read_held_out
@@ -73,8 +64,7 @@ class StoredRun(Summarised):
     @property
     def plot(self) -> RunPlots:
         """Figures of the run, see `mr.plots`."""
-        made: RunPlots = plots_of(self, "RunPlots")
-        return made
+        return plots_of(self, "RunPlots")
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

@@ -274,12 +274,7 @@ def _fitness(population: Floats, misfit: Floats) -> Floats:
     return fitness
 
 
-def _crossover(
-    population: Floats,
-    misfit: Floats,
-    share: Floats,
-    pairs: NDArray[np.int64],
-) -> Floats:
+def _crossover(population: Floats, misfit: Floats, share: Floats, pairs: NDArray[np.int64]) -> Floats:
     """In each pair, one pair after the other, the less fit moves by a share r towards the fitter, which stays."""
     n_replicates, size, n_params = population.shape
     rank = np.empty(misfit.shape, dtype=np.int64)

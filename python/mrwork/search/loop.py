@@ -98,9 +98,7 @@ def _result(state: StateT, reason: str, seconds: float) -> SearchResult[StateT]:
         elite=course.elite_unit[0, simulated],
         elite_misfit=course.elite_misfit[0, simulated],
         trace=RunTrace(
-            evaluations=course.trace.evaluations[0],
-            best=course.trace.best[0],
-            median=course.trace.median[0],
+            evaluations=course.trace.evaluations[0], best=course.trace.best[0], median=course.trace.median[0]
         ),
         evaluations=int(course.evaluations[0]),
         generations=int(course.generation[0]),

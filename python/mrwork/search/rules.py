@@ -164,12 +164,7 @@ class StopRules:
 
     @checked
     def ended(
-        self,
-        *,
-        trace: AnyNumbers,
-        evaluations: NDArray[np.int64],
-        population: Floats,
-        best_unit: Floats,
+        self, *, trace: AnyNumbers, evaluations: NDArray[np.int64], population: Floats, best_unit: Floats
     ) -> NDArray[np.int8]:
         """Code of the rule that ends each replicate, shape (n,), 0 for none, see `Course.stop_reasons`.
 

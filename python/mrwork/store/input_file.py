@@ -102,10 +102,7 @@ TOML: Final = FileKind(
 )
 MATRIX: Final = FileKind(name="a matrix", largest=256 * _MIB, remedy="name a file with a matrix")
 CANDIDATES: Final = FileKind(
-    name="a table of candidates",
-    largest=4 * _MIB,
-    remedy="name a CSV file",
-    smaller="leave candidates out",
+    name="a table of candidates", largest=4 * _MIB, remedy="name a CSV file", smaller="leave candidates out"
 )
 
 

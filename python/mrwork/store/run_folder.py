@@ -37,20 +37,9 @@ FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
 HELD_OUT = "held_out.json"
 HELD_OUT_FORCES = "held_out.npz"
-ADDITIONS = frozenset(
-    {
-        CHAIN,
-        f"{CHAIN}.part",
-        DRAWS,
-        PROFILES,
-        PLAN,
-        CALIBRATION,
-        FOLDS,
-        PREDICTIONS,
-        HELD_OUT,
-        HELD_OUT_FORCES,
-    }
-)
+ADDITIONS = frozenset({
+    CHAIN, f"{CHAIN}.part", DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
+})  # fmt: skip
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"
@@ -91,7 +80,7 @@ class RunKind:
     kind: str
     written: frozenset[str]
     added: frozenset[str] = frozenset()
-    redrawn: frozenset[str] = frozenset()
+    redrawn: frozenset[str] = frozenset({REPORT, SUMMARY, DATA})
 
     def redraws(self, name: str) -> bool:
         """Whether a file of the folder is one that later verbs write again, or within a folder of such files."""
@@ -112,33 +101,18 @@ FIT_RUN: Final = RunKind(
     written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"})
     | _PAGE,
     added=ADDITIONS | {FIGURES},
-    redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 STUDY_RUN: Final = RunKind(
     verb="respond",
     kind="study",
-    written=frozenset(
-        {
-            MANIFEST,
-            JOURNAL,
-            REPORT,
-            RESULTS,
-            STUDY,
-            CRITERIA_TABLE,
-            PROFILES_TABLE,
-            f"{HISTORIES}/*.npz",
-            ENSEMBLE,
-            REALISATIONS,
-        }
-    )
-    | _PAGE,
-    redrawn=frozenset({REPORT, SUMMARY, DATA}),
+    written=_PAGE
+    | {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE}
+    | {f"{HISTORIES}/*.npz", ENSEMBLE, REALISATIONS},
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
     written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}) | _PAGE,
-    redrawn=frozenset({REPORT, SUMMARY, DATA}),
 )
 
 

@@ -21,7 +21,7 @@ from mrwork.closed_loop.responses import unit_of
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
 from mrwork.errors import RecordError
 from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
-from mrwork.store.input_file import exists, finite_numbers, is_there, make_stored_kind, read_arrays
+from mrwork.store.input_file import exists, is_there, make_stored_kind, read_arrays
 from mrwork.store.output_folder import Destination, write_folder
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
@@ -69,8 +69,8 @@ from mrwork.study.run_result import (
     RunResult,
     criteria_of_runs,
     kept_quantities,
-    kept_signals,
     numbered,
+    read_stored_history,
     stem_of_history,
     worst_by_quantity,
 )
@@ -236,17 +236,17 @@ class StoredStudyRun(Related):
         A criterion that came after the file was written is unknown there, as is one that stands on unknown heights.
         """
         tables = [self.criteria, self.over_uncontrolled, self.over_passive_off, self.over_best_passive]
-        tables += [] if self.step_check is None else [self.step_check.changes]
-        tables += [] if self.step_check is None else [self.step_check.criteria]
+        quantities = [self.quantities]
+        if self.step_check is not None:
+            tables += [self.step_check.changes, self.step_check.criteria]
+            quantities.append(self.step_check.quantities)
         every = {entry.name for entry in criteria()}
         needed = {entry.name for entry in criteria() if not entry.optional}
         of_run = {*_kept_axes(), _LEAST_STROKE}
         named: list[tuple[str, Collection[str], Collection[str], Collection[str]]] = [
             *(("criterion", every, needed, table) for table in tables),
-            ("quantity", of_run, of_run, self.quantities),
+            *(("quantity", of_run, of_run, table) for table in quantities),
         ]
-        if self.step_check is not None:
-            named.append(("quantity", of_run, of_run, self.step_check.quantities))
         for what, known, wanted, stored in named:
             if lacking := [name for name in wanted if name not in stored]:
                 return f"its run under {self.motion} lacks {lacking[0]} in a table"
@@ -355,6 +355,7 @@ class _Document(Related):
         return ""
 
 
+# What it has as the results have it.
 _OF_DOCUMENT = (
     "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
     "building_warnings", "damper_warnings", "chosen_on", "design_levels", "limit",
@@ -450,20 +451,13 @@ def read_history(place: Path, results: StudyResults, row: int, motion: int) -> R
     path = next((place / HISTORIES).glob(f"{stem_of_history(row, motion)}-*.npz"), None)
     if path is None or not is_there(path, HISTORY_KIND):
         return None
-    arrays = read_arrays(path, HISTORY_KIND)
-    try:
-        time = finite_numbers(arrays, "time")
-        numbers = {
-            name: finite_numbers(arrays, name) for name in (*(each.name for each in kept_signals()), "energy")
-        }
-        short = [name for name, each in numbers.items() if each.shape[:1] != time.shape]
-        if time.ndim != 1 or short:
+
+    def check(history: RunHistory) -> None:
+        short = [name for name, each in history.numbers.items() if each.shape[:1] != history.time.shape]
+        if history.time.ndim != 1 or short:
             raise ValueError(f"{', '.join(short) or 'time'} has another length")
-    except ValueError as reason:
-        raise RecordError(
-            f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
-        ) from None
-    return RunHistory(time=time, numbers=numbers)
+
+    return read_stored_history(path, check)
 
 
 def write_study(
@@ -502,23 +496,14 @@ def study_document(results: StudyResults) -> dict[str, Any]:
     comparison = compared(results)
     passive = comparison.passive
     document = _Document(
-        title=results.title,
         complete=results.complete,
-        command_unit=results.command_unit,
-        rows=results.rows,
-        motions=results.motions,
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),
-        building_warnings=results.building_warnings,
-        damper_warnings=results.damper_warnings,
         floors=results.floor_names,
         storeys=results.storey_names,
         results=tuple(_store_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         judged_on=judged_in_words(results),
-        chosen_on=results.chosen_on,
-        design_levels=results.design_levels,
-        limit=dict(results.limit),
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
         groups=tuple(
             StoredGroup(
@@ -540,12 +525,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             if (band := score_band(results, number))
         },
         findings=findings(results),
-        building=results.building,
-        dampers=results.dampers,
-        choices=results.choices,
-        facts=results.facts,
-        detailed=results.detailed,
-        with_histories=results.with_histories,
+        **{name: getattr(results, name) for name in _OF_DOCUMENT},
     )
     content: dict[str, Any] = finite(asdict(document))
     return content

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
@@ -137,22 +137,17 @@ class Fragility(Summarised):
         """Sentences on runs that were not resolved, on levels beyond tested ranges, and on levels too coarse."""
         unresolved = sum(each.unresolved for each in self.crossings)
         beyond = [level for level, share in zip(self.levels, self.outside, strict=True) if share > 0.0]
-        said = (
-            (
-                unresolved,
-                f"{counted(unresolved, 'record')} ended at a run that could not be resolved, and count as above",
-            ),
-            (
-                len(beyond),
-                f"from {_in_g(min(beyond, default=0.0))} g on dampers go beyond their tests: extrapolated",
-            ),
-            (
-                not self.bound
-                and max(each.above for each in self.crossings) <= min(each.below for each in self.crossings),
-                "one intensity separates all records, so that the dispersion is not known: give finer levels",
-            ),
-        )
-        return tuple(sentence for holds, sentence in said if holds)
+        said = []
+        if unresolved:
+            records = counted(unresolved, "record")
+            said.append(f"{records} ended at a run that could not be resolved, and count as above")
+        if beyond:
+            said.append(f"from {_in_g(min(beyond))} g on dampers go beyond their tests: extrapolated")
+        above, below = ([getattr(each, end) for each in self.crossings] for end in ("above", "below"))
+        if not self.bound and max(above) <= min(below):
+            reason = "one intensity separates all records, so that the dispersion is not known"
+            said.append(f"{reason}: give finer levels")
+        return tuple(said)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -191,12 +186,20 @@ class Fragilities(WithAxes, Summarised):
     @property
     def plot(self) -> FragilityPlots:
         """Figures of the responses and of the probabilities, see `mr.plots`."""
-        made: FragilityPlots = plots_of(self, "FragilityPlots")
-        return made
+        return plots_of(self, "FragilityPlots")
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()
+        shares = ("row", "intensity"), "1"
         fitted = [[each.probability(float(level)) for level in each.levels] for each in every]
+        crossed, outside = [each.crossed for each in every], [each.outside for each in every]
+        responses = [each.responses for each in every]
+        arrays: dict[str, tuple[Any, tuple[str, ...], str, str]] = {
+            "probability": (fitted, *shares, f"probability that {self.limit_in_words}"),
+            "reached": (crossed, *shares, "share of the runs that reach the limit"),
+            "outside": (outside, *shares, "share of the runs beyond tested ranges"),
+            "response": (responses, ("row", "record", "intensity"), self.unit, self.title),
+        }
         return NamedArrays(
             title=f"Fragility, {self.title}",
             rows=("row", "intensity"),
@@ -206,28 +209,8 @@ class Fragilities(WithAxes, Summarised):
                 "intensity": labels_of(first.levels, unit="m/s^2", long_name=first.measure),
             },
             arrays={
-                **{
-                    name: NamedArray.of(values, "row", "intensity", unit="1", long_name=words)
-                    for name, values, words in (
-                        ("probability", fitted, f"probability that {self.limit_in_words}"),
-                        (
-                            "reached",
-                            [each.crossed for each in every],
-                            "share of the runs that reach the limit",
-                        ),
-                        (
-                            "outside",
-                            [each.outside for each in every],
-                            "share of the runs beyond tested ranges",
-                        ),
-                    )
-                },
-                "response": NamedArray.of(
-                    [each.responses for each in every],
-                    *("row", "record", "intensity"),
-                    unit=self.unit,
-                    long_name=self.title,
-                ),
+                name: NamedArray.of(values, *axes, unit=unit, long_name=words)
+                for name, (values, axes, unit, words) in arrays.items()
             },
         )
 

@@ -39,13 +39,7 @@ from mrwork.study.run_result import (
     recall_or_compute,
     results_of,
 )
-from mrwork.study.study import (
-    Arrangement,
-    Realisations,
-    Study,
-    StudyLaw,
-    digest_of_run,
-)
+from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, digest_of_run
 
 OnBlock = Callable[[int, int], None]
 

@@ -31,14 +31,7 @@ from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitud
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.course import (
-    Course,
-    Part,
-    PartKey,
-    StudyProgress,
-    excerpts_of,
-    stiffness_in_words,
-)
+from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.run_result import LabelledRuns
 from mrwork.study.study import Row, TakenSettings, constant_command, make_arrangement, nominal

@@ -302,8 +302,7 @@ class StudyResults(Summarised):
     @property
     def plot(self) -> ResponsesPlots:
         """Figures of the runs, see `mr.plots`."""
-        made: ResponsesPlots = plots_of(self, "ResponsesPlots")
-        return made
+        return plots_of(self, "ResponsesPlots")
 
     @property
     def device_names(self) -> tuple[str, ...]:

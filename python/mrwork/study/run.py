@@ -211,13 +211,7 @@ def run_study(
             report(arrangements[row].row.label, (row, "runs"))
             fresh: dict[int, RunHistory | None] = {}
             for motion, result in runs_of(
-                study,
-                arrangements[row],
-                journal,
-                threads,
-                fresh=fresh,
-                known=known,
-                on_block=course.advance,
+                study, arrangements[row], journal, threads, fresh=fresh, known=known, on_block=course.advance
             ):
                 runs[row, motion] = result
             for motion in study.histories:
@@ -490,11 +484,7 @@ def _simulate(
 
 
 def _choose_best_constant(
-    study: Study,
-    arrangement: Arrangement,
-    journal: Journal | None,
-    threads: int,
-    on_block: OnBlock,
+    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int, on_block: OnBlock
 ) -> tuple[Arrangement, Mapping[int, RunResult], str]:
     """The arrangement at its best constant command, its runs unless recalled, and a sentence on the choice.
 
@@ -577,10 +567,7 @@ def _best_level(
         )
     best = int(np.nanargmin(scores))
     constant = BestConstant(
-        command=float(commands[best]),
-        score=scores[best],
-        scores=tuple(scores),
-        runs=len(runs),
+        command=float(commands[best]), score=scores[best], scores=tuple(scores), runs=len(runs)
     )
     return constant, levels[best], criteria[best]
 
@@ -595,9 +582,7 @@ def reference_peaks_of(
         return round_to(float(np.mean([of_run[name] for of_run in criteria])))
 
     return ReferencePeaks(
-        command=round_to(best.command),
-        drift=mean("peak_drift"),
-        acceleration=mean("peak_acceleration"),
+        command=round_to(best.command), drift=mean("peak_drift"), acceleration=mean("peak_acceleration")
     )
 
 
@@ -607,11 +592,7 @@ def _criteria(result: RunResult, scales: Scales) -> dict[str, Floats]:
 
 
 def _criteria_of_realisations(
-    study: Study,
-    arrangement: Arrangement,
-    journal: Journal | None,
-    threads: int,
-    on_block: OnBlock,
+    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int, on_block: OnBlock
 ) -> LabelledRuns:
     """Criteria of an arrangement under all motions with realisations, from the journal if it has them."""
     law, realisations = arrangement.law, study.realisations

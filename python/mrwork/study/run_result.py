@@ -371,23 +371,31 @@ class Histories:
         )
 
     def _read(self, path: Path, row: int, motion: int) -> RunHistory:
-        study, arrays = self._study, read_arrays(path, HISTORY_KIND)
-        try:
-            time = finite_numbers(arrays, "time")
-            arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
+        study = self._study
+        arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
+
+        def check(history: RunHistory) -> None:
+            _check_time(history.time, study.grounds[motion].duration, study.hardware.sample_time)
             shapes = {each.name: _shape_of(each, arrangement) for each in kept_signals()}
-            shapes["energy"] = (_N_ENERGIES,)
-            numbers = {name: finite_numbers(arrays, name) for name in shapes}
-            _check_time(time, study.grounds[motion].duration, study.hardware.sample_time)
-            for name, shape in shapes.items():
-                own_shape, expected = numbers[name].shape, (time.size, *shape)
+            for name, shape in {**shapes, "energy": (_N_ENERGIES,)}.items():
+                own_shape, expected = history.numbers[name].shape, (history.time.size, *shape)
                 if own_shape != expected:
                     raise ValueError(f"{name} has the shape {own_shape} where {expected} was expected")
-        except ValueError as reason:
-            raise RecordError(
-                f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
-            ) from None
-        return RunHistory(time=time, numbers=numbers)
+
+        return read_stored_history(path, check)
+
+
+def read_stored_history(path: Path, check: Callable[[RunHistory], None]) -> RunHistory:
+    """The history in a file, refused where `check` finds by a `ValueError` that it is not that of its run."""
+    arrays = read_arrays(path, HISTORY_KIND)
+    try:
+        time, names = finite_numbers(arrays, "time"), (*(each.name for each in kept_signals()), "energy")
+        history = RunHistory(time=time, numbers={name: finite_numbers(arrays, name) for name in names})
+        check(history)
+    except ValueError as reason:
+        sentence = f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
+        raise RecordError(sentence) from None
+    return history
 
 
 def _check_time(time: Floats, duration: float, sample_time: float) -> None:
@@ -581,11 +589,7 @@ def recall_or_compute(
 
 
 def recall_or_compute_runs(
-    journal: Journal | None,
-    step: str,
-    inputs: str,
-    axes: Axes,
-    compute: Callable[[], LabelledRuns],
+    journal: Journal | None, step: str, inputs: str, axes: Axes, compute: Callable[[], LabelledRuns]
 ) -> LabelledRuns:
     """Criteria over these axes from the journal, whose lines have no labels, or computed, and then recorded."""
     if journal is None:

@@ -193,8 +193,7 @@ class DamperTable:
         default=None,
     )
     laws: Mapping[str, LawName] | None = key(
-        "laws of parameters in the command; by default several coefficients are a polynomial",
-        default=None,
+        "laws of parameters in the command; by default several coefficients are a polynomial", default=None
     )
     unit: DriverUnit | None = key(
         "unit of the command, for given parameters, A by default; a preset and a run have their own",

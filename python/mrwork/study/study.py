@@ -103,15 +103,8 @@ def realisations_of(
 
 
 Kind = Literal[
-    "uncontrolled",
-    "passive_off",
-    "passive",
-    "best_passive",
-    "baseline",
-    "controller",
-    "actuator",
-    "clairvoyant",
-]
+    "uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator", "clairvoyant",
+]  # fmt: skip
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
 law of the dampers, or one of ideal actuators, or the non-causal optimum of each motion."""
 

@@ -40,14 +40,7 @@ from mrwork.tuning.results import (
     TuningJudgement,
     judgement_of_objective,
 )
-from mrwork.tuning.space import (
-    LARGEST,
-    PENALTY,
-    SHAPING_SPANS,
-    LawCandidate,
-    SettingSpace,
-    TuningObjective,
-)
+from mrwork.tuning.space import LARGEST, PENALTY, SHAPING_SPANS, LawCandidate, SettingSpace, TuningObjective
 
 if TYPE_CHECKING:
     from mrwork.twins.loop_derivatives import TunedLoop
@@ -113,11 +106,7 @@ class Finish:
 
 
 def follow_gradients(
-    space: SettingSpace,
-    bench: Bench,
-    objective: TuningObjective,
-    start: Floats,
-    steps: int,
+    space: SettingSpace, bench: Bench, objective: TuningObjective, start: Floats, steps: int
 ) -> Finish:
     """Follow the gradient from a point of the unit cube by L-BFGS-B; the largest command stays.
 

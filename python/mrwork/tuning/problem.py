@@ -35,14 +35,7 @@ from mrwork.study.run_result import (
     recall_or_compute_runs,
 )
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
-from mrwork.tuning.results import (
-    DesignNotes,
-    Front,
-    FrontPoint,
-    LawResult,
-    MotionScore,
-    TuningJudgement,
-)
+from mrwork.tuning.results import DesignNotes, Front, FrontPoint, LawResult, MotionScore, TuningJudgement
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, ratio_to_baseline
 
 

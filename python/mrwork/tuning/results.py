@@ -37,14 +37,7 @@ from mrwork.store.run_folder import (
 from mrwork.study.placements import placed_document
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile, level_warnings
-from mrwork.tuning.space import (
-    COMMAND_SLOPE,
-    DEAD_ZONE,
-    LARGEST,
-    SHAPING_SPANS,
-    FreeSetting,
-    LawCandidate,
-)
+from mrwork.tuning.space import COMMAND_SLOPE, DEAD_ZONE, LARGEST, SHAPING_SPANS, FreeSetting, LawCandidate
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import FrontPlots
@@ -271,15 +264,13 @@ class Front(WithAxes, Summarised):
         if not self.points:
             raise SettingError(f"the front of {self.label} has no points; tune with a larger budget")
         return min(
-            self.points,
-            key=lambda point: sum(weight * point.train[name] for name, weight in given.items()),
+            self.points, key=lambda point: sum(weight * point.train[name] for name, weight in given.items())
         )
 
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
@@ -408,8 +399,7 @@ class TuningResults(WithAxes, Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)

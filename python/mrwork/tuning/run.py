@@ -24,23 +24,11 @@ from mrwork.study.run_result import DeviceDemand, damper_warnings
 from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
-from mrwork.tuning.law_tuning import (
-    LawPlan,
-    TuningProgress,
-    check_finish,
-    check_settings,
-    front_of,
-    tune_law,
-)
+from mrwork.tuning.law_tuning import LawPlan, TuningProgress, check_finish, check_settings, front_of, tune_law
 from mrwork.tuning.placing import PlacingProgress, compare_places
 from mrwork.tuning.problem import STUDY_SCORE, Clock, benches_of, check_controllable, magnitudes_of
 from mrwork.tuning.results import Better, Front, LawResult, Placement, TuningResults
-from mrwork.tuning.space import (
-    TuningObjective,
-    check_scored_criterion,
-    objective_of,
-    space_of,
-)
+from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
 OnTuning = Callable[[TuningProgress | PlacingProgress], None]
@@ -282,9 +270,7 @@ def _check_objectives(table: TuneTable) -> None:
         check_scored_criterion(table, "objectives", name)
     if len(set(table.objectives)) < max(2, len(table.objectives)):
         refuse_within(
-            table,
-            "objectives takes two criteria or more, each once; leave it out for a score",
-            "objectives",
+            table, "objectives takes two criteria or more, each once; leave it out for a score", "objectives"
         )
     try:
         library("pymoo.algorithms.moo.nsga2")

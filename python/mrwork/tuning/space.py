@@ -392,11 +392,7 @@ def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[
 
 
 def _free_names(
-    table: TuneTable,
-    law: str,
-    kind: type[LawSettings],
-    spans: Mapping[str, Span],
-    held: Mapping[str, Any],
+    table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span], held: Mapping[str, Any]
 ) -> list[str]:
     """Names of the free settings: those of the table, or those that the law frees by itself."""
     commands = not (control_law(law).commands_force or kind.constant or kind.chooses_levels)

@@ -192,11 +192,7 @@ class Amplitude(Noise):
 
 
 _PHI = NoiseParameter(
-    name="phi",
-    lower=-0.99999,
-    upper=0.99999,
-    log=False,
-    description="autoregressive coefficient",
+    name="phi", lower=-0.99999, upper=0.99999, log=False, description="autoregressive coefficient"
 )
 
 

@@ -98,14 +98,9 @@ SignalSource = Literal[
 """What is measured: of a device, of a floor, or of the ground."""
 
 SignalName = Literal[
-    "acceleration",
-    "ground_acceleration",
-    "rms_deformation",
-    "rms_rate",
-    "rms_force",
-    "rms_acceleration",
+    "acceleration", "ground_acceleration", "rms_deformation", "rms_rate", "rms_force", "rms_acceleration",
     "rms_ground_acceleration",
-]
+]  # fmt: skip
 """Further signals in a study; those of floors are chosen by the numbers of the floors."""
 
 
@@ -351,7 +346,7 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     return tuple(
         ControlLawSpec(
             **{**entry, "tables": tuple(entry["tables"])}
-            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])},
+            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])}
         )
         for entry in _rust.control_laws()
     )

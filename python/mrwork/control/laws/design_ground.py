@@ -15,12 +15,7 @@ from mrwork.control.linear.riccati import attempt_each
 from mrwork.control.weights.limits import LimitedOutputs, sine_force
 from mrwork.control.weights.system import DesignSystem, LyapunovEquations, design_system
 from mrwork.errors import SettingError
-from mrwork.motions.spectral_density import (
-    SpectralDensity,
-    SpectrumKind,
-    StationaryGround,
-    stationary_ground,
-)
+from mrwork.motions.spectral_density import SpectralDensity, SpectrumKind, StationaryGround, stationary_ground
 
 PEAK_FACTOR = 3.0
 """Peak of a stationary response over its rms, about that of the largest of some hundred cycles."""

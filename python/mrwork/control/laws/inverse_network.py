@@ -105,11 +105,7 @@ class _DamperGroup:
 
 
 def _draw_samples(
-    group: _DamperGroup,
-    loading: Loading,
-    largest_command: float,
-    n_previous: int,
-    rng: np.random.Generator,
+    group: _DamperGroup, loading: Loading, largest_command: float, n_previous: int, rng: np.random.Generator
 ) -> tuple[_Samples, float]:
     """Samples with desired forces within, above and below the range of the damper, and a scale of force [N]."""
     force = group.force(loading)
@@ -319,11 +315,7 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
 
 
 def _train(
-    samples: _Samples,
-    scale: Floats,
-    n_hidden: int,
-    rng: np.random.Generator,
-    on_step: OnTrainingStep | None,
+    samples: _Samples, scale: Floats, n_hidden: int, rng: np.random.Generator, on_step: OnTrainingStep | None
 ) -> tuple[Floats, Floats, Floats, float]:
     """W1, b1, w2 and b2 by weighted least squares.
 

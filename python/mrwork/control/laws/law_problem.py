@@ -195,20 +195,9 @@ class Design(Summarised):
 
 
 Magnitude = Literal[
-    "drift",
-    "displacement",
-    "velocity",
-    "acceleration",
-    "energy",
-    "force",
-    "stroke",
-    "rate",
-    "ground",
-    "command",
-    "constant_drift",
-    "constant_acceleration",
-    "cost",
-]
+    "drift", "displacement", "velocity", "acceleration", "energy", "force", "stroke", "rate", "ground", "command",
+    "constant_drift", "constant_acceleration", "cost",
+]  # fmt: skip
 NO_CERTIFICATE = "none"
 """Certificate of a law of which nothing is proved."""
 

@@ -27,11 +27,7 @@ from mrwork.control.laws.regulator_settings import (
     SignalPolynomialSettings,
 )
 from mrwork.control.laws.rollout import RolloutSettings
-from mrwork.control.laws.sliding import (
-    AdaptiveSlidingSettings,
-    SlidingSettings,
-    SuperTwistingSettings,
-)
+from mrwork.control.laws.sliding import AdaptiveSlidingSettings, SlidingSettings, SuperTwistingSettings
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import InvalidSettingError, SettingError
 

@@ -191,8 +191,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         factors = 10.0 ** np.arange(1.0, _DECADES)
         R = np.asarray(self.control_weight, dtype=np.float64)
         designs = type(self).designs(
-            problem,
-            [replace(self, control_weight=plain_weight(R / float(factor))) for factor in factors],
+            problem, [replace(self, control_weight=plain_weight(R / float(factor))) for factor in factors]
         )
         sound = [
             (float(factor), each.gains["gain"])

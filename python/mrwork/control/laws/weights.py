@@ -262,9 +262,7 @@ class CostWeights:
         "weights of floor velocities", "s2/m2", "velocity", free=True
     )
     relative_velocities: Weights | None = _declare_weight(
-        "weights of the rates of drifts, velocities of storeys between their ends",
-        "s2/m2",
-        "rate",
+        "weights of the rates of drifts, velocities of storeys between their ends", "s2/m2", "rate"
     )
     rates: Weights | None = _declare_weight(
         "weights of the velocities across the devices; alone they ask for the force of dashpots",

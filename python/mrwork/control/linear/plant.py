@@ -95,10 +95,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
             f"{len(rows)} devices have the names {several}; give each device a name of its own"
         )
     A = np.block(
-        [
-            [np.zeros((n, n)), np.eye(n)],
-            [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
-        ]
+        [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]]
     )
     B = np.vstack([np.zeros((n, len(rows))), -np.linalg.solve(mass, rows.T)])
     E = np.concatenate([np.zeros(n), -building.influence])

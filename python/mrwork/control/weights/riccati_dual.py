@@ -37,10 +37,7 @@ class SquaredRows:
 
 
 def rows_of(
-    system: DesignSystem,
-    limits: Floats,
-    budgets: Floats,
-    semi_active: tuple[Floats, float] | None = None,
+    system: DesignSystem, limits: Floats, budgets: Floats, semi_active: tuple[Floats, float] | None = None
 ) -> SquaredRows:
     """The rows of a system; `semi_active` are c of each device [N s/m] and the share b."""
     n, m = system.B.shape
@@ -166,10 +163,7 @@ def maximise(
         )
         right = -(squares - level * in_sum - bound + target / w)
         matrix = np.block(
-            [
-                [curvature - np.diag(slack / w), -in_sum[:, None]],
-                [in_sum[None, :], np.zeros((1, 1))],
-            ]
+            [[curvature - np.diag(slack / w), -in_sum[:, None]], [in_sum[None, :], np.zeros((1, 1))]]
         )
         scale = np.append(w, 1.0)
         move = scale * np.linalg.solve(

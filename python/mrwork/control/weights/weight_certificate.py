@@ -170,11 +170,7 @@ SCAN_BUDGET = (
 )
 """Advice wherever designed weights are shown."""
 
-_SETTING = {
-    "rms_drift": "drifts",
-    "rms_acceleration": "accelerations",
-    "rms_displacement": "displacements",
-}
+_SETTING = {"rms_drift": "drifts", "rms_acceleration": "accelerations", "rms_displacement": "displacements"}
 # Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
 _NEAR = 1.05
 _FORECAST = "the least ratio is that of a law that also knows the state of the soil and of the driver."

@@ -78,28 +78,13 @@ _SHEET = "Lord technical data: viscosity at 40 C and density, means of the state
 _REMEMBERED = "remembered, as is the particle fraction in the name"
 
 FLUIDS = (
-    MRFluid(
-        name="MRF-122EG",
-        particle_fraction=0.22,
-        viscosity=0.042,
-        density=2380.0,
-        source=f"{_SHEET}; {_REMEMBERED}",
-    ),
-    MRFluid(
-        name="MRF-132DG",
-        particle_fraction=0.32,
-        viscosity=0.112,
-        density=3050.0,
-        source=f"{_SHEET}; the same numbers in a second source",
-    ),
-    MRFluid(
-        name="MRF-140CG",
-        particle_fraction=0.40,
-        viscosity=0.280,
-        density=3640.0,
-        source=f"{_SHEET}; {_REMEMBERED}",
-    ),
-)
+    MRFluid(name="MRF-122EG", particle_fraction=0.22, viscosity=0.042, density=2380.0,
+        source=f"{_SHEET}; {_REMEMBERED}"),
+    MRFluid(name="MRF-132DG", particle_fraction=0.32, viscosity=0.112, density=3050.0,
+        source=f"{_SHEET}; the same numbers in a second source"),
+    MRFluid(name="MRF-140CG", particle_fraction=0.40, viscosity=0.280, density=3640.0,
+        source=f"{_SHEET}; {_REMEMBERED}"),
+)  # fmt: skip
 """Fluids by name."""
 
 

@@ -33,13 +33,9 @@ if TYPE_CHECKING:
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.
 _RANGES = {
-    "bore": (0.2, 1.0),
-    "wall": (0.01, 0.3),
-    "gap": (1.0, 10.0),
-    "pole_length": (0.01, 0.5),
-    "coil_length": (0.02, 1.0),
-    "coil_depth": (0.05, 0.9),
-}
+    "bore": (0.2, 1.0), "wall": (0.01, 0.3), "gap": (1.0, 10.0), "pole_length": (0.01, 0.5),
+    "coil_length": (0.02, 1.0), "coil_depth": (0.05, 0.9),
+}  # fmt: skip
 # Numbers of coils and gauges of their wire, also in log scale: whole numbers below the end.
 _STAGES, _GAUGES = (1, 5), (8, 33)
 _ENDS = np.array([*_RANGES.values(), _STAGES, _GAUGES], dtype=np.float64)
@@ -388,8 +384,7 @@ class SizeFront(Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        made: FrontPlots = plots_of(self, "FrontPlots")
-        return made
+        return plots_of(self, "FrontPlots")
 
     def _summary(self) -> Summary:
         return Summary(

@@ -41,12 +41,7 @@ _NOT_FAR_ABOVE = 0.7
 
 
 def within_stiffness(
-    tests: Sequence[ObservedTest],
-    box: Box,
-    latent: Floats,
-    step: Floats,
-    damped: Floats,
-    gradient: Floats,
+    tests: Sequence[ObservedTest], box: Box, latent: Floats, step: Floats, damped: Floats, gradient: Floats
 ) -> Floats:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 

@@ -116,12 +116,7 @@ def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
 
 
 def far_worse_sentence(
-    tests: Sequence[DamperTest],
-    worse: NDArray[np.intp],
-    joint: Floats,
-    alone: Floats,
-    *,
-    found_again: bool,
+    tests: Sequence[DamperTest], worse: NDArray[np.intp], joint: Floats, alone: Floats, *, found_again: bool
 ) -> str:
     """Sentence on the tests whose NRMSE in the joint fit is far above that of their own fits."""
     both = [
@@ -453,12 +448,7 @@ class NestedFit:
 
 
 def nested_fit(
-    objective: Objective,
-    box: Box,
-    search: Multistart,
-    *,
-    rng: int,
-    on_iteration: OnIteration,
+    objective: Objective, box: Box, search: Multistart, *, rng: int, on_iteration: OnIteration
 ) -> NestedFit | None:
     """Fit of the simpler model that the searched one contains, within shared bounds; `None` without one."""
     nesting = nesting_of(objective.spec)
@@ -670,8 +660,7 @@ def _search_points(
             mirrored=form.mirrored,
             nested=None if nested is None else nested.starts,
             suspicious=min(
-                math.inf if nested is None else nested.misfit,
-                LINEAR_SHARE * linear_misfit(objective.tests),
+                math.inf if nested is None else nested.misfit, LINEAR_SHARE * linear_misfit(objective.tests)
             ),
             on_iteration=partial(second, ""),
         )

@@ -58,13 +58,7 @@ class Polished:
     converged: bool
 
 
-def polish(
-    problem: Problem,
-    points: StartingPoints,
-    *,
-    on_start: OnStart,
-    on_step: OnStep,
-) -> Polished:
+def polish(problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep) -> Polished:
     """Screen the starting points by short local minimisations, then fit from the best to convergence.
 
     Points that are minima already are not screened. Standard errors are those of least squares at the minimum.
@@ -117,12 +111,7 @@ def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinim
 
 
 def screen_starts(
-    objective: Objective,
-    box: Box,
-    starts: Floats,
-    *,
-    mirrored: tuple[int, ...],
-    on_start: OnStart,
+    objective: Objective, box: Box, starts: Floats, *, mirrored: tuple[int, ...], on_start: OnStart
 ) -> Floats:
     """The `distinct_minima` of short local minimisations from every start, (n_starts, n_params), then longer ones.
 

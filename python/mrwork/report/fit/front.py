@@ -176,12 +176,7 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
             value="none" if bands is None else _tests(len(bands.calibration.tests)),
             note=f"{covered[:1].upper()}{covered[1:]}",
         ),
-        Number(
-            title="Status",
-            value=_STATUS[fit.status],
-            note=_reason(fit),
-            worse=fit.status != "converged",
-        ),
+        Number(title="Status", value=_STATUS[fit.status], note=_reason(fit), worse=fit.status != "converged"),
     ]
     if evidence.drawn is not comparisons:
         held_out = Number(

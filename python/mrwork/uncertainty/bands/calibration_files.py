@@ -46,8 +46,7 @@ class StoredBands(Summarised):
     def _summary(self) -> Summary:
         calibration = self.calibration._summary()
         return replace(
-            calibration,
-            facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
+            calibration, facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions))))
         )
 
     def others(self, prediction: Prediction) -> list[Prediction]:

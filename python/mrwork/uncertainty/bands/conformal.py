@@ -182,8 +182,7 @@ class ErrorTable:
         variants = _variants(biased=bool(self.periodic.all()))
         alone = [(index,) for index in range(self.n_groups)]
         return min(
-            variants,
-            key=lambda variant: sum(self._scores_left_out(variant, without)[0] for without in alone),
+            variants, key=lambda variant: sum(self._scores_left_out(variant, without)[0] for without in alone)
         )
 
     def best_variants_without_each(self) -> list[Variant]:

@@ -119,8 +119,7 @@ class Prediction(WithAxes, Summarised):
     @property
     def plot(self) -> PredictionPlots:
         """Figures of the prediction, see `mr.plots`."""
-        made: PredictionPlots = plots_of(self, "PredictionPlots")
-        return made
+        return plots_of(self, "PredictionPlots")
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()
@@ -257,11 +256,7 @@ class LeftOut(Summarised):
 
 
 @checked
-def predict_left_out(
-    tests: Sequence[DamperTest],
-    fold: Fold,
-    identify_rest: IdentifyRest,
-) -> LeftOut:
+def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: IdentifyRest) -> LeftOut:
     """Leave out the tests of each fold in turn, identify from the others, and predict those left out.
 
     Parameters

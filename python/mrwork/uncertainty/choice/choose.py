@@ -565,9 +565,7 @@ def choose_model(
         splits=splits,
         remarks=remarks,
         steps=Steps(
-            models=tuple(family.name for family in compared),
-            journal_of=journal_of,
-            on_progress=on_progress,
+            models=tuple(family.name for family in compared), journal_of=journal_of, on_progress=on_progress
         ),
     )
     likelihood = noise_model(noise)

@@ -77,11 +77,7 @@ class FoldedTests:
         included = np.tile(shares, (1 + len(folds), 1))
         for row, members in enumerate(folds, start=1):
             included[row, list(members)] = 0.0
-        return cls(
-            observed=observed,
-            shares=included / included.sum(axis=1, keepdims=True),
-            threads=threads,
-        )
+        return cls(observed=observed, shares=included / included.sum(axis=1, keepdims=True), threads=threads)
 
     def squared_nrmse(self, spec: DamperSpec, theta: Floats, shares: Floats) -> Floats:
         """Squared NRMSE of each test, (n_batch, n_tests); infinite where it fails, or is left out by a share of 0."""

@@ -345,9 +345,7 @@ def choose_laws(
         remarks=remarks,
         threads=threads,
         steps=Steps(
-            models=tuple(search.name for search in compared),
-            journal_of=journal_of,
-            on_progress=on_progress,
+            models=tuple(search.name for search in compared), journal_of=journal_of, on_progress=on_progress
         ),
     )
     try:

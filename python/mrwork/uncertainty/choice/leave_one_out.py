@@ -175,12 +175,7 @@ class SharedLikelihood:
         from mrwork.uncertainty.posterior.sample import sample
 
         draws = sample(
-            fit,
-            self.tests,
-            noise=self.noise.name,
-            tempering=self.temper,
-            rng=self.rng,
-            threads=self.threads,
+            fit, self.tests, noise=self.noise.name, tempering=self.temper, rng=self.rng, threads=self.threads
         )
         rows = np.linspace(0, len(draws.theta) - 1, min(_N_DRAWS, len(draws.theta))).round().astype(int)
         theta = np.stack([np.asarray(target.form.from_model(row)) for row in draws.theta[rows]])

@@ -101,8 +101,7 @@ class Profile(WithAxes, Summarised, Related):
     @property
     def plot(self) -> ProfilesPlots:
         """Figures of the profile likelihood, see `mr.plots`."""
-        made: ProfilesPlots = plots_of(self, "ProfilesPlots")
-        return made
+        return plots_of(self, "ProfilesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -173,8 +172,7 @@ class Profiles(WithAxes, Summarised):
     @property
     def plot(self) -> ProfilesPlots:
         """Figures of the profile likelihood, see `mr.plots`."""
-        made: ProfilesPlots = plots_of(self, "ProfilesPlots")
-        return made
+        return plots_of(self, "ProfilesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)

@@ -418,10 +418,7 @@ def _verdict(
 
 @checked
 def identifiability_of(
-    fit: Fit,
-    tests: DamperTest | Sequence[DamperTest],
-    *,
-    threads: Threads = 0,
+    fit: Fit, tests: DamperTest | Sequence[DamperTest], *, threads: Threads = 0
 ) -> Identifiability:
     """Verdict on each parameter of a fit, and the directions in which its tests do not determine the parameters.
 

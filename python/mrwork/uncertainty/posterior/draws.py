@@ -318,8 +318,7 @@ class Draws(WithAxes, Summarised):
     @property
     def plot(self) -> DrawsPlots:
         """Figures of the draws, see `mr.plots`."""
-        made: DrawsPlots = plots_of(self, "DrawsPlots")
-        return made
+        return plots_of(self, "DrawsPlots")
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape
@@ -352,17 +351,7 @@ class Draws(WithAxes, Summarised):
                 ),
                 ("verdict", self.verdict),
             ),
-            columns=(
-                "parameter",
-                "median",
-                "2.5 %",
-                "97.5 %",
-                "unit",
-                "R-hat",
-                "ESS",
-                "verdict",
-                "reason",
-            ),
+            columns=("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason"),
             rows=[
                 (
                     summary.name,

@@ -76,12 +76,7 @@ def _noise_curvature(target: Target, position: Floats, index: int) -> float:
     return max(curvature, 0.0) if np.isfinite(curvature) else 0.0
 
 
-def first_walkers(
-    target: Target,
-    start: Floats,
-    n_walkers: int,
-    rng: np.random.Generator,
-) -> Floats:
+def first_walkers(target: Target, start: Floats, n_walkers: int, rng: np.random.Generator) -> Floats:
     """Starting positions about `start`, (n_params,), shape (n_walkers, n_dim), all of positive density.
 
     Normal with the inverse of the tempered Fisher information as covariance, reflected at the faces of the box.

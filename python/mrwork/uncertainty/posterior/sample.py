@@ -195,14 +195,7 @@ class SamplingProblem:
                 f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
                 f"give an even number, at least {2 * n_dim}"
             )
-        return cls(
-            spec=fit.spec,
-            target=target,
-            priors=priors,
-            start=start,
-            walkers=walkers,
-            rng=rng,
-        )
+        return cls(spec=fit.spec, target=target, priors=priors, start=start, walkers=walkers, rng=rng)
 
     def fingerprint(self) -> dict[str, Any]:
         """All inputs that determine the chain to the bit; a stored chain is resumed only if they agree."""
@@ -228,12 +221,7 @@ class SamplingProblem:
                     "name": test.name,
                     "sha256": test.sha256,
                     "signals": digest_of(
-                        test.dt,
-                        test.n_settle,
-                        test.displacement,
-                        test.velocity,
-                        test.force,
-                        test.observation,
+                        test.dt, test.n_settle, test.displacement, test.velocity, test.force, test.observation
                     ),
                 }
                 | ({"uncompared": test.uncompared} if test.uncompared else {})
