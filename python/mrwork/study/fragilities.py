@@ -422,7 +422,7 @@ def fragility_of(
         measure=measure,
         median=float(medians[0]),
         dispersion=float(dispersions[0]),
-        band=_band(*ends, level, len(crossings)),
+        band=_band(ends[0], ends[1], level, len(crossings)),
         medians=medians[1:],
         ends=ends,
         crossings=crossings,
