@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw, values
+from mrwork.closed_loop import SCORE, Scales, UserLaw, values
 from studies.common.arrays import Floats
 
 PEAKS = ("peak_drift", "peak_acceleration")
@@ -30,8 +30,9 @@ def criteria(
     *,
     nominal: mr.Building | None = None,
     threads: int = 0,
+    names: Sequence[str] = SCORE,
 ) -> Floats:
-    """The criteria of the score of each candidate under each motion, shape (n_candidates, n_motions, 4)."""
+    """Criteria of each candidate under each motion, shape (n_candidates, n_motions, n_names): those of the score."""
     responses = mr.simulate_loop(building, devices, law, motions, hardware, nominal=nominal, threads=threads)
-    judged = values(responses, weight=building.total_mass * STANDARD_GRAVITY)
-    return np.stack([judged[name].reshape(-1, len(motions)) for name in SCORE], axis=-1)
+    judged = values(responses, Scales.of(building))
+    return np.stack([judged[name].reshape(-1, len(motions)) for name in names], axis=-1)

@@ -96,7 +96,7 @@ def _sent(bench: Bench) -> Bench:
     study = bench.study
     assert study.problem is not None
     problem = replace(study.problem, reference_peaks=partial(replace, reference_peaks(bench)))
-    return replace(bench, study=replace(study, problem=problem), threads=1)
+    return replace(bench, study=replace(study, problem=problem, placed=None), threads=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,8 +21,8 @@ TRAINING, FOUR, SIXTEEN, UNSEEN = "training", "four", "sixteen", "unseen"
 _OF_UNSEEN = "Unseen"
 # A law that is nearly the constant command may be better by nothing that matters.
 CLEARLY = 0.01
-# Constant commands of which the best is chosen [A].
-_CONSTANTS = np.linspace(0.0, 1.88, 41)
+CONSTANTS = np.linspace(0.0, 1.88, 41)
+"""Constant commands of which the best is chosen [A]."""
 # Seconds of a motion in the quick form.
 _SHORT = 6.0
 # Seconds before and after the peak of a motion, where parts of the law are tried.
@@ -71,7 +71,7 @@ class Bench:
         """Criteria of all constant commands, of which the first is i = 0, with true sensors."""
         key = plant.stiffness, plant.damper, group
         if key not in self.constants_by_plant:
-            law = constant_commands(_CONSTANTS)
+            law = constant_commands(CONSTANTS)
             ideal = replace(plant, hardware=self.study.hardware)
             self.constants_by_plant[key] = self.run(law, group, ideal)
         return self.constants_by_plant[key]
@@ -85,7 +85,7 @@ class Bench:
         """The best constant command of a group, and its score."""
         best = self.best_constant(group)
         found = self.constants(group, Plant())
-        return {"command": float(_CONSTANTS[best]), **judged(found[best], found[0], found[best])}
+        return {"command": float(CONSTANTS[best]), **judged(found[best], found[0], found[best])}
 
     def judge(self, figures: Floats, group: str, plant: Plant) -> dict[str, Any]:
         """Figures of one candidate: the best constant command is that of the group in the nominal loop."""
