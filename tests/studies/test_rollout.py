@@ -21,6 +21,8 @@ from studies.rollout.findings import cost_found, kept_in, level_found
 from studies.rollout.loop import SIXTEEN, TRAINING, Bench, Plant, bench_of
 from studies.rollout.page import write_page
 from studies.rollout.tables import tables
+from studies.rollout.yields import STRONG, rollout, secants, settings_on, yields_found
+from studies.rollout.yields import tables as tables_of_yields
 
 FOLDER = Path(rollout_study.__file__).parent
 LAWS = """
@@ -151,3 +153,55 @@ def test_the_chosen_rollout_has_what_the_training_motions_give(level: str) -> No
     )
     for name, gain in found["Predictive rollout"].gains.items():
         np.testing.assert_array_equal(given["Predictive rollout"].gains[name], gain)
+
+
+@pytest.fixture(scope="module")
+def yields(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    file = tuning_samples.study_file(
+        tmp_path_factory.mktemp("yields"),
+        tune="",
+        more=LAWS,
+        building=f'{tuning_samples.FIVE_STOREYS}\n\n[building.storeys_that_yield]\nyield_drift = "0.2 mm"',
+        motions="".join(
+            tuning_samples.motion(name, seed, use)
+            for seed, (name, use) in enumerate({"A": "training", "B": "test", "Unseen": "test"}.items())
+        ),
+    )
+    return bench_of(mr.read_study(file), threads=1)
+
+
+def test_rows_of_the_frame_that_yields_are_those_of_its_laws(yields: Bench) -> None:
+    found = yields_found(yields, yields, lambda what: None)
+    assert_filled(tables_of_yields(found))
+    for figures in found["levels"].values():
+        assert figures["laws"]["Passive-off"][SIXTEEN]["score"] == 1.0
+    assert found["levels"][STRONG]["laws"]["Passive-off"][SIXTEEN]["ductility"] > 1.0
+
+
+def test_secants_are_of_storeys_that_yield_alone(yields: Bench) -> None:
+    shares = secants(yields)
+    assert shares[1] < 0.9
+    assert shares[-1] == 1.0
+
+
+def test_a_model_of_the_whole_stiffness_is_that_of_the_elastic_frame(yields: Bench) -> None:
+    assert yields.study.problem is not None
+    settings = settings_on(yields)
+    given, designed = (
+        rollout(yields, settings),
+        mr.control.design_law("predictive_rollout", yields.study.problem, settings),
+    )
+    for name, gain in designed.gains.items():
+        np.testing.assert_allclose(given.gains[name], gain, rtol=1e-12)
+    assert given.model is not None
+    softer = rollout(yields, settings, 0.8).model
+    assert softer is not None
+    np.testing.assert_allclose(softer.building.stiffness, 0.8 * given.model.building.stiffness, rtol=1e-12)
+
+
+def test_the_frame_that_yields_has_stronger_motions_of_the_levels() -> None:
+    level, own = documents("level")[1], (FOLDER / "yields.toml").read_text(encoding="utf-8")
+    assert (
+        level.replace("0.5 g", "0.83 g").replace("0.3 g", "0.5 g").split("[[motion]]")[1:5]
+        == own.split("[[motion]]")[1:5]
+    )
