@@ -1,6 +1,6 @@
 """The laws on the frame of the study where it yields; the rollout with softer models, and on the elastic frame.
 
-python studies/rollout/yields.py [--quick] [--json] [--threads N]
+python studies/rollout/yields.py [--resume] [--quick] [--json] [--threads N]
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,11 @@ from mrwork.control import RolloutSettings
 from mrwork.report import Table
 from studies.common.arrays import Floats
 from studies.common.command import Command, Findings, Say
-from studies.common.records import absent, ground_motions
+from studies.common.records import ROOT, absent, ground_motions
 from studies.common.scores import PEAKS, constant_commands, criteria
 from studies.common.table import Cell, table_of
 from studies.rollout.cases import LAW
+from studies.rollout.findings import Kept, kept_in
 from studies.rollout.loop import (
     CLEARLY,
     CONSTANTS,
@@ -75,11 +77,13 @@ def secants(bench: Bench) -> Floats:
     return np.asarray((1.0 + after * (ductility - 1.0)) / ductility)
 
 
-def row_of(bench: Bench, laws: Mapping[str, mr.ControlLaw], yield_drift: float) -> dict[str, Any]:
+def row_of(
+    bench: Bench, laws: Mapping[str, mr.ControlLaw], devices: Sequence[mr.Device], yield_drift: float
+) -> dict[str, Any]:
     """The law of each group of test motions, beside the constant command that is best under the same."""
     study, found = bench.study, {}
     for group, law in laws.items():
-        loop = study.building, study.devices, law, bench.motions[group], study.hardware
+        loop = study.building, devices, law, bench.motions[group], study.hardware
         own = criteria(*loop, threads=bench.threads, names=(*SCORE, "residual_drift_ratio"))[0]
         over = own[:, :-1] / bench.constants(group, Plant())[bench.best_constant(group)]
         ductility = own[:, SCORE.index("peak_drift")] / yield_drift
@@ -92,7 +96,7 @@ def row_of(bench: Bench, laws: Mapping[str, mr.ControlLaw], yield_drift: float) 
     return found
 
 
-def yields_found(weak: Bench, strong: Bench, say: Say) -> dict[str, Any]:
+def yields_found(weak: Bench, strong: Bench, kept: Kept, say: Say) -> dict[str, Any]:
     """Rows of the levels with the best constant commands of their motions, and secants of the storeys."""
     frame = strong.study.building
     levels = {WEAK: (weak, frame), STRONG: (strong, frame), ELASTIC: (strong, replace(frame, elements=()))}
@@ -115,17 +119,19 @@ def yields_found(weak: Bench, strong: Bench, say: Say) -> dict[str, Any]:
     }
     found: dict[str, Any] = {"secants": softer.tolist(), "levels": {}}
     for level, each in benches.items():
-        laws = {"Passive-off": constant_commands(0.0)}
+        laws, devices = {"Passive-off": constant_commands(0.0)}, {}
         for arrangement in each.study.arrangements:
             if (label := arrangement.row.label).startswith(_TRIED):
                 laws[label] = arrangement.law or constant_commands(settings_on(each).base)
+                devices[label] = arrangement.devices
         best = {group: float(CONSTANTS[each.best_constant(group)]) for group in _JUDGED}
         of_groups = {label: dict.fromkeys(_JUDGED, law) for label, law in {**laws, **rollouts[level]}.items()}
         of_groups[_BEST] = {group: constant_commands(command) for group, command in best.items()}
         rows = {}
         for label, law_of in of_groups.items():
-            say(f"{level}: {label}")
-            rows[label] = row_of(each, law_of, float(frame.yield_drifts.max()))
+            say(step := f"{level}: {label}")
+            loop = each, law_of, devices.get(label, each.study.devices), float(frame.yield_drifts.max())
+            rows[label] = kept.once(step, partial(row_of, *loop))
         found["levels"][level] = {"best": best, "laws": rows}
     return found
 
@@ -158,10 +164,12 @@ def find(options: Namespace, say: Say) -> Findings | int:
     files = (HERE / name for name in ("chosen_01.toml", "yields.toml"))
     benches = [bench_of(mr.read_study(file), threads=options.threads) for file in files]
     weak, strong = map(shortened, benches) if options.quick else benches
-    found = {"yields": yields_found(weak, strong, say)}
+    kept = kept_in(ROOT / "out" / "rollout" / f"yields{'_quick' * options.quick}.json", resume=options.resume)
+    found = {"yields": yields_found(weak, strong, kept, say)}
     return Findings(numbers=found, text=tables(found["yields"]), judged={} if options.quick else found)
 
 
 if __name__ == "__main__":
     command = Command(__file__, __doc__, quick="the first seconds of two motions of each group", threads=True)
+    command.parser.add_argument("--resume", action="store_true", help="continue a run that was ended")
     sys.exit(command.run(find))

@@ -170,8 +170,9 @@ def yields(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return bench_of(mr.read_study(file), threads=1)
 
 
-def test_rows_of_the_frame_that_yields_are_those_of_its_laws(yields: Bench) -> None:
-    found = yields_found(yields, yields, lambda what: None)
+def test_rows_of_the_frame_that_yields_are_those_of_its_laws(yields: Bench, tmp_path: Path) -> None:
+    kept = kept_in(tmp_path / "yields.json", resume=False)
+    found = yields_found(yields, yields, kept, lambda what: None)
     assert_filled(tables_of_yields(found))
     for figures in found["levels"].values():
         assert figures["laws"]["Passive-off"][SIXTEEN]["score"] == 1.0
@@ -200,8 +201,7 @@ def test_a_model_of_the_whole_stiffness_is_that_of_the_elastic_frame(yields: Ben
 
 
 def test_the_frame_that_yields_has_stronger_motions_of_the_levels() -> None:
-    level, own = documents("level")[1], (FOLDER / "yields.toml").read_text(encoding="utf-8")
-    assert (
-        level.replace("0.5 g", "0.83 g").replace("0.3 g", "0.5 g").split("[[motion]]")[1:5]
-        == own.split("[[motion]]")[1:5]
-    )
+    own = (FOLDER / "yields.toml").read_text(encoding="utf-8").replace("rest = 10\n", "")
+    level = documents("level")[1].replace("0.5 g", "0.83 g").replace("0.3 g", "0.5 g")
+    for motion in level.split("\n\n"):
+        assert motion in own or not motion.startswith("[[motion]]")
