@@ -136,25 +136,27 @@ def yields_found(weak: Bench, strong: Bench, kept: Kept, say: Say) -> dict[str, 
     return found
 
 
-_COLUMNS: Mapping[str, Cell] = {
-    "mean of the larger ratio": "{larger:.3f}",
+_COLUMNS: Mapping[str, str] = {
+    "larger ratio": "{larger:.3f}",
     "peak drift": "{peak_drift:.3f}",
     "peak acc.": "{peak_acceleration:.3f}",
     f"both by {CLEARLY:.0%}": "{clearly} of {motions}",
-    "both": "{both} of {motions}",
     "ductility": "{ductility:.2f}",
     "its largest": "{largest_ductility:.2f}",
-    "residual drift [%]": "{residual:.3f}",
+    "residual [%]": "{residual:.2f}",
 }
 
 
 def tables(found: Mapping[str, Any]) -> Iterator[Table]:
-    """A table for each level and group of motions."""
+    """A table for each level."""
+    columns: dict[str, Cell] = {
+        f"{group}: {title}": lambda row, group=group, cell=cell: cell.format_map(row[group])
+        for group in _JUDGED
+        for title, cell in _COLUMNS.items()
+    }
     for level, figures in found["levels"].items():
-        for group in _JUDGED:
-            rows = {label: row[group] for label, row in figures["laws"].items()}
-            best = f"{_BEST}: {figures['best'][group]:.3g} A."
-            yield table_of(f"{level}, {group}", "law", rows, _COLUMNS, note=best)
+        best = ", ".join(f"{command:.3g} A of the {group}" for group, command in figures["best"].items())
+        yield table_of(level, "law", figures["laws"], columns, note=f"Best constant commands: {best}.")
 
 
 def find(options: Namespace, say: Say) -> Findings | int:
