@@ -79,7 +79,7 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     (said,) = (warning for warning in results.warnings() if "El Centro" in warning)
     assert said.startswith("Lyapunov <1 A> under El Centro diverged: ")
     assert Outcome.DIVERGED.remedy in said
-    assert said.endswith("It has no criteria.")
+    assert said.endswith("A run that does not finish has no criteria.")
 
 
 def test_a_change_of_the_step_is_that_of_the_criteria() -> None:

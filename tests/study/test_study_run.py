@@ -6,6 +6,7 @@ import io
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -328,7 +329,10 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
         printed("respond", path, "--out", out, "--quiet", "--resume"),
         (out / "report.html").read_text(),
     ):
-        assert "stiff under noise, 0.051 g diverged: the state left the finite numbers; " in text
+        assert (
+            "stiff under 2 of 2 motions, as noise, 0.051 g, diverged: the state left the finite numbers; "
+            in text
+        )
         assert "lower the gains of the control law" in text
 
 
@@ -344,7 +348,7 @@ def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_p
     assert entry["criteria"]["peak_drift"] > 0.0
     assert entry["energy_error"] < 1e-6
     assert any(
-        f"noise, 0.051 g failed safe: {Outcome.FAILED_SAFE.remedy}." in warning
+        f"noise, 0.051 g, failed safe: {Outcome.FAILED_SAFE.remedy}." in warning
         for warning in document["warnings"]
     )
 
@@ -472,6 +476,12 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
         assert bars["structure"] > run.storey_energy.sum() > 0.0
     (said,) = [each for each in findings(results) if "drift limit" in each]
     assert said.startswith("The drift limit of 0.01 % is ")
+    # A run that diverges exceeds the limit, as a frame that collapses.
+    fallen = replace(results.runs[0, 0], outcome="diverged")
+    results = replace(results, runs={**results.runs, (0, 0): fallen})
+    (said,) = [each for each in findings(results) if "drift limit" in each]
+    assert f"{results.rows[0].label} under 2 of {len(results.motions)}, 1 of which diverged" in said
+    assert any(f"{results.motions[0].name} diverged, as a frame does" in each for each in results.warnings())
     pushed = json.loads(printed("respond", path, "--pushover", "--json"))
     assert pushed["roof"][-1] == pytest.approx(0.04 * 6.0)
     path.write_text(text.replace("height = 3\n", ""), encoding="utf-8")

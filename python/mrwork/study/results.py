@@ -90,6 +90,7 @@ OFF_BALANCE = (
     "halve the step and compare, as --check-step does."
 )
 """Advice for runs whose energies do not balance."""
+_NO_CRITERIA = " A run that does not finish has no criteria."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -519,10 +520,15 @@ class StudyResults(Summarised):
                 for motion, each in enumerate(self.motions)
                 if (number, motion) in self.runs
             ]
+            ends: dict[str, list[str]] = {}
             for name, run in runs:
                 if run.outcome != "finished":
-                    consequence = "" if run.finished else " It has no criteria."
-                    warnings.append(f"{row.label} under {name} {run.end}.{consequence}")
+                    ends.setdefault(f"{self._end(run)}.{'' if run.finished else _NO_CRITERIA}", []).append(
+                        name
+                    )
+            for end, (first, *more) in ends.items():
+                under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
+                warnings.append(f"{row.label} under {under} {end}")
             # An energy error that is not a number counts as the largest.
             off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
             if off:
@@ -532,6 +538,11 @@ class StudyResults(Summarised):
                     f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
                 )
         return warnings
+
+    def _end(self, run: RunResult) -> str:
+        if run.outcome == "diverged" and self.building is not None and self.building.yield_drifts:
+            return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
+        return run.end
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))

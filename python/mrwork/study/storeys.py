@@ -16,6 +16,8 @@ from mrwork.study.results import BuildingFacts, StudyResults
 
 # Coefficients up to which P-delta may be left out, and above which a frame is not to be built (EN 1998-1, 4.4.2.2).
 _SMALL, _MOST = 0.1, 0.3
+# What is of storeys that yield: at the end of a motion others still move.
+_OF_YIELD = ("storey_energy", "residual_drift")
 # Storeys of a table.
 _MOST_STOREYS = 30
 
@@ -74,7 +76,7 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
         number
         for number, each in enumerate(STOREY_QUANTITIES)
         if any(values[number] is not None for values in of_row.values())
-        and (each.name != "storey_energy" or facts.yield_drifts)
+        and (each.name not in _OF_YIELD or facts.yield_drifts)
     ]
     if not known:
         return None
@@ -108,15 +110,17 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
     facts = results.building
     if facts is None:
         return
-    of_row = {
-        row: each for row in range(len(results.rows)) if (each := RATIO.of_runs(results, row)) is not None
-    }
-    if facts.drift_limit and of_row:
+    peaks_of = ((row, _peak_ratios(results, facts, row)) for row in range(len(results.rows)))
+    over = {row: peaks for row, peaks in peaks_of if peaks is not None}
+    if facts.drift_limit and over:
         limit = 100.0 * facts.drift_limit
-        over = {row: values.max(axis=1) for row, values in of_row.items()}
         broken = [
-            f"{results.rows[row].label} under {int((peaks > limit).sum())} of {peaks.size}, up to "
-            f"{significant(float(peaks.max()), 3)} %"
+            f"{results.rows[row].label} under {int((peaks > limit).sum())} of {peaks.size}, "
+            + (
+                f"{int(np.isinf(peaks).sum())} of which diverged"
+                if np.isinf(peaks).any()
+                else f"up to {significant(float(peaks.max()), 3)} %"
+            )
             for row, peaks in over.items()
             if (peaks > limit).any()
         ]
@@ -125,6 +129,18 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
     yield from _stability_in_words(results, facts)
+
+
+def _peak_ratios(results: StudyResults, facts: BuildingFacts, row: int) -> Floats | None:
+    """Peak drift ratio under each judged motion [%], infinite of a run that diverged; `None` if one is not known."""
+    peaks = []
+    for motion in results.judged_motions:
+        run = results.runs.get((row, motion))
+        if run is None or not (run.finished or run.outcome == "diverged"):
+            return None
+        ratios = facts.scales.divide(np.abs(run.peak_drift), RATIO.scale, run.peak_storey_shear)
+        peaks.append(RATIO.factor * float(ratios.max()) if run.finished else np.inf)
+    return None if not peaks or np.isnan(peaks).any() else np.array(peaks)
 
 
 def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
