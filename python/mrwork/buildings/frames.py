@@ -320,15 +320,18 @@ def with_coordinate(
     follows_ground: float,
     stroke: Floats,
     stroke_name: str,
+    label: str,
+    added: str,
 ) -> Building:
     """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
     Spring and dashpot elongate by across @ q, shape (n + 1,). `follows_ground` is 1 for a displacement relative to the
-    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys.
+    ground, 0 for a deformation. The row `stroke`, shape (n + 1,), is appended to the storeys. The name of the building
+    has the `label` of what is `added`, which its source describes.
     """
     n = building.n_coordinates
     spring = np.outer(across, across)
-    return replace(
+    grown = replace(
         building,
         mass=scipy.linalg.block_diag(building.mass, np.array([[mass]])),
         damping=np.pad(building.damping, (0, 1)) + damping * spring,
@@ -343,6 +346,8 @@ def with_coordinate(
         loads=np.append(building.loads, [0.0] * bool(building.loads.size)),
         elements=transform_elements(building.elements, np.eye(n, n + 1)),
     )
+    source = source_with(building, f"{added} added")
+    return replace(grown, name=f"{building.name}, {label}", source=source)
 
 
 @checked
@@ -395,7 +400,7 @@ def brace_across(
 ) -> Building:
     """The building with a brace as of `with_brace`, where brace and damper together have any row, shape (n,)."""
     end = np.append(np.zeros(building.n_coordinates), 1.0)
-    braced = with_coordinate(
+    return with_coordinate(
         building,
         mass=mass,
         damping=damping,
@@ -404,11 +409,8 @@ def brace_across(
         follows_ground=0.0,
         stroke=np.append(row, -1.0),
         stroke_name=name,
-    )
-    return replace(
-        braced,
-        name=f"{building.name}, brace in {where}",
-        source=source_with(building, f"brace of {stiffness:g} N/m in {where} added"),
+        label=f"brace in {where}",
+        added=f"brace of {stiffness:g} N/m in {where}",
     )
 
 

@@ -201,7 +201,7 @@ def with_liquid_column(
         xi, coefficient of head loss of the orifice and the tube.
     """
     row = building.floor_row(floor)
-    elevation = np.append(np.zeros(building.n_coordinates), 1.0)
+    elevation, length = np.append(np.zeros(building.n_coordinates), 1.0), column_length(frequency)
     with_liquid = with_coordinate(
         building,
         mass=mass,
@@ -211,20 +211,15 @@ def with_liquid_column(
         follows_ground=0.0,
         stroke=elevation,
         stroke_name=name,
+        label=name,
+        added=f"{name} of {mass:g} kg, {length:.4g} m long,",
     )
     # The liquid moves with the floor, and its elevation accelerates the floor.
     coupled = with_liquid.mass.copy()
     coupled[:-1, :-1] += mass * np.outer(row, row)
     coupled[-1, :-1] = coupled[:-1, -1] = width_ratio * mass * row
-    length = column_length(frequency)
     orifice = PassiveElement(name=name, row=elevation, head_loss=0.5 * head_loss * mass / length)
-    return replace(
-        with_liquid,
-        name=f"{building.name}, {name}",
-        mass=coupled,
-        elements=(*with_liquid.elements, orifice),
-        source=source_with(building, f"{name} of {mass:g} kg, {length:.4g} m long, added"),
-    )
+    return replace(with_liquid, mass=coupled, elements=(*with_liquid.elements, orifice))
 
 
 def column_length(frequency: Positive) -> float:
@@ -392,7 +387,7 @@ def with_tuned_mass(
     row = building.floor_row(floor)
     omega = 2.0 * np.pi * frequency
     stroke = np.append(-row, 1.0)
-    tuned = with_coordinate(
+    return with_coordinate(
         building,
         mass=mass,
         damping=2.0 * ratio * mass * omega,
@@ -401,11 +396,8 @@ def with_tuned_mass(
         follows_ground=float(row @ building.influence),
         stroke=stroke,
         stroke_name=name,
-    )
-    return replace(
-        tuned,
-        name=f"{building.name}, {name}",
-        source=source_with(building, f"{name} of {mass:g} kg, {frequency:g} Hz, {ratio:g} added"),
+        label=name,
+        added=f"{name} of {mass:g} kg, {frequency:g} Hz, {ratio:g}",
     )
 
 

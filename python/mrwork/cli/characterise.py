@@ -17,7 +17,7 @@ from mrwork.base.summary import list_names
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet, print_json, reading_line
+from mrwork.cli.output import is_quiet, named, print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, escape_text
@@ -126,17 +126,8 @@ def run(options: argparse.Namespace) -> int:
     common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
     threads = ["--threads", str(options.threads)]
     if not fitted:
-        given = [
-            table,
-            "--model",
-            options.model,
-            "--out",
-            str(place),
-            "--seed",
-            str(options.seed),
-            *threads,
-            *common,
-        ]
+        given = [table, "--model", options.model, "--out", str(place), "--seed", str(options.seed)]
+        given += [*threads, *common]
         given += ["--law", "auto"] if several else []
         given += ["--replace"] if options.replace else []
         given += ["--resume"] if options.resume else []
@@ -187,11 +178,7 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: 
                 "uses": uses,
                 "held_out": None
                 if held_out is None
-                else {
-                    "median_percent": held_out.spread.median_percent,
-                    "worst_percent": held_out.spread.worst_percent,
-                    "worst_test": held_out.spread.worst_test,
-                },
+                else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
                 "warnings": list(fit.warnings),
                 "steps": steps.done,
             }

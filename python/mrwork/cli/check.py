@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
-from mrwork.cli.output import print_json, reading_line
+from mrwork.cli.output import named, print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.command import CommandValues, command_range
 from mrwork.errors import MrworkError, SettingError, escape_text
@@ -110,8 +110,7 @@ def _write_table(options: argparse.Namespace) -> int:
 def _facts(test: DamperTest) -> dict[str, Any]:
     return {
         "file": test.path,
-        "n_time": test.n_time,
-        "dt": test.dt,
+        **named(test, "n_time", "dt"),
         "settle_seconds": test.n_settle * test.dt,
         "amplitude_m": 0.5 * float(np.ptp(test.displacement)),
         "peak_displacement_m": float(np.abs(test.displacement).max()),
@@ -120,9 +119,7 @@ def _facts(test: DamperTest) -> dict[str, Any]:
         "current_a": _plain(test.current),
         "voltage_v": _plain(test.voltage),
         "command": _plain(test.command),
-        "command_unit": test.command_unit,
-        "velocity_source": test.velocity_source,
-        "synthetic": test.synthetic,
+        **named(test, "command_unit", "velocity_source", "synthetic"),
         "findings": [asdict(finding) for finding in test.findings],
     }
 

@@ -12,7 +12,7 @@ from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_result, table_lines
+from mrwork.cli.output import named, print_result, table_lines
 from mrwork.errors import SettingError
 from mrwork.store.codec import finite
 from mrwork.store.output_file import replacing
@@ -128,9 +128,9 @@ def _contents(found: Fragilities) -> tuple[bytes, ...]:
 def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
     names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
     return {
-        **{name: getattr(found, name) for name in ("criterion", "limit", "unit", "level")},
+        **named(found, "criterion", "limit", "unit", "level"),
         "arrangements": [
-            {name: getattr(each, name) for name in names}
+            named(each, *names)
             | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}
             | {"crossings": [asdict(crossing) for crossing in each.crossings]}
             for each in found.rows.values()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mrwork.base.progress import ProgressLine
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.options import read_tests
-from mrwork.cli.output import as_plain, drawing, print_json, result_lines, task_line
+from mrwork.cli.output import as_plain, drawing, named, print_json, result_lines, task_line
 from mrwork.cli.terminal import note, show
 from mrwork.errors import escape_text
 from mrwork.identification.fit import Estimate, Fit, step_in_words
@@ -189,20 +189,11 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "current_laws": None if fit.current is None else asdict(fit.current),
         "identifiability": None if fit.identifiability is None else asdict(fit.identifiability),
         "nuisances": fit.nuisances,
-        "fit_percent": fit.fit_percent,
-        "nrmse": fit.nrmse,
-        "rmse_n": fit.rmse_n,
+        **named(fit, "fit_percent", "nrmse", "rmse_n"),
         "error_norms": asdict(fit.error_norms),
-        "status": fit.status,
-        "status_reason": fit.status_reason,
-        "stop_reason": fit.stop_reason,
+        **named(fit, "status", "status_reason", "stop_reason"),
         "tested_range": asdict(fit.tested),
-        "warnings": fit.warnings,
-        "evaluations": fit.evaluations,
-        "refinement_steps": fit.refinement_steps,
-        "seconds": fit.seconds,
-        "n_time": fit.n_time,
-        "n_effective": fit.n_effective,
+        **named(fit, "warnings", "evaluations", "refinement_steps", "seconds", "n_time", "n_effective"),
         "rng": fit.provenance.rng,
         "files": [{"file": quality.test, **asdict(quality)} for quality in fit.quality],
         "median_fit_percent": None if spread is None else spread.median_percent,
@@ -215,8 +206,8 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
 
 def _parameter(fit: Fit, estimate: Estimate) -> dict[str, Any]:
     verdict, reason = fit.verdict_on(estimate.name)
-    names = ("value", "unit", "standard_error", "lower", "upper", "remark")
-    return {name: getattr(estimate, name) for name in names} | {"verdict": verdict, "reason": reason}
+    numbers = named(estimate, "value", "unit", "standard_error", "lower", "upper", "remark")
+    return numbers | {"verdict": verdict, "reason": reason}
 
 
 def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:

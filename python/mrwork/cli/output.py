@@ -67,6 +67,11 @@ def task_line(task: str, *, quiet: bool) -> Iterator[None]:
         yield
 
 
+def named(value: object, *names: str) -> dict[str, Any]:
+    """Attributes of a value by their names."""
+    return {name: getattr(value, name) for name in names}
+
+
 def print_json(document: object) -> None:
     """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
     show(json.dumps(finite(document), allow_nan=False))

@@ -22,7 +22,7 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import is_quiet, print_json, renew_page, told_findings
+from mrwork.cli.output import is_quiet, named, print_json, renew_page, told_findings
 from mrwork.cli.terminal import show
 from mrwork.dampers.law_sets import SetsApart
 from mrwork.dampers.spec import LawLimit, worst_laws
@@ -131,13 +131,9 @@ def run(options: argparse.Namespace) -> int:
         rows.append(
             {
                 "file": test.label,
-                "fit_percent": quality.fit_percent,
-                "nrmse": quality.nrmse,
-                "rmse_n": quality.rmse_n,
+                **named(quality, "fit_percent", "nrmse", "rmse_n"),
                 "error_norms": asdict(quality.error_norms),
-                "n_time": quality.n_time,
-                "settle_seconds": quality.settle_seconds,
-                "substeps": quality.substeps,
+                **named(quality, "n_time", "settle_seconds", "substeps"),
                 "seen": None if seen is None else asdict(seen),
                 "other_condition": None if condition is None else asdict(condition),
                 "nuisance": asdict(quality.nuisance) if nuisances else None,
@@ -155,24 +151,21 @@ def run(options: argparse.Namespace) -> int:
             scored = score(band, test.force[test.counted])
             inside = scored.coverage if options.level == _STORED_LEVEL else None
             calibrated_on += [] if used is None else [used]
-            rows[-1]["coverage_percent"] = 100.0 * scored.coverage
-            rows[-1]["mean_width_n"] = scored.width
-            rows[-1]["interval_score"] = scored.interval_score
-            rows[-1]["band"] = {
-                "level": band.level,
-                "half_width_n": 0.5 * scored.width,
-                "inside": scored.coverage,
-                "basis": band.basis,
-                "calibrated_on": None if used is None else asdict(used),
+            rows[-1] |= {
+                "coverage_percent": 100.0 * scored.coverage,
+                "mean_width_n": scored.width,
+                "interval_score": scored.interval_score,
+                "band": {
+                    "level": band.level,
+                    "half_width_n": 0.5 * scored.width,
+                    "inside": scored.coverage,
+                    "basis": band.basis,
+                    "calibrated_on": None if used is None else asdict(used),
+                },
             }
         if seen is None and used is None:
-            own = HeldOutTest(
-                name=test.name,
-                fit_percent=quality.fit_percent,
-                rmse_n=quality.rmse_n,
-                outside=outside.names,
-                inside=inside,
-            )
+            numbers = named(quality, "fit_percent", "rmse_n")
+            own = HeldOutTest(name=test.name, **numbers, outside=outside.names, inside=inside)
             held_out.append((own, prediction))
     warnings = [
         *missing_warnings(fit.nuisances, nuisances),
@@ -184,11 +177,8 @@ def run(options: argparse.Namespace) -> int:
     unseen = [row for row in rows if row["seen"] is None]
     spread_unseen = _spread(unseen) if unseen and len(unseen) < len(rows) else None
     basis = None if calibration is None else calibration.basis
-    stored = (
-        _store(options, fit, held_out)
-        if options.substep_factor == 1 and nuisances == fit.nuisances
-        else False
-    )
+    as_fitted = options.substep_factor == 1 and nuisances == fit.nuisances
+    stored = as_fitted and _store(options, fit, held_out)
     if options.json:
         document: dict[str, Any] = {
             "model": fit.model,

@@ -16,6 +16,7 @@ from mrwork.cli.output import (
     end_addition,
     in_words,
     is_quiet,
+    named,
     progress_line,
     result_lines,
     told_findings,
@@ -164,9 +165,7 @@ def _summary(draws: Draws, place: Path) -> dict[str, Any]:
     return {
         "model": draws.model,
         "noise": draws.noise_model,
-        "status": draws.status,
-        "verdict": draws.verdict,
-        "temper": draws.temper,
+        **named(draws, "status", "verdict", "temper"),
         "parameters": {each.name: asdict(each) for each in draws.summaries},
         "n_draws": len(draws.theta),
         "steps": draws.n_steps,

@@ -263,11 +263,8 @@ class DamperSpec(Summarised, Related):
             rows=[
                 (
                     each.name,
-                    format_rounded(each.nominal),
-                    format_rounded(each.lower),
-                    format_rounded(each.upper),
-                    each.unit,
-                    each.description,
+                    *map(format_rounded, (each.nominal, each.lower, each.upper)),
+                    *(each.unit, each.description),
                 )
                 for each in self.parameters
             ],

@@ -170,17 +170,13 @@ def _parameters(names: Sequence[str], runs: Sequence[StoredRun]) -> Table:
         value, error = value_and_error(estimate.value, estimate.standard_error)
         return f"{value} ± {error}" if error != NOTHING else value
 
-    models = {run.fit.model for run in runs}
+    differ = len({run.fit.model for run in runs}) > 1
+    meanings = " Parameters of different models have different meanings, also under one name."
     return Table(
         title="Parameters",
         columns=("Parameter", *names),
         rows=tuple((name, *(cell(name, number) for number in range(len(runs)))) for name in every),
-        note="With standard errors."
-        + (
-            " Parameters of different models have different meanings, also under one name."
-            if len(models) > 1
-            else ""
-        ),
+        note=f"With standard errors.{meanings if differ else ''}",
     )
 
 

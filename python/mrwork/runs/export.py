@@ -184,15 +184,9 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
     spec = fit.spec
     parameters = {
         each.name: {
-            "name": each.name,
-            "value": each.value,
-            "unit": each.unit,
+            **{key: getattr(each, key) for key in ("name", "value", "unit")},
             "standard_error": np.nan if each.error is None else each.error,
-            "lower": each.lower,
-            "upper": each.upper,
-            "verdict": each.verdict,
-            "reason": each.reason,
-            "tie": each.tie,
+            **{key: getattr(each, key) for key in ("lower", "upper", "verdict", "reason", "tie")},
             "remark": estimate.remark,
         }
         for each, estimate in zip(fit.parameters.values(), fit.estimates, strict=True)

@@ -202,10 +202,7 @@ def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) ->
     return TunedLoop(
         law,
         matrices={
-            "mass": building.mass,
-            "damping": building.damping,
-            "stiffness": building.stiffness,
-            "influence": building.influence,
+            **{name: getattr(building, name) for name in ("mass", "damping", "stiffness", "influence")},
             "floors": building.floors[floors],
             "storeys": building.storeys[storeys],
         },

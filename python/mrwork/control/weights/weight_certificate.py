@@ -244,6 +244,7 @@ class DesignedWeights(Summarised):
 
     def document(self) -> dict[str, object]:
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
+        outputs = self.outputs
         bare, ruled = (self.rms_under_ground(controlled=each).tolist() for each in (False, True))
         return {
             "ground": [
@@ -261,15 +262,9 @@ class DesignedWeights(Summarised):
             "least_ratio": self.reachable_ratio,
             "gain": self.gain.tolist(),
             "outputs": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "limit": limit,
-                    "rms_without_control": bare[number],
-                    "rms": ruled[number],
-                }
-                for number, (name, unit, limit) in enumerate(
-                    zip(self.outputs.names, self.outputs.units, self.outputs.limits.tolist(), strict=True)
+                dict(zip(("name", "unit", "limit", "rms_without_control", "rms"), each, strict=True))
+                for each in zip(
+                    outputs.names, outputs.units, outputs.limits.tolist(), bare, ruled, strict=True
                 )
             ],
         }

@@ -39,25 +39,17 @@ def _models_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     chosen = ranking.chosen_standing
     provisionally = " provisionally" if chosen.verdict == "provisional" else ""
     predicted = sum(each.left_out_percent is not None for each in ranking.standings)
+    what = (
+        f"Left-out fit of {predicted} models with its standard error; {chosen.title} is chosen{provisionally}"
+    )
+    note = f"Mean and standard error over {ranking.held_out}."
+    drawn = panel("ranking", "Left-out fit of the models", ranking_figure(ranking), what, note)
     return Section(
         anchor="ranking",
         title="Choice of model",
         summary=f"{chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
-        groups=(
-            _group(
-                ranking,
-                ranking.remarks,
-                panel(
-                    "ranking",
-                    "Left-out fit of the models",
-                    ranking_figure(ranking),
-                    f"Left-out fit of {predicted} models with its standard error; {chosen.title} is "
-                    f"chosen{provisionally}",
-                    f"Mean and standard error over {ranking.held_out}.",
-                ),
-            ),
-        ),
+        groups=(_group(ranking, ranking.remarks, drawn),),
     )
 
 
@@ -175,6 +167,9 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     best = plan.gains[0]
     name = best.candidate.in_words(unit)
     shown = plan.gains[:_SHOWN]
+    note = f"The best {len(shown)} of {len(plan.gains)}." if len(plan.gains) > len(shown) else ""
+    what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
+    drawn = panel("plan", "", plan_figure(plan, unit), what)
     agreement = (
         "The check with draws failed: almost none of them fits the simulated tests. Use the order of the candidates, "
         "not the numbers."
@@ -193,27 +188,9 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                     "valid there; a test in which it is not shows the error of the model instead.",
                     agreement,
                 ),
-                table=page_table(
-                    "Candidates for the next test",
-                    gain_columns(unit),
-                    shown,
-                    note=f"The best {len(shown)} of {len(plan.gains)}."
-                    if len(plan.gains) > len(shown)
-                    else "",
-                ),
+                table=page_table("Candidates for the next test", gain_columns(unit), shown, note=note),
             ),
-            Group(
-                title="All candidates",
-                panels=(
-                    panel(
-                        "plan",
-                        "",
-                        plan_figure(plan, unit),
-                        f"Variance reduction by each of {len(plan.gains)} tests, best {name}",
-                    ),
-                ),
-                layout="whole",
-            ),
+            Group(title="All candidates", panels=(drawn,), layout="whole"),
         ),
     )
 

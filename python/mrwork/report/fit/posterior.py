@@ -38,12 +38,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     if draws is None:
         return None
     estimates = {each.name: each.value for each in run.fit.estimates}
-    corner = panel(
-        "corner",
-        "",
-        _corner_figure(draws, estimates),
-        f"Densities of {len(draws.varied)} parameters, alone and in pairs",
-    )
+    what = f"Densities of {len(draws.varied)} parameters, alone and in pairs"
+    corner = panel("corner", "", _corner_figure(draws, estimates), what)
     traces, ranks = [], []
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)

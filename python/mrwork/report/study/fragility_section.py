@@ -55,37 +55,29 @@ def fragility_section(results: StudyResults) -> Section | None:
     if few or not limit or not results.complete:
         return None
     found = fragility(results, limit)
-    sentences = found.in_words()
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
+    curves = panel(
+        "fragility",
+        f"Probability that {found.limit_in_words}",
+        fragility_figure(found),
+        f"Probability over {at.measure} that {found.limit_in_words}, {words}",
+        "Points are shares of the records; the bars at one half are bands of the medians.",
+    )
+    lines = panel(
+        "ida",
+        "Incremental dynamic analysis",
+        ida_figure(found),
+        f"{at.measure} over {found.title} of {words}",
+        "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
+    )
     return Section(
         anchor="fragility",
         title="Records at several levels",
         summary=f"the {at.measure} at which {found.limit_in_words}, of {words}.",
         groups=(
-            Group(points=sentences, table=_table(found)),
-            Group(
-                panels=(
-                    panel(
-                        "fragility",
-                        f"Probability that {found.limit_in_words}",
-                        fragility_figure(found),
-                        f"Probability over {at.measure} that {found.limit_in_words}, {words}",
-                        "Points are shares of the records; the bars at one half are bands of the medians.",
-                    ),
-                )
-            ),
-            Group(
-                panels=(
-                    panel(
-                        "ida",
-                        "Incremental dynamic analysis",
-                        ida_figure(found),
-                        f"{at.measure} over {found.title} of {words}",
-                        "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
-                    ),
-                ),
-                layout="whole",
-            ),
+            Group(points=found.in_words(), table=_table(found)),
+            Group(panels=(curves,)),
+            Group(panels=(lines,), layout="whole"),
         ),
     )
 

@@ -341,23 +341,18 @@ class Draws(WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
-        n_walkers, n_kept, _ = self.chains.shape
+        made = "{} walkers x {} draws".format(*self.chains.shape)
         return Summary(
             title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
             facts=(
-                (
-                    "draws",
-                    f"{n_walkers} walkers x {n_kept} draws, {self.n_steps} steps, {self.seconds:.1f} s",
-                ),
+                ("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),
                 ("verdict", self.verdict),
             ),
             columns=("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason"),
             rows=[
                 (
                     summary.name,
-                    format_rounded(summary.median, 5),
-                    format_rounded(summary.lower, 5),
-                    format_rounded(summary.upper, 5),
+                    *(format_rounded(each, 5) for each in (summary.median, summary.lower, summary.upper)),
                     summary.unit,
                     with_decimals(summary.rhat, 3),
                     with_decimals(summary.ess_bulk, 0),
@@ -508,17 +503,7 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=densities,
         summaries=tuple(
-            _restore_verdict(
-                summary_of(
-                    columns[name],
-                    name=name,
-                    unit=str(posterior[name].attributes["units"]),
-                    bounds=bounds[name],
-                    tau=np.nan,
-                ),
-                posterior[name].attributes,
-                path,
-            )
+            _restore_summary(name, columns[name], posterior[name].attributes, bounds[name], path)
             for name in names + noise_names
         ),
         status=stated.status,
@@ -547,14 +532,13 @@ def _numbers(member: Member) -> Floats:
     return member.array.astype(np.float64)
 
 
-def _restore_verdict(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
-    """The summary with the stored verdict and quantiles, which are those of all draws before thinning."""
+def _restore_summary(
+    name: str, chain: Floats, attributes: Mapping[str, Any], bounds: tuple[float, float], path: Path
+) -> DrawSummary:
+    """The summary of a variable with the stored verdict and quantiles, those of all draws before thinning."""
+    summary = summary_of(chain, name=name, unit=str(attributes["units"]), bounds=bounds, tau=np.nan)
     known = {entry.name for entry in fields(_OfVariable)}
-    stated: _OfVariable = record_of(
-        _OfVariable,
-        {name: value for name, value in attributes.items() if name in known},
-        origin=str(path),
-        name=f"posterior of {summary.name}",
-        verb=f"sample {path.parent}",
-    )
+    own = {name: value for name, value in attributes.items() if name in known}
+    words, verb = f"posterior of {name}", f"sample {path.parent}"
+    stated: _OfVariable = record_of(_OfVariable, own, origin=str(path), name=words, verb=verb)
     return replace(summary, **{name: getattr(stated, name) for name in known})
