@@ -153,19 +153,23 @@ def timings(
     ]
 
 
+BUILDING: dict[str, Any] = {
+    "n_storeys": 6,
+    "masses": ["50 t"],
+    "stiffnesses": [f"{each / 1e6:g} MN/m" for each in frame.STIFFNESSES],
+    "height": frame.HEIGHT,
+    "rayleigh": {"ratios": [frame.DAMPING, frame.DAMPING]},
+    "storeys_that_yield": {"yield_drift": frame.YIELD_DRIFT, "post_yield_ratio": frame.RATIO},
+    "p_delta": True,
+}
+"""The frame with P-delta, as a study has it."""
+
+
 def study(records: int = RECORDS, levels: Sequence[float] = LEVELS) -> mr.Study:
     """The frame with P-delta and a damper of 1000 kN in each of the lower storeys, under three laws."""
     return mr.study_of(
         title="Six storeys that yield",
-        building={
-            "n_storeys": 6,
-            "masses": ["50 t"],
-            "stiffnesses": [f"{each / 1e6:g} MN/m" for each in frame.STIFFNESSES],
-            "height": "3.5 m",
-            "rayleigh": {"ratios": ["2 %", "2 %"]},
-            "storeys_that_yield": {"yield_drift": "17.5 mm", "post_yield_ratio": frame.RATIO},
-            "p_delta": True,
-        },
+        building=BUILDING,
         dampers=[{"storey": storey, "preset": "yoshida2004"} for storey in (1, 2, 3)],
         laws=["passive_off", "passive_on", "clipped_optimal"],
         motions=[{"suite": {"motions": records}, "seed": 1, "pga": [f"{level:g} g" for level in levels]}],
