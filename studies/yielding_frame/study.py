@@ -20,7 +20,7 @@ import numpy as np
 
 from mrwork.report import Table
 from studies.common.command import Command, Findings, Say
-from studies.common.table import table_of
+from studies.common.table import Cell, table_of
 from studies.yielding_frame import comparison, frame, timing
 from studies.yielding_frame.frame import Case
 from studies.yielding_frame.opensees import openseespy
@@ -108,7 +108,7 @@ def percent(value: float) -> str:
 
 def tables(found: dict[str, Any]) -> Iterator[Table | str]:
     """The tables of the README."""
-    columns = {"ductility": "{ductility:.1f}"}
+    columns: dict[str, Cell] = {"ductility": "{ductility:.1f}"}
     columns |= {
         f"{1e3 * step:g} ms %": partial(lambda place, row: percent(row["errors"][place]), place)
         for place, step in enumerate(comparison.STEPS)
@@ -140,20 +140,21 @@ def tables(found: dict[str, Any]) -> Iterator[Table | str]:
             f"{percent(each['own'])} %."
         )
     if "timing" in found:
+        seconds: dict[str, Cell] = {
+            "s": "{seconds:.1f}",
+            "of processors": lambda row: ", ".join(f"{each:.1f}" for each in row["rounds"]),
+            "ms a run": "{per_run:.1f}",
+            "ratio": "{ratio:.1f}",
+            "MB": "{memory:.0f}",
+            "error, median %": lambda row: percent(row["median_error"]),
+            "largest %": lambda row: percent(row["largest_error"]),
+            "not converged": "{failed}",
+        }
         yield table_of(
             f"{timing.RECORDS} records x {len(timing.LEVELS)} levels with a damper",
             "program, step",
             ((row["name"], row) for row in found["timing"]["rows"]),
-            {
-                "s": "{seconds:.1f}",
-                "of processors": lambda row: ", ".join(f"{each:.1f}" for each in row["rounds"]),
-                "ms a run": "{per_run:.1f}",
-                "ratio": "{ratio:.1f}",
-                "MB": "{memory:.0f}",
-                "error, median %": lambda row: percent(row["median_error"]),
-                "largest %": lambda row: percent(row["largest_error"]),
-                "not converged": "{failed}",
-            },
+            seconds,
         )
         whole = found["timing"]["study"]
         medians = ", ".join(f"{label} {value:.3f} g" for label, value in whole["medians"].items())

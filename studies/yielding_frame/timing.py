@@ -110,7 +110,8 @@ def alone(work: Callable[[], Any]) -> tuple[Any, float]:
 def reference(records: int, levels: Sequence[float]) -> Floats:
     """Peak drifts [m] of ours with an eighth of the step."""
     motions = scaled_records(records, levels)
-    return frame.responses(Case(motion=motions[0], damper=True), motions, step_factor=8, threads=0).peak_drift
+    case = Case(motion=motions[0], damper=True)
+    return np.asarray(frame.responses(case, motions, step_factor=8, threads=0).peak_drift)
 
 
 def _job(engine: Engine, records: int, levels: Sequence[float]) -> tuple[Floats, Spent]:
