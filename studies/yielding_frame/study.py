@@ -141,9 +141,10 @@ def tables(found: dict[str, Any]) -> Iterator[Table | str]:
         )
     if "timing" in found:
         seconds: dict[str, Cell] = {
-            "s": "{seconds:.1f}",
+            "runs": "{runs}",
+            "s": "{seconds:.0f}",
             "of processors": lambda row: ", ".join(f"{each:.1f}" for each in row["rounds"]),
-            "ms a run": "{per_run:.1f}",
+            "ms a second of motion": "{rate:.2f}",
             "ratio": "{ratio:.1f}",
             "MB": "{memory:.0f}",
             "error, median %": lambda row: percent(row["median_error"]),
@@ -157,7 +158,7 @@ def tables(found: dict[str, Any]) -> Iterator[Table | str]:
             seconds,
         )
         whole = found["timing"]["study"]
-        medians = ", ".join(f"{label} {value:.3f} g" for label, value in whole["medians"].items())
+        medians = ", ".join(f"{label} {value / frame.GRAVITY:.3f} g" for label, value in whole["medians"].items())
         yield (
             f"A study of {whole['runs']} runs on all threads: {whole['seconds']:.0f} s, {whole['processor']:.0f} s of "
             f"processors, {whole['memory']:.0f} MB. Medians at 2 % of drift: {medians}."
