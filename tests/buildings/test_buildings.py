@@ -14,6 +14,7 @@ from sentences import Refused
 from mrwork.buildings import (
     Building,
     building,
+    pushover,
     read_building,
     shear_building,
     with_modal_damping,
@@ -193,6 +194,21 @@ def test_effective_masses_and_participation_of_two_storeys_are_those_by_hand() -
     np.testing.assert_allclose(frame.participation, shapes[:, 1] * driven / modal, rtol=1e-12)
     assert frame.effective_masses.sum() == pytest.approx(frame.total_mass)
     assert frame.participation.sum() == pytest.approx(1.0)
+
+
+def test_a_mode_of_a_textbook_frame_has_the_base_shear_of_its_effective_mass() -> None:
+    """The shear frame of Chopra's chapters 10 and 13: 2 m on 2 k and m on k, shapes (1/2, 1) and (-1, 1)."""
+    m, k = 4e4, 2e7
+    frame = shear_building(name="frame", masses=[2.0 * m, m], stiffnesses=[2.0 * k, k])
+    squares = np.array([0.5, 2.0]) * k / m
+    np.testing.assert_allclose(frame.periods, 2.0 * np.pi / np.sqrt(squares), rtol=1e-12)
+    shapes = frame.modes / frame.modes[1]
+    np.testing.assert_allclose(shapes, [[0.5, -1.0], [1.0, 1.0]], rtol=1e-12)
+    np.testing.assert_allclose(frame.participation, [4.0 / 3.0, -1.0 / 3.0], rtol=1e-12)
+    np.testing.assert_allclose(frame.effective_masses, [8.0 / 3.0 * m, m / 3.0], rtol=1e-12)
+    # V_b1 = M_1 A_1 at the roof u = Gamma_1 D_1, A_1 = omega_1^2 D_1: (8/3 m) (k / 2 m) u / (4/3) = k u.
+    pushed = pushover(frame, pattern="first mode", roof=0.01, steps=2)
+    np.testing.assert_allclose(pushed.base_shear, k * pushed.roof, rtol=1e-9)
 
 
 @pytest.mark.parametrize("storeys", [1, 6, 30])

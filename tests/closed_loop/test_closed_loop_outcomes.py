@@ -149,6 +149,21 @@ def test_progress_counts_runs_up_to_all_of_them() -> None:
     assert len(said) > 1
 
 
+def test_runs_that_last_equally_long_share_a_call_and_every_run_keeps_its_place() -> None:
+    """More runs than are in the first call, under motions of which the first and the last are equally long."""
+    law = ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.0, 30)[:, None] * np.ones(2)})
+    motions, loop = [sweep(0.3), sweep(0.1), still(0.3)], devices(rd1005())
+    together = simulate_loop(
+        five_storeys(), loop, law, motions, histories=True, on_progress=lambda done, wanted: None
+    )
+    for number, motion in enumerate(motions):
+        alone = simulate_loop(five_storeys(), loop, law, [motion], histories=True)
+        np.testing.assert_array_equal(together.peak_drift[number::3], alone.peak_drift)
+        np.testing.assert_array_equal(together.steps[number::3], alone.steps)
+        for one, other in zip((together.histories or ())[number::3], alone.histories or (), strict=True):
+            np.testing.assert_array_equal(one.drift, other.drift)
+
+
 def test_ctrl_c_ends_a_long_batch() -> None:
     # Work for many minutes: were the signal not looked for, the test would not come back.
     law = ControlLaw(name="passive", gains={"command": np.ones((4000, 2))})

@@ -662,12 +662,15 @@ def simulate_loop(
     streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
     own = RunsOfLoop(runs=runs, streams=streams, gains=gains, shaping=shaping, theta=theta)
     core = loop.core()
-    driven, workers = core.driven(own), present_workers()
+    driven, workers, order = core.driven(own), present_workers(), np.arange(len(runs))
+    if user is None:
+        # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
+        order = np.argsort(np.array([motion.duration for motion in motions])[motion_of_run], kind="stable")
     if workers is None or histories or user is not None:
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
         while done < len(runs):
-            part = slice(done, done + count)
+            part = order[done : done + count]
             began = perf_counter()
             outside = None if user is None else user.asked(runs[part, :3], devices, hardware.sample_time)
             parts.append(
@@ -681,14 +684,15 @@ def simulate_loop(
                     outside=outside,
                 )
             )
-            done = min(part.stop, len(runs))
+            done += len(part)
             if on_progress is not None:
                 on_progress(done, len(runs))
                 blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     else:
-        parts = _respond_elsewhere(workers, loop, own, on_progress)
-    responses = _responses(parts, core.building, hardware, shape, () if actuators else given_devices, motions)
+        parts, order = _respond_elsewhere(workers, loop, own, on_progress), np.arange(len(runs))
+    given = () if actuators else given_devices
+    responses = _responses(parts, np.argsort(order), core.building, hardware, shape, given, motions)
     responses = responses.with_numbers(
         **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
     )
@@ -798,29 +802,30 @@ def _command_factors(
 
 def _responses(
     parts: list[Any],
+    places: NDArray[np.intp],
     building: _rust.Building,
     hardware: Hardware,
     shape: tuple[int, int, int],
     devices: tuple[Device, ...],
     motions: Sequence[GroundMotion],
 ) -> Responses:
-    summary = np.concatenate([part[0] for part in parts])
+    summary, outcome, steps = (np.concatenate([part[each] for part in parts])[places] for each in range(3))
     quantities = columns_by_name(summary, run_quantities(), building.summary_layout)
     histories = None
     if parts[0][3] is not None:
         layout = building.history_layout
+        rows = [own for part in parts for own in part[3]]
         histories = tuple(
             History(
-                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time,
-                numbers=columns_by_name(rows, history_signals(), layout),
+                time=np.arange(len(rows[place]), dtype=np.float64) * hardware.sample_time,
+                numbers=columns_by_name(rows[place], history_signals(), layout),
             )
-            for part in parts
-            for rows in part[3]
+            for place in places
         )
     return Responses(
         shape=shape,
-        outcome=np.concatenate([part[1] for part in parts]),
-        steps=np.concatenate([part[2] for part in parts]),
+        outcome=outcome,
+        steps=steps,
         histories=histories,
         devices=devices,
         seconds=tuple(motion.duration for motion in motions),
