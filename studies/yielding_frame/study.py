@@ -1,6 +1,6 @@
 """A frame that yields in OpenSees and in the package: histories, knees, and the time of an incremental analysis.
 
-python studies/yielding_frame/study.py [--quick] [--timing] [--json]
+python studies/yielding_frame/study.py [--quick] [--timing] [--out DIRECTORY] [--json]
 """
 
 from __future__ import annotations
@@ -85,17 +85,17 @@ def bilinear(ops: Any, say: Say, *, quick: bool) -> dict[str, Any]:
     return found
 
 
-def timed(say: Say) -> dict[str, Any]:
+def timed(say: Say, picture: Path) -> dict[str, Any]:
     """Timings beside each other, and of a study with three laws."""
     rows = timing.timings(say)
     studies = []
     for number in range(timing.ROUNDS):
-        found, memory = timing.alone(partial(timing.study_alone, timing.RECORDS, timing.LEVELS))
+        found, memory = timing.alone(partial(timing.study_alone, timing.RECORDS, timing.LEVELS, picture))
         studies.append(found | {"memory": memory})
         say(f"study {number + 1}: {found['seconds']:.0f} s")
     medians = {
         name: float(np.median([each[name] for each in studies]))
-        for name in ("seconds", "processor", "memory")
+        for name in ("seconds", "processor", "reading", "memory")
     }
     whole = studies[0] | medians
     return {"rows": rows, "study": whole}
@@ -158,10 +158,13 @@ def tables(found: dict[str, Any]) -> Iterator[Table | str]:
             seconds,
         )
         whole = found["timing"]["study"]
-        medians = ", ".join(f"{label} {value / frame.GRAVITY:.3f} g" for label, value in whole["medians"].items())
+        medians = ", ".join(
+            f"{label} {value / frame.GRAVITY:.3f} g" for label, value in whole["medians"].items()
+        )
         yield (
             f"A study of {whole['runs']} runs on all threads: {whole['seconds']:.0f} s, {whole['processor']:.0f} s of "
-            f"processors, {whole['memory']:.0f} MB. Medians at 2 % of drift: {medians}."
+            f"processors, of which {whole['reading']:.0f} s reading; {whole['memory']:.0f} MB. Medians at 2 % of "
+            f"drift: {medians}."
         )
 
 
@@ -176,12 +179,12 @@ def find(options: Namespace, say: Say) -> Findings | int:
         found["compared"][name] = worst([comparison.compared(ops, case) for case in rows])
     found["bilinear"] = bilinear(ops, say, quick=options.quick)
     if options.timing:
-        found["timing"] = timed(say)
+        found["timing"] = timed(say, options.out / "ida.svg")
     return Findings(numbers=found, text=tables(found))
 
 
 if __name__ == "__main__":
-    command = Command(__file__, __doc__, quick="one motion at 0.5 g")
+    command = Command(__file__, __doc__, quick="one motion at 0.5 g", out=True)
     command.parser.add_argument(
         "--timing", action="store_true", help="the analyses of 300 runs, too: half an hour"
     )
