@@ -62,7 +62,8 @@ that is off; other words are the optional dependencies of `pyproject.toml`. A re
 unknown: the command refuses it. The licence of mrwork itself is in `LICENSE`.
 
 Two optional dependencies are not in the table, because no check installs them. `arviz-plots`, of the extra of that
-name, is Apache-2.0. With `openseespy`, of the extra `opensees`, tests compare an exported damper, a study a frame. Its metadata declare:
+name, is Apache-2.0. With `openseespy`, of the extra `opensees`, tests compare an exported damper, a study a frame. Its
+metadata declare:
 "OpenSeesPy is free for research, education, and internal use. Commercial redistribution of OpenSeesPy, such as, but not
 limited to, an application or cloud-based service that uses import openseespy, requires a license similar to that
 required for commercial redistribution of OpenSees.exe." That is no open source licence. The text that
