@@ -57,47 +57,61 @@ pub(super) fn round(
         let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
         groups.entry((steps, samples, pattern(run))).or_default().push(run);
     }
-    let mut results = Vec::with_capacity(pending.len());
-    for ((steps, samples, _), mut runs) in groups {
+    let width = set.middle_width();
+    let full: usize = groups.values().map(|runs| runs.len().div_ceil(width)).sum();
+    // Blocks are cut finer only where there are fewer than threads: a block takes as long with half of its lanes.
+    let finer = threads.div_ceil(full.max(1));
+    let mut cut: Vec<Cut<'_>> = Vec::with_capacity(full * finer);
+    for (&(steps, samples, _), runs) in &mut groups {
         // Runs under the same motion share a block where possible, and those of one realisation of the building.
         runs.sort_by_key(|&run| (batch.runs[run].motion, batch.runs[run].springs));
-        let width = set.middle_width();
-        let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
-        let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
-        for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
-            let work: Vec<(&[usize], Vec<Vec<f64>>)> =
-                blocks.iter().map(|&runs| (runs, output.lend(runs))).collect();
-            let done = on_threads(threads, work, |(runs, mut rows): (&[usize], Vec<Vec<f64>>)| {
-                let motion = |run: &usize| &batch.motions[batch.runs[*run].motion as usize];
-                let block = Block {
-                    batch,
-                    runs,
-                    motions: runs.iter().map(motion).collect(),
-                    n_samples: samples,
-                    steps,
-                    stop: settings.stop,
-                };
-                let width = history_width(batch.building);
-                let mut histories: Vec<HistoryRows<'_>> =
-                    rows.iter_mut().map(|rows| HistoryRows { rows, width }).collect();
-                let respond = Respond { set, block: &block, histories: &mut histories };
-                (runs, visit(damper.spec().name, respond), rows)
-            })?;
-            if (settings.stop)() {
-                return Err(DynamicsError::Cancelled);
-            }
-            for (runs, lanes, rows) in done {
-                let lanes = lanes.ok_or(DynamicsError::UnknownDevice(damper.spec().name))?;
-                output.take_back(runs, rows);
-                for (&run, mut lane) in runs.iter().zip(lanes) {
-                    output.row(run).copy_from_slice(&lane.row);
-                    lane.row = Vec::new();
-                    results.push((run, steps, lane));
-                }
+        let n_blocks = (runs.len().div_ceil(width) * finer).min(runs.len());
+        let blocks = runs.chunks(runs.len().div_ceil(n_blocks).min(width));
+        cut.extend(blocks.map(|runs| Cut { runs, steps, samples }));
+    }
+    // Those that take longest come first, so that no thread waits for one at the end.
+    cut.sort_by_key(|block| core::cmp::Reverse(block.samples * block.steps as usize));
+    let mut results = Vec::with_capacity(pending.len());
+    for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
+        let work: Vec<(&Cut<'_>, Vec<Vec<f64>>)> =
+            blocks.iter().map(|block| (block, output.lend(block.runs))).collect();
+        let done = on_threads(threads, work, |(cut, mut rows): (&Cut<'_>, Vec<Vec<f64>>)| {
+            let motion = |run: &usize| &batch.motions[batch.runs[*run].motion as usize];
+            let block = Block {
+                batch,
+                runs: cut.runs,
+                motions: cut.runs.iter().map(motion).collect(),
+                n_samples: cut.samples,
+                steps: cut.steps,
+                stop: settings.stop,
+            };
+            let width = history_width(batch.building);
+            let mut histories: Vec<HistoryRows<'_>> =
+                rows.iter_mut().map(|rows| HistoryRows { rows, width }).collect();
+            let respond = Respond { set, block: &block, histories: &mut histories };
+            (cut, visit(damper.spec().name, respond), rows)
+        })?;
+        if (settings.stop)() {
+            return Err(DynamicsError::Cancelled);
+        }
+        for (cut, lanes, rows) in done {
+            let lanes = lanes.ok_or(DynamicsError::UnknownDevice(damper.spec().name))?;
+            output.take_back(cut.runs, rows);
+            for (&run, mut lane) in cut.runs.iter().zip(lanes) {
+                output.row(run).copy_from_slice(&lane.row);
+                lane.row = Vec::new();
+                results.push((run, cut.steps, lane));
             }
         }
     }
     Ok(results)
+}
+
+/// Runs of a block, with their steps per sample and their number of samples.
+struct Cut<'a> {
+    runs: &'a [usize],
+    steps: u32,
+    samples: usize,
 }
 
 impl Output<'_> {
