@@ -50,13 +50,18 @@ def with_storeys_that_yield(
     Raises
     ------
     SettingError
-        If both or neither of drift and shear are given, or the building is no chain of floors on springs.
+        If both or neither of drift and shear are given, the storeys yield already, or the building is no chain of
+        floors on springs.
     """
     stiffnesses = building.storey_stiffnesses
     if not stiffnesses.size:
         raise SettingError(
             f"{building.name} is no chain of floors, each on the spring of its storey, so that its matrices do not say "
             "what a storey carries; give masses and stiffnesses, or the elements themselves, as [[building.element]]"
+        )
+    if any(each.in_stiffness for each in building.elements):
+        raise SettingError(
+            f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
     if (yield_drift is None) is (yield_shear is None):
         raise SettingError("give either yield_drift or yield_shear, which follow from each other")
@@ -231,12 +236,12 @@ def pushover(
     number of the floor where heights are not known). The loops of elements follow the push, weights act where the
     building has P-delta; dampers and damping take no part. By default the roof goes to 4 % of the height of the
     building; where heights are not known to eight times the displacement at which the first storey yields, or where
-    none does to that under its weight as force.
+    none does to that under its weight as force. It ends before where weights leave the frame no shear.
 
     Raises
     ------
     SettingError
-        If the floors are no chain.
+        If the floors are no chain, or the steps too long.
     """
     drifts, floors = building.drifts, building.floors
     if not building.unit_drifts.any():
@@ -268,28 +273,37 @@ def pushover(
     path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
 
     def slopes(w: Floats, signs: Floats) -> Floats:
-        return np.asarray(loops[:, 1] * (1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]))
+        rising = 1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]
+        # Storeys that have yielded without any stiffness would be a mechanism.
+        return np.asarray(loops[:, 1] * np.maximum(rising, _FLAT))
 
     for _ in range(steps):
         # A loop that turns back within a step unloads with its initial stiffness.
         for _ in range(_TURNS):
-            middle = w
+            middle, first = w, slopes(w, signs)
             for _ in range(2):
                 slope = slopes(middle, signs)
                 tangent = stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows
                 unit = np.linalg.solve(tangent, force)
                 moved = unit * (goal / steps / float(top @ unit))
-                middle = w + 0.5 * slope * (rows @ moved)
+                middle = np.clip(w + 0.5 * slope * (rows @ moved), -1.0, 1.0)
             turned = np.sign(rows @ moved)
             if (turned == signs).all():
                 break
             signs = turned
+        if np.abs(first * (rows @ moved)).max(initial=0.0) > _LONGEST:
+            raise SettingError(
+                f"{building.name}: {counted(steps, 'step')} to {goal:g} m at the roof are too long for the drifts "
+                "at which its storeys yield; give more `steps`, or a smaller `roof`"
+            )
         q, w = q + moved, np.clip(w + slope * (rows @ moved), -1.0, 1.0)
         load += goal / steps / float(top @ unit)
         drift = drifts @ q
         # The frame carries what the weight on it adds.
         shear = units @ (stiffness @ q + rows.T @ (loops[:, 0] * w) + geometric @ q)
         path.append((float(top @ q), load, drift, shear))
+        if load <= 0.0:
+            break
     columns: list[Any] = [np.array(column) for column in zip(*path, strict=True)]
     return Pushover(
         name=building.name,
@@ -320,4 +334,6 @@ _FAR: Final = 0.04
 _DUCTILE: Final = 8.0
 _SHOWN: Final = 13
 _TURNS: Final = 4
+# Slope of a loop that has yielded, over the initial one, and longest step of one that has not, in yield displacements.
+_FLAT, _LONGEST = 1e-9, 1.0
 _MOST_STEPS: Final = 100_000
