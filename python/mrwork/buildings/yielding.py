@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
@@ -241,7 +242,7 @@ def pushover(
     Raises
     ------
     SettingError
-        If the floors are no chain, or the steps too long.
+        If the floors are no chain, or storeys yield at drifts too small for the push.
     """
     drifts, floors = building.drifts, building.floors
     if not building.unit_drifts.any():
@@ -277,27 +278,34 @@ def pushover(
         # Storeys that have yielded without any stiffness would be a mechanism.
         return np.asarray(loops[:, 1] * np.maximum(rising, _FLAT))
 
-    for _ in range(steps):
+    fastest = max(
+        (1.0 / each.yield_displacement for each in building.elements if each.yield_force > 0.0), default=0.0
+    )
+    parts = max(1, math.ceil(2.0 * goal / steps * fastest)) if goal * fastest < _MOST_STEPS else _MOST_STEPS
+    if steps * parts > _MOST_STEPS:
+        raise SettingError(
+            f"{building.name} yields at {1e3 / fastest:.3g} mm, and a push to {goal:g} m is too long for that; give a "
+            "smaller `roof`"
+        )
+    ahead = goal / (steps * parts)
+    for part in range(1, steps * parts + 1):
         # A loop that turns back within a step unloads with its initial stiffness.
         for _ in range(_TURNS):
-            middle, first = w, slopes(w, signs)
+            middle = w
             for _ in range(2):
                 slope = slopes(middle, signs)
                 tangent = stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows
                 unit = np.linalg.solve(tangent, force)
-                moved = unit * (goal / steps / float(top @ unit))
+                moved = unit * (ahead / float(top @ unit))
                 middle = np.clip(w + 0.5 * slope * (rows @ moved), -1.0, 1.0)
             turned = np.sign(rows @ moved)
             if (turned == signs).all():
                 break
             signs = turned
-        if np.abs(first * (rows @ moved)).max(initial=0.0) > _LONGEST:
-            raise SettingError(
-                f"{building.name}: {counted(steps, 'step')} to {goal:g} m at the roof are too long for the drifts "
-                "at which its storeys yield; give more `steps`, or a smaller `roof`"
-            )
         q, w = q + moved, np.clip(w + slope * (rows @ moved), -1.0, 1.0)
-        load += goal / steps / float(top @ unit)
+        load += ahead / float(top @ unit)
+        if part % parts and load > 0.0:
+            continue
         drift = drifts @ q
         # The frame carries what the weight on it adds.
         shear = units @ (stiffness @ q + rows.T @ (loops[:, 0] * w) + geometric @ q)
@@ -334,6 +342,6 @@ _FAR: Final = 0.04
 _DUCTILE: Final = 8.0
 _SHOWN: Final = 13
 _TURNS: Final = 4
-# Slope of a loop that has yielded, over the initial one, and longest step of one that has not, in yield displacements.
-_FLAT, _LONGEST = 1e-9, 1.0
+# Slope of a loop that has yielded, over the initial one.
+_FLAT: Final = 1e-9
 _MOST_STEPS: Final = 100_000
