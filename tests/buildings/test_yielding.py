@@ -149,6 +149,19 @@ def test_a_push_begins_with_the_elastic_frame_and_reaches_what_is_asked_for() ->
     np.testing.assert_allclose(found.shears[:, 1], found.base_shear * force[1], rtol=2e-3, atol=10.0)
 
 
+@pytest.mark.parametrize("weighs", [False, True])
+def test_a_frame_without_stiffness_after_yield_ends_at_its_strength_or_falls(weighs: bool) -> None:
+    tall = of.shear_building(name="tall", masses=[5e4] * 10, stiffnesses=[6e7] * 10, heights=[3.5] * 10)
+    plastic = of.with_storeys_that_yield(tall, yield_drift=0.02, post_yield_ratio=0.0)
+    found = of.pushover(of.with_p_delta(plastic) if weighs else plastic, pattern="uniform")
+    strength = 6e7 * 0.02
+    assert found.base_shear.max() == pytest.approx(strength, rel=0.1 if weighs else 1e-6)
+    # It falls where the weight on the lowest storey overturns what that carries.
+    falls = strength * 3.5 / (5e5 * 9.80665)
+    assert found.drifts[-1, 0] == pytest.approx(falls if weighs else 0.04 * 35.0 - 0.018 * 9, rel=0.1)
+    assert (found.base_shear[-1] <= 0.0) == weighs
+
+
 def test_shears_and_springs_are_those_of_the_storeys_also_with_additions() -> None:
     braced = of.with_brace(frame(), storey=1, stiffness=1e8, mass=10.0)
     tuned = of.with_tuned_mass(braced, floor=2, mass=500.0, frequency=2.0, ratio=0.1)
@@ -173,3 +186,7 @@ def test_frames_that_cannot_yield_or_stand_are_refused(refused: Refused) -> None
     refused(replace, bare, loads=np.array([1.0, 1.0]))
     refused(replace, bare, drift_limit=0.01)
     refused(of.system_of, of.with_p_delta(frame()))
+    refused(of.with_storeys_that_yield, yielding(), yield_drift=0.01)
+    refused(of.pushover, of.with_storeys_that_yield(frame(), yield_drift=1e-6))
+    one = of.shear_building(name="one", masses=[1e4], stiffnesses=[1e7], heights=[4.0])
+    refused(of.with_rayleigh_damping, one, ratios=(0.02, 0.02))

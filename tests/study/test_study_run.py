@@ -476,6 +476,9 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
         assert bars["structure"] > run.storey_energy.sum() > 0.0
     (said,) = [each for each in findings(results) if "drift limit" in each]
     assert said.startswith("The drift limit of 0.01 % is ")
+    assert any("still moves at the end of 2 of 2 motions" in each for each in findings(results))
+    still = {key: run.with_numbers(kinetic_energy=0.0) for key, run in results.runs.items()}
+    assert not any("still moves" in each for each in findings(replace(results, runs=still)))
     # A run that diverges exceeds the limit, as a frame that collapses.
     fallen = replace(results.runs[0, 0], outcome="diverged")
     results = replace(results, runs={**results.runs, (0, 0): fallen})

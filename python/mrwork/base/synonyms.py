@@ -64,7 +64,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "tuned_mass": "tmd tuned_mass_damper mass_damper pendulum",
     "liquid_column": "tlcd tuned_liquid_column_damper liquid_damper tuned_liquid_damper tld",
     "brace": "bracing chevron k_brace brace_stiffness",
-    "yield_force": "fy qd characteristic_strength yield_strength yield_load",
+    "characteristic_strength yield_force": "fy qd characteristic_strength yield_strength yield_load",
     "yield_displacement": "dy uy yield_deformation yield_drift",
     "slip_load": "slip_force friction_force friction_load",
     "post_yield_ratio": "hardening hardening_ratio strain_hardening post_yield_stiffness_ratio post_yield_stiffness",

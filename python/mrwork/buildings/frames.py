@@ -250,7 +250,11 @@ def with_rayleigh_damping(
     if len(set(modes)) != 2 or not all(1 <= mode <= omega.size for mode in modes):
         raise SettingError(
             f"building {building.name}: Rayleigh damping in modes {modes[0]} and {modes[1]}; "
-            f"name two different modes from 1 to {omega.size}"
+            + (
+                f"name two different modes from 1 to {omega.size}"
+                if omega.size > 1
+                else "of one mode give modal damping"
+            )
         )
     low, high = (float(omega[mode - 1]) for mode in modes)
     if min(low, high) <= 0.0 or np.isclose(low, high, rtol=1e-9):

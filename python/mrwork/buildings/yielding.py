@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
@@ -50,13 +51,18 @@ def with_storeys_that_yield(
     Raises
     ------
     SettingError
-        If both or neither of drift and shear are given, or the building is no chain of floors on springs.
+        If both or neither of drift and shear are given, the storeys yield already, or the building is no chain of
+        floors on springs.
     """
     stiffnesses = building.storey_stiffnesses
     if not stiffnesses.size:
         raise SettingError(
             f"{building.name} is no chain of floors, each on the spring of its storey, so that its matrices do not say "
             "what a storey carries; give masses and stiffnesses, or the elements themselves, as [[building.element]]"
+        )
+    if any(each.in_stiffness for each in building.elements):
+        raise SettingError(
+            f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
     if (yield_drift is None) is (yield_shear is None):
         raise SettingError("give either yield_drift or yield_shear, which follow from each other")
@@ -231,12 +237,12 @@ def pushover(
     number of the floor where heights are not known). The loops of elements follow the push, weights act where the
     building has P-delta; dampers and damping take no part. By default the roof goes to 4 % of the height of the
     building; where heights are not known to eight times the displacement at which the first storey yields, or where
-    none does to that under its weight as force.
+    none does to that under its weight as force. It ends before where weights leave the frame no shear.
 
     Raises
     ------
     SettingError
-        If the floors are no chain.
+        If the floors are no chain, or storeys yield at drifts too small for the push.
     """
     drifts, floors = building.drifts, building.floors
     if not building.unit_drifts.any():
@@ -268,9 +274,21 @@ def pushover(
     path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
 
     def slopes(w: Floats, signs: Floats) -> Floats:
-        return np.asarray(loops[:, 1] * (1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]))
+        rising = 1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]
+        # Storeys that have yielded without any stiffness would be a mechanism.
+        return np.asarray(loops[:, 1] * np.maximum(rising, _FLAT))
 
-    for _ in range(steps):
+    fastest = max(
+        (1.0 / each.yield_displacement for each in building.elements if each.yield_force > 0.0), default=0.0
+    )
+    parts = max(1, math.ceil(2.0 * goal / steps * fastest)) if goal * fastest < _MOST_STEPS else _MOST_STEPS
+    if steps * parts > _MOST_STEPS:
+        raise SettingError(
+            f"{building.name} yields at {1e3 / fastest:.3g} mm, and a push to {goal:g} m is too long for that; give a "
+            "smaller `roof`"
+        )
+    ahead = goal / (steps * parts)
+    for part in range(1, steps * parts + 1):
         # A loop that turns back within a step unloads with its initial stiffness.
         for _ in range(_TURNS):
             middle = w
@@ -278,18 +296,22 @@ def pushover(
                 slope = slopes(middle, signs)
                 tangent = stiffness + rows.T @ np.diag(loops[:, 0] * slope) @ rows
                 unit = np.linalg.solve(tangent, force)
-                moved = unit * (goal / steps / float(top @ unit))
-                middle = w + 0.5 * slope * (rows @ moved)
+                moved = unit * (ahead / float(top @ unit))
+                middle = np.clip(w + 0.5 * slope * (rows @ moved), -1.0, 1.0)
             turned = np.sign(rows @ moved)
             if (turned == signs).all():
                 break
             signs = turned
         q, w = q + moved, np.clip(w + slope * (rows @ moved), -1.0, 1.0)
-        load += goal / steps / float(top @ unit)
+        load += ahead / float(top @ unit)
+        if part % parts and load > 0.0:
+            continue
         drift = drifts @ q
         # The frame carries what the weight on it adds.
         shear = units @ (stiffness @ q + rows.T @ (loops[:, 0] * w) + geometric @ q)
         path.append((float(top @ q), load, drift, shear))
+        if load <= 0.0:
+            break
     columns: list[Any] = [np.array(column) for column in zip(*path, strict=True)]
     return Pushover(
         name=building.name,
@@ -320,4 +342,6 @@ _FAR: Final = 0.04
 _DUCTILE: Final = 8.0
 _SHOWN: Final = 13
 _TURNS: Final = 4
+# Slope of a loop that has yielded, over the initial one.
+_FLAT: Final = 1e-9
 _MOST_STEPS: Final = 100_000

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.base.numbers import NOTHING, significant
+from mrwork.base.numbers import NOTHING, counted, significant
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
@@ -18,6 +18,8 @@ from mrwork.study.results import BuildingFacts, StudyResults
 _SMALL, _MOST = 0.1, 0.3
 # What is of storeys that yield: at the end of a motion others still move.
 _OF_YIELD = ("storey_energy", "residual_drift")
+# Swing of a storey at the end of a motion, over its yield drift, up to which its drift there is a residual one.
+_AT_REST = 0.05
 # Storeys of a table.
 _MOST_STOREYS = 30
 
@@ -129,6 +131,7 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
     yield from _stability_in_words(results, facts)
+    yield from _motion_left_in_words(results, facts)
 
 
 def _peak_ratios(results: StudyResults, facts: BuildingFacts, row: int) -> Floats | None:
@@ -165,4 +168,23 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
         yield (
             f"P-delta is left out, and the stability coefficient reaches {significant(coefficient, 2)} with {label}, "
             f"above {_SMALL:g}: give p_delta = true in [building]."
+        )
+
+
+def _motion_left_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
+    if not facts.yield_drifts:
+        return
+    # That of the first mode with this kinetic energy, spread over the storeys.
+    per_speed = facts.periods[0] / (2.0 * np.pi * len(facts.yield_drifts))
+    swings = []
+    for motion in results.judged_motions:
+        runs = (results.runs.get((row, motion)) for row in range(len(results.rows)))
+        energies = [run.kinetic_energy for run in runs if run is not None and run.finished]
+        swings.append(per_speed * np.sqrt(2.0 * max(energies, default=0.0) / sum(facts.masses)))
+    moving = np.array(swings) > _AT_REST * min(facts.yield_drifts)
+    if moving.any():
+        yield (
+            f"The frame still moves at the end of {int(moving.sum())} of {counted(moving.size, 'motion')}, by up to "
+            f"{significant(1e3 * max(swings), 2)} mm a storey, which its residual drifts contain: give the motions "
+            "rest, as rest = 20."
         )
