@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw, values
+from mrwork.closed_loop import SCORE, Scales, UserLaw, values
 from studies.common.arrays import Floats
 
 PEAKS = ("peak_drift", "peak_acceleration")
@@ -33,5 +33,5 @@ def criteria(
 ) -> Floats:
     """The criteria of the score of each candidate under each motion, shape (n_candidates, n_motions, 4)."""
     responses = mr.simulate_loop(building, devices, law, motions, hardware, nominal=nominal, threads=threads)
-    judged = values(responses, weight=building.total_mass * STANDARD_GRAVITY)
+    judged = values(responses, Scales.of(building))
     return np.stack([judged[name].reshape(-1, len(motions)) for name in SCORE], axis=-1)

@@ -14,6 +14,7 @@ from .user_law import UserLaw as UserLaw
 if True:  # the lower tier
     from .evaluation import SCORE as SCORE
     from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
+    from .evaluation import Scales as Scales
     from .evaluation import criterion as criterion
     from .evaluation import ratio as ratio
     from .evaluation import score as score
