@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,19 +12,19 @@ import numpy as np
 from mrwork.buildings import Building, building, shear_building, with_rayleigh_damping
 from mrwork.closed_loop import STANDARD_GRAVITY, Device
 from mrwork.control import (
+    DesignCase,
     DesignedWeights,
     LoopTiming,
     Plant,
     SemiActiveCondition,
     WeightDesigner,
     accelerations,
-    damper_cases,
     design_weights,
     drifts,
     inverse_weights,
     plant_of,
     regulator_of_outputs,
-    soil_cases,
+    sine_force,
     stiffness_cases,
 )
 from mrwork.motions import CloughPenzien, KanaiTajimi
@@ -119,6 +119,36 @@ def drawn_pair(draws: int) -> Device:
     return replace(nominal, theta=np.array(nominal.theta) * (1.0 + 0.05 * scatter))
 
 
+def soil_cases(bare: Building, spectra: Sequence[KanaiTajimi]) -> tuple[DesignCase, ...]:
+    """The building under each spectrum."""
+    return tuple(
+        DesignCase(name=f"{spectrum.name} {number + 1}", building=bare, spectrum=spectrum)
+        for number, spectrum in enumerate(spectra)
+    )
+
+
+def damper_cases(
+    bare: Building, device: Device, *, amplitude: float, frequency: float
+) -> tuple[DesignCase, ...]:
+    """The building with the dampers at zero command as springs and dashpots, for up to 8 draws of their parameters.
+
+    The force at zero command is replaced by `k x + c v` of the same work and the same force at the largest displacement
+    in a sinusoid of this amplitude [m] and frequency [Hz] (equivalent linearisation). Budgets are then of the force
+    beyond it.
+    """
+    n_draws, w = len(device.draws), 2.0 * np.pi * frequency
+    cases = []
+    for draw in np.unique(np.linspace(0, n_draws - 1, min(8, n_draws)).round().astype(int)):
+        force = sine_force(replace(device, theta=device.draws[draw]), amplitude, amplitude * w, 0.0)
+        force, phase = force - force.mean(), 2.0 * np.pi * np.arange(force.size) / force.size
+        k = max(2.0 * float(np.mean(force * np.sin(phase))) / amplitude, 0.0)
+        c = max(2.0 * float(np.mean(force * np.cos(phase))) / (amplitude * w), 0.0)
+        across = np.outer(device.row, device.row)
+        drawn = replace(bare, stiffness=bare.stiffness + k * across, damping=bare.damping + c * across)
+        cases.append(DesignCase(name=f"draw {draw + 1} of the dampers", building=drawn))
+    return tuple(cases)
+
+
 def extensions(*, quick: bool) -> Iterator[tuple[str, dict[str, Any]]]:
     """Each extension on the five storeys, beside the plain design."""
     bare = frame(5)
@@ -131,7 +161,7 @@ def extensions(*, quick: bool) -> Iterator[tuple[str, dict[str, Any]]]:
         "plain": {},
         "stiffness +-25 %": {"cases": stiffness_cases(bare)},
         "three soils": {"cases": soil_cases(bare, soils)},
-        "draws of the dampers": {"cases": damper_cases(bare, [drawn_pair(5)], amplitude=4e-3, frequency=3.0)},
+        "draws of the dampers": {"cases": damper_cases(bare, drawn_pair(5), amplitude=4e-3, frequency=3.0)},
         "Clough-Penzien": {"spectrum": CloughPenzien()},
         "sampled, 1 ms": {"timing": LoopTiming()},
         "driver 190 1/s": {"timing": LoopTiming(driver_rate=190.0)},

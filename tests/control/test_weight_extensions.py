@@ -16,13 +16,12 @@ from mrwork.control import (
     DesignedWeights,
     LoopTiming,
     SemiActiveCondition,
-    damper_cases,
     design_weights,
-    soil_cases,
     stiffness_cases,
 )
 from mrwork.errors import MrworkError
 from mrwork.motions import KanaiTajimi
+from studies.controller_weights.designs import damper_cases, soil_cases
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
 BUDGET = 900.0
@@ -65,7 +64,7 @@ def test_soils_and_draws_of_dampers_are_cases() -> None:
         largest_command=1.88,
         differential=True,
     )
-    cases = damper_cases(FRAME, [device], amplitude=4e-3, frequency=3.0)
+    cases = damper_cases(FRAME, device, amplitude=4e-3, frequency=3.0)
     added = [case.building.damping[0, 0] - FRAME.damping[0, 0] for case in cases]
     # The dashpot of the published set at zero current is 1232 N s/m; tanh adds friction.
     assert len(cases) == 3

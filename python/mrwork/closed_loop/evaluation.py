@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
+from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building
@@ -23,8 +24,8 @@ from mrwork.store.codec import OrNan
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
 
-@array_dataclass()
-class Scales:
+@array_dataclass(repr=False)
+class Scales(Summarised):
     """What numbers of a run are divided by: the weight of the building [N], and numbers of its storeys, lowest first.
 
     These are heights [m], drifts at which storeys yield [m], and weights on the storeys [N] with P-delta, shape

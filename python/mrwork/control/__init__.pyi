@@ -50,8 +50,7 @@ if True:  # the lower tier
     from .linear.plant import stack_outputs as stack_outputs
     from .weights.limits import DesignCase as DesignCase
     from .weights.limits import LoopTiming as LoopTiming
-    from .weights.limits import damper_cases as damper_cases
-    from .weights.limits import soil_cases as soil_cases
+    from .weights.limits import sine_force as sine_force
     from .weights.limits import stiffness_cases as stiffness_cases
     from .weights.weight_certificate import DesignedWeights as DesignedWeights
     from .weights.weight_solver import WeightDesigner as WeightDesigner

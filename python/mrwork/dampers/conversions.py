@@ -538,39 +538,24 @@ def _thin_loop(p: Values, scales: Scales, distance: float) -> Values:
 _NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
 
 NESTINGS: Mapping[str, Nesting] = {
-    "viscous_dahl": Nesting(
-        model="dahl",
-        shared=("k_w", "rho", "f0"),
-        near=lambda _, scales, distance: {"k_x": scales.force / scales.speed / distance},
-    ),
+    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"),
+        near=lambda _, scales, distance: {"k_x": scales.force / scales.speed / distance}),
     "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=_soft_bristles),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(
-        model="normalised_bouc_wen",
-        shared=_NORMALISED,
-        near=lambda _, scales, distance: {"g": 0.3 * scales.stroke / distance},
-    ),
-    "normalised_modified_bouc_wen": Nesting(
-        model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"), near=_series_dashpot
-    ),
-    "shear_thinning_modified_bouc_wen": Nesting(
-        model="normalised_modified_bouc_wen",
-        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"),
-        near=_no_thinning,
-    ),
-    "non_symmetric_bouc_wen": Nesting(
-        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("w_s")
-    ),
-    "non_symmetric_bouc_wen_displacement": Nesting(
-        model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("x_s")
-    ),
+    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
+        near=lambda _, scales, distance: {"g": 0.3 * scales.stroke / distance}),
+    "normalised_modified_bouc_wen": Nesting(model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"),
+        near=_series_dashpot),
+    "shear_thinning_modified_bouc_wen": Nesting(model="normalised_modified_bouc_wen",
+        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"), near=_no_thinning),
+    "non_symmetric_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=_small_shift("w_s")),
+    "non_symmetric_bouc_wen_displacement": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
+        near=_small_shift("x_s")),
     "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=_stiff_spring),
     "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=_stiff_series),
     "hyperbolic_tangent_gavin": Nesting(model="bingham", shared=("c0", "f0"), near=_narrow_loop),
     "hyperbolic_tangent_guo": Nesting(model="bingham", shared=("f0",), near=_narrow_tied_loop),
-    "static_hysteretic": Nesting(
-        model="hyperbolic_tangent_gavin", shared=("f0",), near=_side_of_displacement
-    ),
+    "static_hysteretic": Nesting(model="hyperbolic_tangent_gavin", shared=("f0",), near=_side_of_displacement),
     "polynomial_fitting": Nesting(model="bingham", shared=("f0",), near=_thin_loop),
-}
+}  # fmt: skip
 """The simpler model of each model that contains one."""

@@ -37,11 +37,6 @@ def write_page(
     on_progress
         Called with the progress.
 
-    Returns
-    -------
-    Path
-        The file.
-
     Raises
     ------
     RecordError

@@ -160,15 +160,6 @@ def warning_section(warnings: Sequence[str]) -> Section | None:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Absent:
-    """A section that a run does not have yet: its title, and the command that adds it with its description."""
-
-    title: str
-    description: str
-    command: str
-
-
 def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
     """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
     return Panel(
@@ -186,8 +177,10 @@ class SectionKind:
     """A section as `page.SECTIONS` lists it.
 
     `make` returns the section of a run and of its fit's tests, or `None` where the run has no data for it; the page
-    then shows `absent`, which names the command that adds it.
+    then names the `command` that adds it, if there is one, with the title of the section and what the command does.
     """
 
     make: Callable[[StoredRun, Sequence[Comparison]], Section | None]
-    absent: Absent | None = None
+    title: str = ""
+    command: str = ""
+    description: str = ""

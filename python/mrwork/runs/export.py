@@ -74,11 +74,6 @@ def export(
     replace
         Whether a file that is there is replaced.
 
-    Returns
-    -------
-    Path
-        The file.
-
     Raises
     ------
     SettingError

@@ -268,11 +268,8 @@ def arrangements(
     known = [each.row for each in arrangements_of_study]
     controllable = any(device.spec.follows_command for device in devices)
     if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
-        label = (
-            OPTIMAL_PASSIVE
-            if all(each.label != OPTIMAL_PASSIVE for each in known)
-            else f"{OPTIMAL_PASSIVE} (added)"
-        )
+        taken = any(each.label == OPTIMAL_PASSIVE for each in known)
+        label = f"{OPTIMAL_PASSIVE} (added)" if taken else OPTIMAL_PASSIVE
         row = Row(label=label, kind="best_passive", description="best_passive, added")
         made = make_arrangement(bare, row, building, devices, None)
         arrangements_of_study.insert(2, replace(made, added=True))

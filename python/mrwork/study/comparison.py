@@ -244,20 +244,6 @@ class StudyComparison(Summarised):
         better, worse = ", ".join(parts[False]), ", ".join(parts[True])
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
-    def scores_in_words(self) -> str:
-        """The lowest score of each rank; empty if there are no scores."""
-        parts = []
-        for rank, rows in self.ranks:
-            score = self.results.score(rows[0])
-            if rank.name != "uncontrolled" and math.isfinite(score):
-                parts.append(f"{small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
-        return (
-            f"lowest score of each kind over {judged_in_words(self.results)}, the dampers without a command being 1: "
-            f"{'; '.join(parts)}."
-            if parts
-            else ""
-        )
-
     @checked
     def worse_counts(self, reference: int) -> dict[str, int]:
         """How many control laws are worse than a reference, for each quantity."""
@@ -316,10 +302,8 @@ def constant_command(results: StudyResults, row: int) -> Floats | None:
     runs = [results.runs.get((row, motion)) for motion in range(len(results.motions))]
     if not (results.dampers and all(run is not None and run.finished for run in runs)):
         return None
-    means, rms = (
-        np.array([np.atleast_1d(getattr(run, name)) for run in runs])
-        for name in ("mean_current", "rms_current")
-    )
+    names = ("mean_current", "rms_current")
+    means, rms = (np.array([np.atleast_1d(getattr(run, name)) for run in runs]) for name in names)
     largest = np.array([device.largest_command for device in results.dampers])
     command = means.mean(axis=0)
     if (rms <= _CONSTANT * largest).all():

@@ -368,11 +368,6 @@ class Study(Summarised):
         replace
             Whether files of these names are replaced.
 
-        Returns
-        -------
-        Path
-            The file.
-
         Raises
         ------
         SettingError

@@ -290,16 +290,13 @@ def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:
 
 
 def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
+    places = None if study.table is None else study.table.places
     return {
         **fingerprint_of(study),
         "tune": [
             {each.name: getattr(table, each.name) for each in fields(table) if each.name != "place"}
             for table in tables
         ],
-        **(
-            {}
-            if study.table is None or study.table.places is None
-            else {"places": given_in(study.table.places)}
-        ),
+        **({} if places is None else {"places": given_in(places)}),
         "rng": rng,
     }

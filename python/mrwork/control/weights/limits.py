@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrwork.base.arguments import Count, Level, NotNegative, Positive, checked
+from mrwork.base.arguments import Level, NotNegative, Positive, checked
 from mrwork.base.keys import key, plain_values, refuse_repeated
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building, Device, elongation_rows
+from mrwork.buildings.matrices import Building, Device
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import InvalidSettingError, SettingError
@@ -264,72 +264,16 @@ def stiffness_cases(
     )
 
 
-@checked
-def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[DesignCase, ...]:
-    """The building under each spectrum."""
-    return tuple(
-        DesignCase(name=f"{spectrum.name} {number + 1}", building=building, spectrum=spectrum)
-        for number, spectrum in enumerate(spectra)
-    )
+def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:
+    """Force of all dampers of a device [N] over a cycle of this amplitude [m] and peak velocity [m/s], shape (400,).
 
-
-@checked
-def damper_cases(
-    building: Building,
-    devices: Sequence[Device],
-    *,
-    amplitude: Positive,
-    frequency: Positive,
-    spectrum: SpectralDensity | None = None,
-    most: Count = 8,
-) -> tuple[DesignCase, ...]:
-    """The building with the dampers at zero command as springs and dashpots, for draws of their parameters.
-
-    The force of a damper at zero command is replaced by `k x + c v` of the same work and the same force at the largest
-    displacement in a sinusoid of this amplitude [m] and frequency [Hz] (equivalent linearisation). Budgets are then of
-    the force beyond it. At most `most` draws are evenly taken from those of the devices.
+    It is the last of three cycles of a sinusoid at a constant command, from its middle on.
     """
-    rows = elongation_rows(building, devices)
-    n_draws = min(len(device.draws) for device in devices)
-    spectrum = KanaiTajimi() if spectrum is None else spectrum
-    chosen = np.unique(np.linspace(0, n_draws - 1, min(most, n_draws)).round().astype(int))
-    cases = []
-    for draw in chosen:
-        stiffness, damping = building.stiffness.copy(), building.damping.copy()
-        for device, row in zip(devices, rows, strict=True):
-            k, c = _linearise(device, device.draws[draw], amplitude, frequency)
-            stiffness += k * np.outer(row, row)
-            damping += c * np.outer(row, row)
-        cases.append(
-            DesignCase(
-                name=f"draw {draw + 1} of the dampers",
-                building=replace(building, stiffness=stiffness, damping=damping),
-                spectrum=spectrum,
-            )
-        )
-    return tuple(cases)
-
-
-def _linearise(device: Device, theta: Floats, amplitude: float, frequency: float) -> tuple[float, float]:
-    """Stiffness [N/m] and damping [N s/m] of all dampers of a device at zero command, over the last cycle of three."""
-    w = 2.0 * np.pi * frequency
-    phase, force = _sine_cycle(device, theta, amplitude, w, 0.0)
-    force = force - force.mean()
-    k = 2.0 * float(np.mean(force * np.sin(phase))) / amplitude
-    c = 2.0 * float(np.mean(force * np.cos(phase))) / (amplitude * w)
-    return max(k, 0.0), max(c, 0.0)
-
-
-def _sine_cycle(
-    device: Device, theta: Floats, amplitude: float, w: float, command: float
-) -> tuple[Floats, Floats]:
-    """Phase and force of all dampers of a device in a sinusoid at a constant command, over the last cycle of three."""
-    samples = 400
+    samples, w = 400, velocity / amplitude
     phase = 2.0 * np.pi * np.arange(3 * samples + 1) / samples
     x, v = amplitude * np.sin(phase), amplitude * w * np.cos(phase)
-    force = np.zeros_like(x)
+    force, current = np.zeros_like(x), device.spec.current
     for sign in (1.0, -1.0) if device.differential else (1.0,):
-        current = device.spec.current
         loading = Loading(
             dt=float(phase[1] / w),
             displacement=sign * x,
@@ -337,11 +281,5 @@ def _sine_cycle(
             command=None if current is None else command,
             command_unit=None if current is None else current.unit,
         )
-        force += sign * device.count * simulate_force(device.spec, theta, loading)
-    cycle = slice(2 * samples, 3 * samples)
-    return phase[cycle], force[cycle]
-
-
-def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:
-    """Force of all dampers of a device [N] over a cycle of this amplitude [m] and peak velocity [m/s], shape (400,)."""
-    return _sine_cycle(device, device.draws[0], amplitude, velocity / amplitude, command)[1]
+        force += sign * device.count * simulate_force(device.spec, device.draws[0], loading)
+    return force[2 * samples : 3 * samples]

@@ -13,7 +13,7 @@ from mrwork.drawing.of_bands import loop_figure
 from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit, name_of
 from mrwork.drawing.style import DisplayUnit
 from mrwork.report.fit.agreement import excitation
-from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
@@ -144,10 +144,8 @@ def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: Disp
 
 BANDS = SectionKind(
     make=_section,
-    absent=Absent(
-        title="Prediction bands",
-        command="mrwork calibrate RUN TESTS",
-        description="calibrates prediction bands from the errors of the fit on tests that it has not seen; without "
-        "TESTS the run's own tests are left out in turn.",
-    ),
+    title="Prediction bands",
+    command="mrwork calibrate RUN TESTS",
+    description="calibrates prediction bands from the errors of the fit on tests that it has not seen; without "
+    "TESTS the run's own tests are left out in turn.",
 )

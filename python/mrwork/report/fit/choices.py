@@ -17,7 +17,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import blank, grid_of_axes, name_ordinate, room_for
 from mrwork.drawing.of_tests import Comparison
-from mrwork.report.section import Absent, Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
@@ -128,21 +128,17 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
 
 RANKING = SectionKind(
     make=_models_section,
-    absent=Absent(
-        title="Choice of model",
-        command="mrwork identify TESTS --model all",
-        description="compares families of models on tests that their fits have not seen, and writes a run folder of "
-        "its own.",
-    ),
+    title="Choice of model",
+    command="mrwork identify TESTS --model all",
+    description="compares families of models on tests that their fits have not seen, and writes a run folder of "
+    "its own.",
 )
 LAWS = SectionKind(
     make=_laws_section,
-    absent=Absent(
-        title="Choice of current laws",
-        command="mrwork identify TESTS --law auto",
-        description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
-        "and writes a run folder of its own.",
-    ),
+    title="Choice of current laws",
+    command="mrwork identify TESTS --law auto",
+    description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
+    "and writes a run folder of its own.",
 )
 
 
@@ -242,9 +238,7 @@ def _draw_gains(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
 
 PLAN = SectionKind(
     make=_test_section,
-    absent=Absent(
-        title="Next test",
-        command="mrwork plan RUN",
-        description="ranks candidates for the next test by how much each would narrow a band.",
-    ),
+    title="Next test",
+    command="mrwork plan RUN",
+    description="ranks candidates for the next test by how much each would narrow a band.",
 )

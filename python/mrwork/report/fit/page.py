@@ -27,7 +27,6 @@ from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_figure, search_section
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import (
-    Absent,
     Group,
     OnDrawn,
     PageProgress,
@@ -76,7 +75,7 @@ def fit_page(
         before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
     tests = tests_section(run.fit, comparisons, every_test=every_test, before=before)
-    absent = [kind.absent for kind, section in made if section is None and kind.absent is not None]
+    absent = [kind for kind, section in made if section is None and kind.command]
     sections = [
         warning_section(run.fit.warnings),
         tests,
@@ -89,21 +88,16 @@ def fit_page(
     return page_html(fit_lead(run, comparisons), sections)
 
 
-def _absent_section(absent: Sequence[Absent]) -> Section | None:
+def _absent_section(absent: Sequence[SectionKind]) -> Section | None:
     if not absent:
         return None
+    prose = "RUN is the folder of this page. A command that takes RUN adds its section to the page."
+    facts = tuple((each.title, f"`{each.command}` {each.description}") for each in absent)
     return Section(
         anchor="absent",
         title="Not in this report yet",
         summary=f"{list_names([each.title[:1].lower() + each.title[1:] for each in absent], len(absent))}.",
-        groups=(
-            Group(
-                prose=(
-                    "RUN is the folder of this page. A command that takes RUN adds its section to the page.",
-                ),
-                facts=tuple((each.title, f"`{each.command}` {each.description}") for each in absent),
-            ),
-        ),
+        groups=(Group(prose=(prose,), facts=facts),),
     )
 
 

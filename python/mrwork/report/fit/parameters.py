@@ -16,7 +16,7 @@ from mrwork.drawing.of_fits import add_profile, shown_unit, with_unit
 from mrwork.drawing.of_tests import Comparison
 from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
 from mrwork.report.html import equation_html, symbol
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel
+from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profiles
 
@@ -242,9 +242,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
 
 PROFILES = SectionKind(
     make=_profiles_section,
-    absent=Absent(
-        title="Profile likelihood",
-        command="mrwork profile RUN",
-        description="computes an interval of each parameter by profile likelihood, open where the data set no bound.",
-    ),
+    title="Profile likelihood",
+    command="mrwork profile RUN",
+    description="computes an interval of each parameter by profile likelihood, open where the data set no bound.",
 )

@@ -16,7 +16,7 @@ from mrwork.drawing import style
 from mrwork.drawing.canvas import axes_between, name_small_axes, plain_ticks, small_axes
 from mrwork.drawing.of_fits import add_corner, label_corner
 from mrwork.drawing.of_tests import Comparison
-from mrwork.report.section import Absent, Group, Section, SectionKind, panel
+from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 
@@ -166,10 +166,8 @@ def _finish(axes: Axes, name: str, abscissa: str) -> None:
 
 POSTERIOR = SectionKind(
     make=_section,
-    absent=Absent(
-        title="Posterior",
-        command="mrwork sample RUN",
-        description="samples the posterior of the parameters: credible intervals, and pairs that the data cannot "
-        "distinguish.",
-    ),
+    title="Posterior",
+    command="mrwork sample RUN",
+    description="samples the posterior of the parameters: credible intervals, and pairs that the data cannot "
+    "distinguish.",
 )
