@@ -39,29 +39,16 @@ class CommandScale:
     is_signed: bool = False
 
 
-COMMAND_SCALES: Final[Mapping[CommandUnit, CommandScale]] = MappingProxyType(
-    {
-        "A": CommandScale(decimals=2, largest=1000.0),
-        "V": CommandScale(decimals=2, largest=1000.0),
-        "mm": CommandScale(decimals=2),
-        "in": CommandScale(decimals=3),
-        "deg": CommandScale(decimals=1),
-        "%": CommandScale(decimals=1),
-        "bar": CommandScale(decimals=2),
-        "psi": CommandScale(decimals=1),
-        "kPa": CommandScale(decimals=0),
-        "MPa": CommandScale(decimals=3),
-        "lb": CommandScale(decimals=1),
-        "degC": CommandScale(decimals=1, is_signed=True),
-        "degF": CommandScale(decimals=1, is_signed=True),
-        "K": CommandScale(decimals=1),
-        "rpm": CommandScale(decimals=0),
-        "Hz": CommandScale(decimals=2),
-        "T": CommandScale(decimals=3),
-        "mT": CommandScale(decimals=0),
-        "W": CommandScale(decimals=1),
-    }
-)
+COMMAND_SCALES: Final[Mapping[CommandUnit, CommandScale]] = MappingProxyType({
+    "A": CommandScale(decimals=2, largest=1000.0), "V": CommandScale(decimals=2, largest=1000.0),
+    "mm": CommandScale(decimals=2), "in": CommandScale(decimals=3),
+    "deg": CommandScale(decimals=1), "%": CommandScale(decimals=1),
+    "bar": CommandScale(decimals=2), "psi": CommandScale(decimals=1),
+    "kPa": CommandScale(decimals=0), "MPa": CommandScale(decimals=3), "lb": CommandScale(decimals=1),
+    "degC": CommandScale(decimals=1, is_signed=True), "degF": CommandScale(decimals=1, is_signed=True),
+    "K": CommandScale(decimals=1), "rpm": CommandScale(decimals=0), "Hz": CommandScale(decimals=2),
+    "T": CommandScale(decimals=3), "mT": CommandScale(decimals=0), "W": CommandScale(decimals=1),
+})  # fmt: skip
 """Each unit of a command."""
 
 OTHER_COMMAND_UNITS: Final[tuple[CommandUnit, ...]] = tuple(

@@ -158,17 +158,9 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     ranges = half_ranges(tests)
     stroke, speed, force = ranges.stroke, ranges.speed, ranges.force
     scales = {
-        "N s/m": force / speed,
-        "N s2/m2": force / speed**2,
-        "N/m": force / stroke,
-        "N": force,
-        "m": stroke,
-        "1/m": 1 / stroke,
-        "s/m": 1 / speed,
-        "m/s": speed,
-        "1/s": speed / stroke,
-        "1": 1.0,
-    }
+        "N s/m": force / speed, "N s2/m2": force / speed**2, "N/m": force / stroke, "N": force, "m": stroke,
+        "1/m": 1 / stroke, "s/m": 1 / speed, "m/s": speed, "1/s": speed / stroke, "1": 1.0,
+    }  # fmt: skip
     narrowed: dict[str, tuple[float, float]] = {}
     for index, parameter in enumerate(spec.parameters):
         multiples = (_POSITIVE if parameter.scale == "log" else _SIGNED).get(parameter.unit)

@@ -181,14 +181,19 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 @checked
 def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     """Scale a motion to the peak ground acceleration `peak` [m/s^2]."""
-    if not peak > 0.0:
+    return scaled_level(motion, motion.peak, peak, "a peak")
+
+
+def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -> GroundMotion:
+    """Scale a motion of which an intensity, in these words, was `found` to another value of it [m/s^2]."""
+    if not value > 0.0:
         raise SettingError(
-            f"ground motion {motion.name}: a peak of {peak} m/s2 was requested; give a positive one"
+            f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"
         )
-    if motion.peak == 0.0:
-        raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to a peak")
-    change = f"scaled from a peak of {motion.peak:.6g} to {peak:.6g} m/s2"
-    return replace_samples(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
+    if found == 0.0:
+        raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
+    change = f"scaled from {words} of {found:.6g} to {value:.6g} m/s2"
+    return replace_samples(motion, motion.acceleration * (value / found), motion.dt, change)
 
 
 @checked

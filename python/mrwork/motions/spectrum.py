@@ -17,7 +17,7 @@ from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled
+from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled, scaled_level
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import SpectrumPlots
@@ -202,15 +202,7 @@ def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> I
 
 def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundMotion:
     """Scale a motion of which the intensity was `found` to another value of it [m/s^2]."""
-    words = "a peak" if found.measure == "pga" else found.name
-    if not value > 0.0:
-        raise SettingError(
-            f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"
-        )
-    if found.value == 0.0:
-        raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
-    change = f"scaled from {words} of {found.value:.6g} to {value:.6g} m/s2"
-    return replace_samples(motion, motion.acceleration * (value / found.value), motion.dt, change)
+    return scaled_level(motion, found.value, value, "a peak" if found.measure == "pga" else found.name)
 
 
 @checked

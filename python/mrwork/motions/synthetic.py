@@ -279,11 +279,8 @@ USUAL_SOILS: Final[tuple[Soil, ...]] = ("firm", "medium", "soft")
 """Soils of a suite where none are given."""
 # Frequency [rad/s] and damping of the ground, of which the second filter follows.
 _GROUND: Final[dict[Soil, tuple[float, float]]] = {
-    "firm": (15.0, 0.6),
-    "medium": (10.0, 0.4),
-    "soft": (5.0, 0.2),
-    "rock": (30.0, 0.6),
-}
+    "firm": (15.0, 0.6), "medium": (10.0, 0.4), "soft": (5.0, 0.2), "rock": (30.0, 0.6),
+}  # fmt: skip
 _LONGEST, _LONGEST_WITH_PULSE = 30.0, 15.0
 _LONGEST_PERIOD = 5.0
 

@@ -41,13 +41,9 @@ from mrwork.files.named_columns import (
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
 _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
-    "time": "t_s",
-    "displacement": "displacement_mm",
-    "velocity": "velocity_mps",
-    "force": "force_N",
-    "current": "current_A",
-    "voltage": "voltage_V",
-}
+    "time": "t_s", "displacement": "displacement_mm", "velocity": "velocity_mps", "force": "force_N",
+    "current": "current_A", "voltage": "voltage_V",
+}  # fmt: skip
 
 
 COMMAND: Final = "command"

@@ -36,13 +36,9 @@ if TYPE_CHECKING:
     from mrwork.base.plotted import TestPlots
 
 RANGES: Final = {
-    "delay_seconds": (-1e6, 1e6, "s"),
-    "lag_seconds": (0.0, 1e6, "s"),
-    "lowpass_hz": (1e-3, 1e6, "Hz"),
-    "average_seconds": (0.0, 1e6, "s"),
-    "gain": (-1e6, 1e6, ""),
-    "offset": (-1e9, 1e9, "N"),
-}
+    "delay_seconds": (-1e6, 1e6, "s"), "lag_seconds": (0.0, 1e6, "s"), "lowpass_hz": (1e-3, 1e6, "Hz"),
+    "average_seconds": (0.0, 1e6, "s"), "gain": (-1e6, 1e6, ""), "offset": (-1e9, 1e9, "N"),
+}  # fmt: skip
 """Least and largest value of each effect, with its unit."""
 
 

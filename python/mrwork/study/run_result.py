@@ -65,10 +65,8 @@ FINISHED = ("finished", "failed_safe")
 
 # What a quantity of devices is called for passive elements, which results have behind the devices.
 _OF_ELEMENTS = {
-    "peak_force": "peak_element_force",
-    "peak_stroke": "peak_element_stroke",
-    "device_energy": "element_energy",
-}
+    "peak_force": "peak_element_force", "peak_stroke": "peak_element_stroke", "device_energy": "element_energy",
+}  # fmt: skip
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel", "switching_rate")
 _LEFT_OUT = {"rms_force", *_OF_ELEMENTS.values()}
 # Signals of no use to pages, and energies, which a history has in one array.

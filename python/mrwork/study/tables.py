@@ -106,21 +106,12 @@ def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -
 _MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
 _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
-    ("peak_drift", *_MILLIMETRE),
-    ("peak_drift_ratio", "%", 100.0),
-    ("peak_ductility", "1", 1.0),
-    ("stability_coefficient", "1", 1.0),
-    ("residual_drift_ratio", "%", 100.0),
-    ("peak_acceleration", *_ACCELERATION),
-    ("peak_base_shear", *_KILONEWTON),
-    ("rms_drift", *_MILLIMETRE),
-    ("rms_acceleration", *_ACCELERATION),
-    ("peak_force", *_KILONEWTON),
-    ("peak_stroke", *_MILLIMETRE),
-    ("rms_current", "", 1.0),
-    ("command_travel", "", 1.0),
-    ("switching_rate", "1/s", 1.0),
-)
+    ("peak_drift", *_MILLIMETRE), ("peak_drift_ratio", "%", 100.0), ("peak_ductility", "1", 1.0),
+    ("stability_coefficient", "1", 1.0), ("residual_drift_ratio", "%", 100.0),
+    ("peak_acceleration", *_ACCELERATION), ("peak_base_shear", *_KILONEWTON), ("rms_drift", *_MILLIMETRE),
+    ("rms_acceleration", *_ACCELERATION), ("peak_force", *_KILONEWTON), ("peak_stroke", *_MILLIMETRE),
+    ("rms_current", "", 1.0), ("command_travel", "", 1.0), ("switching_rate", "1/s", 1.0),
+)  # fmt: skip
 # What is not worth a column where no storey yields.
 _OF_YIELD = ("residual_drift_ratio",)
 

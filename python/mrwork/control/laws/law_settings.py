@@ -130,16 +130,9 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 
 SettingValue = (
-    float
-    | str
-    | Sequence[float]
-    | Sequence[str]
-    | Sequence[Sequence[float]]
-    | Floats
-    | WeightWishes
-    | Mapping[str, Any]
-    | None
-)
+    float | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
+    | Floats | WeightWishes | Mapping[str, Any] | None
+)  # fmt: skip
 """A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,
 names of signals."""
 

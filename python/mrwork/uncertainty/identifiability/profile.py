@@ -130,6 +130,14 @@ class Profile(WithAxes, Summarised, Related):
         )
 
 
+# Unit and words of what profiles have for each parameter.
+_ALONG = {
+    "unit": ("", "unit of the parameter"), "estimate": ("", "value of the fit"),
+    "lower": ("", "lower end of the interval"), "upper": ("", "upper end of the interval"),
+    "verdict": ("", "identifiability"),
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profiles(WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
@@ -154,20 +162,9 @@ class Profiles(WithAxes, Summarised):
     @property
     def intervals(self) -> Intervals:
         """The intervals, for `Fit.with_intervals`."""
-        return Intervals(
-            kind="profile",
-            level=self.level,
-            intervals=tuple(
-                Interval(
-                    name=each.name,
-                    lower=each.lower,
-                    upper=each.upper,
-                    verdict=each.verdict,
-                    reason=each.reason,
-                )
-                for each in self.profiles
-            ),
-        )
+        names = ("name", "lower", "upper", "verdict", "reason")
+        intervals = (Interval(**{name: getattr(each, name) for name in names}) for each in self.profiles)
+        return Intervals(kind="profile", level=self.level, intervals=tuple(intervals))
 
     @property
     def plot(self) -> ProfilesPlots:
@@ -188,17 +185,7 @@ class Profiles(WithAxes, Summarised):
                 "parameter": labels_of([each.name for each in self.profiles]),
                 "point": number_labels(n_points),
             },
-            along=columns_of(
-                self.profiles,
-                "parameter",
-                {
-                    "unit": ("", "unit of the parameter"),
-                    "estimate": ("", "value of the fit"),
-                    "lower": ("", "lower end of the interval"),
-                    "upper": ("", "upper end of the interval"),
-                    "verdict": ("", "identifiability"),
-                },
-            ),
+            along=columns_of(self.profiles, "parameter", _ALONG),
             arrays={
                 name: NamedArray.of(pad_rows(of), "parameter", "point", unit=unit, long_name=words)
                 for name, of, unit, words in (
