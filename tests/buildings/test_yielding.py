@@ -188,5 +188,6 @@ def test_frames_that_cannot_yield_or_stand_are_refused(refused: Refused) -> None
     refused(of.system_of, of.with_p_delta(frame()))
     refused(of.with_storeys_that_yield, yielding(), yield_drift=0.01)
     refused(of.pushover, of.with_storeys_that_yield(frame(), yield_drift=1e-6))
+    refused(replace, yielding(), stiffness=0.5 * frame().stiffness)
     one = of.shear_building(name="one", masses=[1e4], stiffnesses=[1e7], heights=[4.0])
     refused(of.with_rayleigh_damping, one, ratios=(0.02, 0.02))

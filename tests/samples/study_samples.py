@@ -176,9 +176,8 @@ def labelled_criteria(
     every = {
         (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
     }
-    return criteria_of_study(
-        every, {}, axes, "A", Scales(weight=3e3 * STANDARD_GRAVITY, heights=np.array([4.0, 3.0, 3.0]))
-    )
+    scales = Scales(weight=3e3 * STANDARD_GRAVITY, heights=np.array([4.0, 3.0, 3.0]))
+    return criteria_of_study(every, {}, axes, "A", [scales] * len(rows))
 
 
 def with_runs(

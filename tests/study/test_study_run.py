@@ -14,6 +14,7 @@ import pytest
 from command_line import printed
 from sentences import Refused
 
+import mrwork as mr
 from mrwork import Journal
 from mrwork.dampers.simulation import Outcome
 from mrwork.errors import Interrupted
@@ -451,6 +452,32 @@ def test_drift_ratios_are_peaks_over_the_heights_of_the_storeys_of_the_bare_buil
         assert found is not None
         assert found["peak_drift_ratio"] == max(run.peak_drift / [4.0, 2.5])
         assert found["base_shear_coefficient"] == pytest.approx(run.peak_base_shear / (200.0 * 9.80665))
+
+
+def test_criteria_of_a_baseline_stand_on_its_own_storeys() -> None:
+    frame = {"n_storeys": 2, "masses": ["20 t"], "stiffnesses": ["12 kN/mm"], "height": 3.0}
+    study = mr.study_of(
+        building={**frame, "storeys_that_yield": {"yield_drift": "5 mm"}},
+        motions=[{"synthetic": "kanai_tajimi", "duration": 3.0, "pga": "0.3 g"}],
+        baselines=[
+            {
+                "label": "retrofit",
+                "building": {"storeys_that_yield": {"yield_drift": "9 mm"}, "p_delta": True},
+            },
+            {"label": "tall", "building": {"height": 5.0}},
+        ],
+    )
+    results = run_study(study, threads=1)
+    found = {
+        row.label: (results.criteria(at, 0) or {}, results.runs[at, 0]) for at, row in enumerate(results.rows)
+    }
+    own, run = found["retrofit"]
+    assert own["peak_ductility"] == pytest.approx(run.peak_drift.max() / 9e-3)
+    assert own["stability_coefficient"] > 0.0
+    assert "stability_coefficient" not in found["uncontrolled"][0]
+    own, run = found["tall"]
+    assert own["peak_drift_ratio"] == max(run.peak_drift / 5.0)
+    assert math.isnan(results.ratios_to(1, 0, 0)["stability_coefficient"])
 
 
 def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps(

@@ -542,6 +542,13 @@ def _check_building(building: Building) -> None:
         _check_symmetric(getattr(building, title), title, where)
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
+    if any(each.in_stiffness for each in building.elements):
+        beside = building.site_stiffness + building._geometric
+        if not is_positive(beside, 1e-9 * float(np.trace(building.stiffness))):
+            raise SettingError(
+                f"{where}: the storeys that yield are stiffer than the stiffness matrix, which has their initial "
+                "stiffness; give the matrix of the elastic frame, and let its storeys yield once"
+            )
     if growing := growing_modes(building.mass, building.damping, building.stiffness, building.floors):
         raise SettingError(
             f"{where}: {growing}, so that motion grows without end; check the signs of the damping matrix, and give a "

@@ -474,7 +474,7 @@ class StudyResults(Summarised):
         bare = self.rows[reference].kind == "uncontrolled"
         named = {entry.name: entry.reference_criterion if bare else entry.name for entry in criteria()}
         return {
-            name: float(ratio(np.array(above[name]), np.array(below[other]))) if other else float("nan")
+            name: float(ratio(np.array(above[name]), np.array(below[other]))) if other in below else math.nan
             for name, other in named.items()
             if name in above
         }

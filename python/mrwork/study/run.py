@@ -16,6 +16,7 @@ from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
+from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Scales, score, values
@@ -173,7 +174,9 @@ def run_study(
                 realised,
                 axes | {"realisation": (*steps, *numbered(n_realisations))},
                 study.command_unit,
-                Scales.of(bare),
+                [*(_scales_of(each, bare) for each in arrangements), *(Scales.of(bare) for _ in rows)][
+                    : len(rows)
+                ],
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             design_levels=study.design_levels,
@@ -584,6 +587,15 @@ def reference_peaks_of(
     return ReferencePeaks(
         command=round_to(best.command), drift=mean("peak_drift"), acceleration=mean("peak_acceleration")
     )
+
+
+def _scales_of(arrangement: Arrangement, bare: Building) -> Scales:
+    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
+    own, storeys = arrangement.building, [*arrangement.storeys]
+    heights, yields, loads = (
+        each[storeys] if each.size else each for each in (own.heights, own.yield_drifts, own.loads)
+    )
+    return Scales(weight=Scales.of(bare).weight, heights=heights, yield_drifts=yields, loads=loads)
 
 
 def _criteria(result: RunResult, scales: Scales) -> dict[str, Floats]:

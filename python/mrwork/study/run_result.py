@@ -532,12 +532,15 @@ def criteria_of_study(
     realised: Mapping[int, LabelledRuns],
     axes: Axes,
     command_unit: str,
-    scales: Scales,
+    scales: Sequence[Scales],
 ) -> LabelledRuns:
-    """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis."""
+    """The criteria of runs, and of the rows that were simulated with realisations, the last ones of that axis.
+
+    `scales` are those of the building of each row.
+    """
     labelled = criteria_of_runs(axes, command_unit=command_unit)
     for place, run in runs.items():
-        named = values(run, scales) if run.finished else dict.fromkeys(labelled.numbers, np.inf)
+        named = values(run, scales[place[0]]) if run.finished else dict.fromkeys(labelled.numbers, np.inf)
         for name, value in {**named, "energy_error": run.energy_error}.items():
             labelled.numbers[name][place] = value
     for row, part in realised.items():

@@ -112,7 +112,7 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
     facts = results.building
     if facts is None:
         return
-    peaks_of = ((row, _peak_ratios(results, facts, row)) for row in range(len(results.rows)))
+    peaks_of = ((row, _peak_ratios(results, row)) for row in range(len(results.rows)))
     over = {row: peaks for row, peaks in peaks_of if peaks is not None}
     if facts.drift_limit and over:
         limit = 100.0 * facts.drift_limit
@@ -134,15 +134,15 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
     yield from _motion_left_in_words(results, facts)
 
 
-def _peak_ratios(results: StudyResults, facts: BuildingFacts, row: int) -> Floats | None:
+def _peak_ratios(results: StudyResults, row: int) -> Floats | None:
     """Peak drift ratio under each judged motion [%], infinite of a run that diverged; `None` if one is not known."""
     peaks = []
     for motion in results.judged_motions:
         run = results.runs.get((row, motion))
         if run is None or not (run.finished or run.outcome == "diverged"):
             return None
-        ratios = facts.scales.divide(np.abs(run.peak_drift), RATIO.scale, run.peak_storey_shear)
-        peaks.append(RATIO.factor * float(ratios.max()) if run.finished else np.inf)
+        found = results.criteria(row, motion)
+        peaks.append(np.inf if found is None else RATIO.factor * found.get("peak_drift_ratio", np.nan))
     return None if not peaks or np.isnan(peaks).any() else np.array(peaks)
 
 

@@ -99,7 +99,8 @@ def demand_section(results: StudyResults) -> Section | None:
             for label, spans in ranges
         ),
         words=tuple(range(1, 1 + len(_DEMAND))),
-        note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
+        note="Of all runs, on one damper of a group. Stroke, velocity and force are peaks, the power is the mean over "
+        "the motion. "
         "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
     )
     return Section(

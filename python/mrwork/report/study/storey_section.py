@@ -41,7 +41,8 @@ def profile_figure(
         axes.axvline(limit, color=style.INK, linestyle=style.DASHED, linewidth=0.9)
     name_heights(axes, names, numbers=True)
     axes.set_xlim(left=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    wide = axes.get_xlim()[1] >= 1e4
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
     name_small_axes(axes, *axes_names)
     return figure
 
