@@ -12,7 +12,7 @@ import study_samples
 from mrwork.cli.study_text import study_text
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
-from mrwork.study.comparison import ADD_BEST_PASSIVE, compared_quantities, verdict
+from mrwork.study.comparison import ADD_BEST_PASSIVE, BOTH, beaten_in_words, compared_quantities, verdict
 from mrwork.study.folder import study_document
 from mrwork.study.study import Row
 from mrwork.study.tables import change_table
@@ -175,6 +175,13 @@ def test_a_law_has_its_verdict_in_words() -> None:
     )
     # Without a constant command beside them laws are compared with passive-off.
     assert verdict(compared(shaken()), SHAKEN).startswith("better in drift on 2, in acceleration on 1 of 2")
+
+
+def test_where_a_run_did_not_finish_no_law_is_said_to_be_worse() -> None:
+    changes = {name: np.array([-0.1, np.nan]) for name in BOTH}
+    assert (
+        beaten_in_words("LQG", "1 A", changes) == "LQG has no mean change against 1 A: a run did not finish"
+    )
 
 
 def test_a_verdict_names_what_did_not_finish() -> None:

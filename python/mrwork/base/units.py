@@ -236,7 +236,9 @@ def number_in(text: str, unit: str) -> float | str:
         return value * _PURE[unit][given]
     given_unit = _unit_of(given) if len(given) <= _LONGEST else None
     if given_unit is None:
-        return f"is {text!r}, whose unit is not known; its unit may be {known}"
+        pure = any(given in units for units in _PURE.values())
+        which = f"where a number [{unit}] is expected" if pure else "whose unit is not known"
+        return f"is {text!r}, {which}; its unit may be {known}"
     if given_unit.powers not in [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]:
         return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
     return value * given_unit.factor

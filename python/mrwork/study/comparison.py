@@ -370,6 +370,8 @@ def peaks_in_words(changes: Mapping[str, Floats]) -> str:
 def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> str:
     """Whether a law lowers both peaks against a constant command; if not, it is that with the lowest score."""
     peaks = peaks_in_words(changes)
+    if not all(np.isfinite(each).all() for each in changes.values()):
+        return f"{law} has no mean change against {constant}: {peaks}"
     if lowers_all(changes):
         return f"{law} lowers both peaks against {constant}: {peaks}"
     return f"No law lowers both peaks against {constant}. {law}, the law with the lowest score: {peaks}"
