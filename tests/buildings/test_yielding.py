@@ -59,6 +59,13 @@ def test_loops_take_the_place_of_their_stiffness_and_the_matrices_stay_elastic()
     np.testing.assert_allclose(yields.site_stiffness + loops + geometric, elastic.stiffness, rtol=1e-12)
 
 
+def test_storeys_yield_at_a_drift_at_a_share_of_their_height_or_at_a_shear() -> None:
+    ratio = of.with_storeys_that_yield(frame(), yield_drift_ratio=0.005)
+    np.testing.assert_allclose(ratio.yield_drifts, [0.02, 0.015])
+    shear = of.with_storeys_that_yield(frame(), yield_shear=[4e5, 1.5e5])
+    np.testing.assert_allclose(shear.yield_drifts, [0.02, 0.01])
+
+
 def test_a_frame_that_hardly_moves_is_elastic() -> None:
     small = shaken(yielding(), 0.05), shaken(frame(), 0.05)
     np.testing.assert_allclose(small[0].peak_drift, small[1].peak_drift, rtol=1e-6)
@@ -177,6 +184,7 @@ def test_frames_that_cannot_yield_or_stand_are_refused(refused: Refused) -> None
     bare = replace(frame(), heights=np.empty(0))
     refused(of.with_storeys_that_yield, mr.building("sac3"), yield_drift=0.01)
     refused(of.with_storeys_that_yield, frame())
+    refused(of.with_storeys_that_yield, bare, yield_drift_ratio=0.005)
     refused(of.with_storeys_that_yield, frame(), yield_drift=[0.01, 0.01, 0.01])
     refused(of.with_storeys_that_yield, frame(), yield_drift=0.01, post_yield_ratio=1.0)
     refused(of.with_p_delta, bare)

@@ -9,7 +9,7 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.study import Study
-from mrwork.study.comparison import chosen_in_words
+from mrwork.study.comparison import chosen_in_words, judged_in_words
 
 LEVELS = ("0.1 g", "0.3 g", "0.5 g")
 
@@ -43,6 +43,11 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     assert [row.label for row in found.rows] == [row.label for row in one.rows]
     assert [found.criteria(row, 1) for row in range(4)] == [one.criteria(row, 0) for row in range(4)]
     assert "those at 0.3 g" in chosen_in_words(found)
+    # Scores are of that level, so that a collapse at the highest does not hide them; the others stay with the record.
+    assert found.judged_motions == (1,)
+    assert judged_in_words(found) == "1 motion at 0.3 g"
+    assert [found.score(row) for row in range(4)] == [one.score(row) for row in range(4)]
+    assert found.record_levels.places.tolist() == [[0, 1, 2]]
     assert not found.warnings()
 
 

@@ -116,10 +116,16 @@ class YieldingStoreysTable(Addition):
 
     ways = (with_storeys_that_yield,)
     yield_drift: float | tuple[float, ...] | None = key(
-        "drift at which a storey yields; or yield_shear", unit="m", default=None, above=0.0
+        "drift at which a storey yields; or yield_drift_ratio, or yield_shear",
+        unit="m",
+        default=None,
+        above=0.0,
+    )
+    yield_drift_ratio: float | tuple[float, ...] | None = key(
+        "the same over the height of the storey, as 0.5 %", default=None, above=0.0, below=1.0
     )
     yield_shear: float | tuple[float, ...] | None = key(
-        "shear at which it yields; or yield_drift", unit="N", default=None, above=0.0
+        "shear at which it yields", unit="N", default=None, above=0.0
     )
     post_yield_ratio: float | tuple[float, ...] | None = key(
         "stiffness after yielding over that before, 0.03 by default", default=None, least=0.0, below=1.0

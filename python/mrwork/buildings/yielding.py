@@ -28,6 +28,7 @@ def with_storeys_that_yield(
     building: Building,
     *,
     yield_drift: Positive | Sequence[Positive] | None = None,
+    yield_drift_ratio: Positive | Sequence[Positive] | None = None,
     yield_shear: Positive | Sequence[Positive] | None = None,
     post_yield_ratio: float | Sequence[float] = 0.03,
     sharpness: float | Sequence[float] = 10.0,
@@ -40,9 +41,9 @@ def with_storeys_that_yield(
 
     Parameters
     ----------
-    yield_drift, yield_shear
-        Drift [m] or shear [N] at which the storeys yield, one or the other: one number for all, or one for each, lowest
-        first.
+    yield_drift, yield_drift_ratio, yield_shear
+        Drift [m], drift over the height of the storey, or shear [N] at which the storeys yield: one of the three, a
+        number for all, or one for each, lowest first.
     post_yield_ratio
         r, stiffness after yielding over that before, from 0 to below 1.
     sharpness
@@ -51,8 +52,8 @@ def with_storeys_that_yield(
     Raises
     ------
     SettingError
-        If both or neither of drift and shear are given, the storeys yield already, or the building is no chain of
-        floors on springs.
+        If not one of drift, ratio and shear is given, heights are not known for a ratio, the storeys yield already, or
+        the building is no chain of floors on springs.
     """
     stiffnesses = building.storey_stiffnesses
     if not stiffnesses.size:
@@ -64,14 +65,20 @@ def with_storeys_that_yield(
         raise SettingError(
             f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
-    if (yield_drift is None) is (yield_shear is None):
-        raise SettingError("give either yield_drift or yield_shear, which follow from each other")
+    given = {
+        "yield_drift": yield_drift, "yield_drift_ratio": yield_drift_ratio, "yield_shear": yield_shear,
+    }  # fmt: skip
+    if sum(each is not None for each in given.values()) != 1:
+        raise SettingError(f"give one of {', '.join(given)}, which follow from each other")
+    if yield_drift_ratio is not None and not building.heights.size:
+        raise SettingError("yield_drift_ratio stands on heights; give height or heights in [building]")
     count = len(stiffnesses)
-    drifts = (
-        _of_each("yield_shear", yield_shear, count) / stiffnesses
-        if yield_drift is None
-        else _of_each("yield_drift", yield_drift, count)
-    )
+    ((name, value),) = ((name, value) for name, value in given.items() if value is not None)
+    drifts = _of_each(name, value, count)
+    if yield_drift_ratio is not None:
+        drifts = drifts * building.drift_heights
+    elif yield_shear is not None:
+        drifts = drifts / stiffnesses
     ratios, knees = (
         _of_each("post_yield_ratio", post_yield_ratio, count),
         _of_each("sharpness", sharpness, count),

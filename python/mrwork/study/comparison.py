@@ -41,10 +41,13 @@ class MotionGroup:
 
 def judged_in_words(results: StudyResults) -> str:
     """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
-    uses = [results.motions[motion].use for motion in results.judged_motions]
+    judged = results.judged_motions
+    uses = [results.motions[motion].use for motion in judged]
+    part = len(judged) < np.count_nonzero(results.record_levels.places >= 0)
+    at = f" at {results.design_levels[0]}" if part else ""
     if _n_training(results) or "training" in uses:
-        return uses_in_words(uses)
-    return counted(len(uses), "motion")
+        return f"{uses_in_words(uses)}{at}"
+    return f"{counted(len(uses), 'motion')}{at}"
 
 
 def chosen_in_words(results: StudyResults) -> str:
@@ -71,7 +74,11 @@ def motion_groups(results: StudyResults) -> tuple[MotionGroup, ...]:
         for name in dict.fromkeys(results.motions[motion].groups):
             members.setdefault(name, []).append(motion)
     groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
-    others = [number for number in range(len(results.motions)) if number not in judged]
+    others = [
+        number
+        for number, motion in enumerate(results.motions)
+        if number not in judged and motion.use == "training"
+    ]
     made = [*groups.items(), *([("training motions", others)] if others else [])]
     return tuple(MotionGroup(name=name, motions=tuple(motions)) for name, motions in made)
 
@@ -396,8 +403,8 @@ def is_tied(results: StudyResults, row: int, reference: int) -> bool:
 
 def _scores(results: StudyResults, row: int) -> list[float]:
     """Scores of a row under each record, at all its levels together, which are no evidence of their own."""
-    places = results.record_levels.places
-    return [results.score_under(row, tuple(own[own >= 0].tolist())) for own in places]
+    places, judged = results.record_levels.places, results.judged_motions
+    return [results.score_under(row, tuple(own[np.isin(own, judged)].tolist())) for own in places]
 
 
 def _ties(comparison: StudyComparison) -> tuple[str, ...]:

@@ -98,6 +98,7 @@ class MotionFacts:
     """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
 
     The intensity is in the measure that the motion was scaled to, else its peak; `None` in results of former versions.
+    `level` is what it was scaled to in words, as "0.3 g" or "factor 2".
     """
 
     name: str
@@ -110,6 +111,7 @@ class MotionFacts:
     groups: tuple[str, ...] = ()
     record: str = ""
     intensity: Intensity | None = None
+    level: str = ""
 
     @property
     def at_level(self) -> tuple[str, Intensity]:
@@ -123,7 +125,7 @@ class MotionFacts:
         facts = {name: getattr(motion.ground, name) for name in own}
         intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
         of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record")}
-        return MotionFacts(**facts, **of_study, intensity=intensity)
+        return MotionFacts(**facts, **of_study, intensity=intensity, level=motion.level_in_words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -351,8 +353,8 @@ class StudyResults(Summarised):
 
     @property
     def record_levels(self) -> RecordLevels:
-        """The judged motions by record and intensity."""
-        return RecordLevels.of({number: self.motions[number].at_level for number in self.judged_motions})
+        """The test motions, or all where there are none, by record and intensity."""
+        return RecordLevels.of({number: self.motions[number].at_level for number in self._test_motions})
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
@@ -444,7 +446,17 @@ class StudyResults(Summarised):
 
     @property
     def judged_motions(self) -> tuple[int, ...]:
-        """Indices of the motions that scores and changes stand on: the test motions, or all where there are none."""
+        """Indices of the motions that scores and changes stand on: the test motions, or all where there are none.
+
+        Of records at several levels they are those of the level for which laws are designed, where the study names it.
+        """
+        at_level = tuple(
+            each for each in self._test_motions if [self.motions[each].level] == [*self.design_levels]
+        )
+        return at_level or self._test_motions
+
+    @property
+    def _test_motions(self) -> tuple[int, ...]:
         test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
         return test or tuple(range(len(self.motions)))
 
