@@ -506,7 +506,7 @@ def _study_of(
         lambda: [each.place.attempt(settings_of_law, each, folder) for each in table.controller]
     )
     tunes = place.attempt(lambda: tuple(resolve_settings(each, folder) for each in table.tune))
-    detailed_part = place.attempt(lambda: _choose_detailed(table.report, motions_part(), place))
+    detailed_part = place.attempt(lambda: _choose_detailed(table, motions_part(), place))
     design_part = place.attempt(lambda: _design_motions(table, motions_part(), place))
     limit_part = place.attempt(lambda: _limit(table.report, chosen_part(), bare_part(), place))
     bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
@@ -682,14 +682,20 @@ def _limit(
         return limit_of(table.limit, "A" if current is None else current.unit, scales)
 
 
-def _choose_detailed(table: ReportTable, motions: Sequence[MotionOfStudy], place: Place) -> int:
-    """Index of the motion of the time histories; one that [report] names must be in the study."""
-    names = [motion.name for motion in motions]
-    if table.motion is not None and table.motion not in names:
-        near = suggestion(table.motion, names)
-        place.within("report", "motion").refuse(f"no motion is called {table.motion!r}{near}")
-    largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))
-    return largest if table.motion is None else names.index(table.motion)
+def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], place: Place) -> int:
+    """Index of the motion of the time histories; one that [report] names must be in the study.
+
+    By default the test motion of the largest peak, of those of the `design_level` where the study names one.
+    """
+    names, named, level = [motion.name for motion in motions], table.report.motion, table.design_level
+    if named is not None and named not in names:
+        place.within("report", "motion").refuse(f"no motion is called {named!r}{suggestion(named, names)}")
+    test = np.array([motion.use == "test" for motion in motions])
+    if level is not None:
+        of_level = test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
+        test = of_level if of_level.any() else test
+    largest = int(np.argmax([motion.ground.peak for motion in motions] * test))
+    return largest if named is None else names.index(named)
 
 
 def _facts(

@@ -71,7 +71,8 @@ def study_lead(comparison: StudyComparison) -> Lead:
 def _subject(results: StudyResults) -> str:
     """The building in a line, and the motions."""
     uses = judged_in_words(results)
-    names = f"{uses}: {list_names([motion.name for motion in results.motions], _NAMED)}"
+    motions = [results.motions[motion].name for motion in results.judged_motions]
+    names = f"{uses}: {list_names(motions, _NAMED)}"
     facts = results.building
     if facts is None:
         return f"Under {names}"
