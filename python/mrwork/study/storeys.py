@@ -20,6 +20,8 @@ _SMALL, _MOST = 0.1, 0.3
 _OF_YIELD = ("storey_energy", "residual_drift")
 # Swing of a storey at the end of a motion, over its yield drift, up to which its drift there is a residual one.
 _AT_REST = 0.05
+# Drift ratio above which a frame has collapsed.
+_COLLAPSED = 0.1
 # Storeys of a table.
 _MOST_STOREYS = 30
 
@@ -130,6 +132,13 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
         parts = [f"kept by {', '.join(kept)}"] if kept else []
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
+    finite = {row: peaks[np.isfinite(peaks)].max(initial=0.0) for row, peaks in over.items()}
+    worst = max(finite, key=finite.__getitem__, default=None)
+    if worst is not None and finite[worst] > 100.0 * _COLLAPSED:
+        yield (
+            f"The drift ratio reaches {significant(finite[worst], 3)} % with {results.rows[worst].label}: above "
+            f"{100.0 * _COLLAPSED:g} % a real frame has collapsed, and the run says no more than that."
+        )
     yield from _stability_in_words(results, facts)
     yield from _motion_left_in_words(results, facts)
 
