@@ -514,7 +514,9 @@ def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps
     assert any(f"{results.motions[0].name} diverged, as a frame does" in each for each in results.warnings())
     pushed = json.loads(printed("respond", path, "--pushover", "--json"))
     assert pushed["roof"][-1] == pytest.approx(0.04 * 6.0)
-    path.write_text(path.read_text(encoding="utf-8").replace("pga = [0.5, 1.0]", "pga = 80"), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("pga = [0.5, 1.0]", "pga = 80"), encoding="utf-8"
+    )
     fallen = findings(run_study(read_study(path), threads=1))
     assert any("above 10 % a real frame has collapsed" in each for each in fallen)
     path.write_text(text.replace("height = 3\n", ""), encoding="utf-8")

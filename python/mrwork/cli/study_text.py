@@ -184,7 +184,7 @@ _PLAIN = str.maketrans({MINUS: "-", NOTHING: "-", "²": "2"})
 
 
 def study_text(results: StudyResults, folder: Path | None) -> str:
-    """Changes of every quantity, a table for each motion, scores, check of the step, warnings, path of the page."""
+    """Changes of every quantity, a table for each motion or of medians, scores, warnings, path of the page."""
     comparison = compared(results)
     lines = [results.title, "", *_leading_lines(comparison)]
     for reference in comparison.references if len(results.rows) > 1 else ():
@@ -192,6 +192,9 @@ def study_text(results: StudyResults, folder: Path | None) -> str:
     if len(results.motions) <= MOST_IN_DETAIL:
         for motion in range(len(results.motions)):
             lines += _motion_lines(results, motion)
+    elif rows := _begun_rows(results):
+        heading = f"Criteria, median of {judged_in_words(results)}"
+        lines += _block(heading, value_table(results, results.judged_motions, rows))
     if any(isfinite(results.score(row)) for row in range(len(results.rows))):
         lines += _score_lines(comparison)
     lines += _band_lines(results)

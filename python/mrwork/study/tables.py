@@ -128,7 +128,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         for name, _, factor in values
     ]
     heads = tuple(
-        f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})"
+        f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})".removesuffix(
+            " (1)"
+        )
         for name, shown, _ in values
     )
     of_building = [axis_of(criterion(name).quantity) != "device" for name, *_ in values].index(False)
