@@ -203,6 +203,12 @@ def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_table(case
     assert table.attrs["units"] or case.figure == "fronts"
 
 
+def test_a_chain_of_floors_is_drawn_in_a_notebook() -> None:
+    html = mr.building("uts")._repr_html_()
+    assert html.count("<svg") == html.count("</svg>") == 1
+    assert "<svg" not in mr.building("sac3")._repr_html_()
+
+
 @pytest.mark.parametrize("case", DRAWN, ids=name_of)
 def test_axes_have_units(case: Drawn) -> None:
     axes = getattr(case.result.plot, case.figure)(axes_of(case), **options_of(case))

@@ -168,6 +168,12 @@ class Building(Summarised):
         """Figures of the building, see `mr.plots`."""
         return plots_of(self, "BuildingPlots")
 
+    def _repr_html_(self) -> str:
+        """The summary, and of a chain of floors the drawing."""
+        text, drawn = self._summary().html(), self.plot
+        is_drawn = len(self.storey_stiffnesses) == self.n_coordinates <= _MOST_DRAWN
+        return f"{text}{drawn._repr_html_()}" if is_drawn else text
+
     @property
     def n_coordinates(self) -> int:
         """Number of coordinates."""
@@ -488,6 +494,7 @@ _ASYMMETRY: Final = 1e-6
 # of a laboratory and for isolation. A mass or stiffness that is off by a thousand changes a period by 32.
 _SHORTEST, _LONGEST = 0.005, (1.5, 0.5)
 _SHOWN_MODES: Final = 10
+_MOST_DRAWN: Final = 100
 # Coordinates of a building whose modes take a fraction of a second.
 _MOST_QUESTIONED: Final = 300
 # Decimals of coordinates under a unit drift, which are ones and zeros of most frames; what is rounding of a spring.

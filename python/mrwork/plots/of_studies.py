@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,7 +21,7 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.drawing import style
-from mrwork.drawing.canvas import draw_points, vertical_grid
+from mrwork.drawing.canvas import draw_points, small_axes, vertical_grid
 from mrwork.drawing.of_fits import with_unit
 from mrwork.drawing.of_studies import (
     ENERGY_PARTS,
@@ -620,6 +621,15 @@ class BuildingPlots(Plots):
     """Figures of a building."""
 
     building = short(building)
+
+    @style.drawn_in_style()
+    def _repr_html_(self) -> str:
+        assert isinstance(self.result, Building)
+        figure, axes = small_axes()
+        add_building(axes, BuildingFacts.of(self.result))
+        written = io.StringIO()
+        figure.savefig(written, format="svg")
+        return written.getvalue().partition("<!DOCTYPE")[2].partition(">")[2]
 
 
 class PushoverPlots(Plots):
