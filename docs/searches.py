@@ -19,7 +19,7 @@ ANSWERS = {
     "own damper": ("guides/own_damper", "tutorials/damper_of_your_own"),
     "cluster": ("guides/beyond_one_machine",),
     "JAX gradient": ("tutorials/many_candidates",),
-    "drift ratio": ("guides/write_a_study",),
+    "drift ratio": ("guides/frame_that_yields", "guides/write_a_study"),
     "own axes": ("gallery",),
     "units of a column": ("reference/_generated/formats", "guides/record_formats"),
     "confidence interval": ("guides/parameters_and_next_test",),
