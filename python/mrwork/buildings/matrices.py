@@ -170,9 +170,8 @@ class Building(Summarised):
 
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""
-        text, drawn = self._summary().html(), self.plot
         is_drawn = len(self.storey_stiffnesses) == self.n_coordinates <= _MOST_DRAWN
-        return f"{text}{drawn._repr_html_()}" if is_drawn else text
+        return f"{self._summary().html()}{self.plot._repr_html_() if is_drawn else ''}"
 
     @property
     def n_coordinates(self) -> int:
@@ -196,12 +195,18 @@ class Building(Summarised):
         It is K without the initial stiffness of the parts of the frame that yield, whose loops take its place, and
         without P / h of each storey under the weight P (P-delta). Modes, regulators and observers go by K.
         """
-        off = [
-            each.yield_force / each.yield_displacement * np.outer(each.row, each.row)
-            for each in self.elements
-            if each.in_stiffness
-        ]
-        return self.stiffness - np.sum([*off, self._geometric], axis=0) if self.nonlinear else self.stiffness
+        beside = self._beside_loops
+        return beside - self._geometric if self.loads.any() else beside
+
+    @property
+    def _beside_loops(self) -> Floats:
+        """K without the initial stiffness of the parts of the frame that yield [N/m], shape (n, n); K if none does."""
+        loops = [each for each in self.elements if each.in_stiffness]
+        if not loops:
+            return self.stiffness
+        rows = np.array([each.row for each in loops])
+        springs = np.array([each.yield_force / each.yield_displacement for each in loops])
+        return np.asarray(self.stiffness - rows.T @ (springs[:, None] * rows))
 
     @property
     def yield_drifts(self) -> Floats:
@@ -215,8 +220,6 @@ class Building(Summarised):
     @property
     def _geometric(self) -> Floats:
         """P / h of each storey under the weight P, as a matrix [N/m], shape (n, n)."""
-        if not self.loads.size:
-            return np.zeros_like(self.stiffness)
         softer = np.divide(self.loads, self.heights, out=np.zeros(len(self.loads)), where=self.heights > 0.0)
         return np.asarray(self.storeys.T @ np.diag(softer) @ self.storeys)
 
@@ -243,7 +246,7 @@ class Building(Summarised):
     @property
     def storey_springs(self) -> Floats:
         """Stiffness of the springs of each storey beside its elements [N/m], shape (n_storeys,); zeros of no chain."""
-        springs = self._springs_of(self.site_stiffness + self._geometric)
+        springs = self._springs_of(self._beside_loops)
         return np.append(springs, np.zeros(len(self.storeys) - len(springs)))
 
     @property
@@ -549,13 +552,12 @@ def _check_building(building: Building) -> None:
         _check_symmetric(getattr(building, title), title, where)
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
-    if any(each.in_stiffness for each in building.elements):
-        beside = building.site_stiffness + building._geometric
-        if not is_positive(beside, 1e-9 * float(np.trace(building.stiffness))):
-            raise SettingError(
-                f"{where}: the storeys that yield are stiffer than the stiffness matrix, which has their initial "
-                "stiffness; give the matrix of the elastic frame, and let its storeys yield once"
-            )
+    yields = any(each.in_stiffness for each in building.elements)
+    if yields and not is_positive(building._beside_loops, 1e-9 * float(np.trace(building.stiffness))):
+        raise SettingError(
+            f"{where}: the storeys that yield are stiffer than the stiffness matrix, which has their initial "
+            "stiffness; give the matrix of the elastic frame, and let its storeys yield once"
+        )
     if growing := growing_modes(building.mass, building.damping, building.stiffness, building.floors):
         raise SettingError(
             f"{where}: {growing}, so that motion grows without end; check the signs of the damping matrix, and give a "

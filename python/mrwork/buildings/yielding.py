@@ -274,10 +274,8 @@ def pushover(
     loops = np.array([each.numbers[3:6] for each in building.elements]).reshape(-1, 3)
     stiffness, top = building.site_stiffness, floors[-1]
     q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0
-    signs, geometric = (
-        np.ones(len(rows)),
-        replace(building, elements=()).stiffness - replace(building, elements=()).site_stiffness,
-    )
+    # The frame carries what the weight on it adds.
+    signs, carrying = np.ones(len(rows)), replace(building, loads=np.empty(0)).site_stiffness
     path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
 
     def slopes(w: Floats, signs: Floats) -> Floats:
@@ -314,8 +312,7 @@ def pushover(
         if part % parts and load > 0.0:
             continue
         drift = drifts @ q
-        # The frame carries what the weight on it adds.
-        shear = units @ (stiffness @ q + rows.T @ (loops[:, 0] * w) + geometric @ q)
+        shear = units @ (carrying @ q + rows.T @ (loops[:, 0] * w))
         path.append((float(top @ q), load, drift, shear))
         if load <= 0.0:
             break

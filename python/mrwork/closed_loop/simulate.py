@@ -620,7 +620,7 @@ def simulate_loop(
             "one draw"
         )
     varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
-    if not varied and building.nonlinear:
+    if not varied and building.site_stiffness is not building.stiffness:
         # The law's own building stays elastic.
         varied = [building]
     shape = (len(gains), len(motions), n_realisations)

@@ -30,13 +30,14 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
 from mrwork.study.results import StudyResults
 from mrwork.study.run_result import FINISHED
+from mrwork.study.storeys import COLLAPSED
 from mrwork.study.study import Kind
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import FragilityPlots
 
 _DRAWS = 2000
-COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": 0.1}
+COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": COLLAPSED}
 """Limit of a study that names none."""
 
 _FEWEST = 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,8 +20,8 @@ _SMALL, _MOST = 0.1, 0.3
 _OF_YIELD = ("storey_energy", "residual_drift")
 # Swing of a storey at the end of a motion, over its yield drift, up to which its drift there is a residual one.
 _AT_REST = 0.05
-# Drift ratio above which a frame has collapsed.
-_COLLAPSED = 0.1
+COLLAPSED = 0.1
+"""Drift ratio from which on a frame has collapsed."""
 # Storeys of a table.
 _MOST_STOREYS = 30
 
@@ -134,10 +134,10 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
     finite = {row: peaks[np.isfinite(peaks)].max(initial=0.0) for row, peaks in over.items()}
     worst = max(finite, key=finite.__getitem__, default=None)
-    if worst is not None and finite[worst] > 100.0 * _COLLAPSED:
+    if worst is not None and finite[worst] > 100.0 * COLLAPSED:
         yield (
             f"The drift ratio reaches {significant(finite[worst], 3)} % with {results.rows[worst].label}: above "
-            f"{100.0 * _COLLAPSED:g} % a real frame has collapsed, and the run says no more than that."
+            f"{100.0 * COLLAPSED:g} % a real frame has collapsed, and the run says no more than that."
         )
     yield from _stability_in_words(results, facts)
     yield from _motion_left_in_words(results, facts)
@@ -159,13 +159,13 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
     if not (facts.heights and facts.stiffnesses) or min(facts.heights) <= 0.0:
         return
     above = STANDARD_GRAVITY * np.cumsum(facts.masses[::-1])[::-1]
-    loads, worst = np.array(facts.loads) if facts.loads else above, (0.0, "")
-    if len(loads) != len(facts.heights):
+    scales, worst = facts.scales if facts.loads else replace(facts.scales, loads=above), (0.0, "")
+    if len(scales.loads) != len(facts.heights):
         return
     for row, each in enumerate(results.rows):
         drifts, shears = DRIFT.of_runs(results, row), SHEAR.of_runs(results, row)
         if drifts is not None and shears is not None:
-            under = 1e-6 * loads * drifts / (np.array(facts.heights) * np.maximum(shears, 1e-300))
+            under = scales.divide(drifts / DRIFT.factor, "stability", shears / SHEAR.factor)
             worst = max(worst, (float(under.max()), each.label))
     coefficient, label = worst
     if facts.loads and coefficient > _MOST:
