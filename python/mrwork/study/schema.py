@@ -546,7 +546,7 @@ class ReportTable:
     )
     limit: Mapping[str, float | str] | None = key(
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
-        '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else this one where storeys have heights',
+        '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %',
         default=None,
     )
     place: Place | None = None

@@ -14,8 +14,6 @@ from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.results import StudyResults
 
-# The limit of a study that states none.
-_USUAL = {"peak_drift_ratio": 0.01}
 # Records and levels from which on a page has the section, and arrangements that it draws.
 _RECORDS, _LEVELS, _DRAWN = 2, 3, 6
 _PANEL, _COLUMNS = (2.5, 2.3), 3
@@ -50,11 +48,11 @@ def fragility_figure(found: Fragilities) -> Figure:
 def fragility_section(results: StudyResults) -> Section | None:
     """Median intensities at the limit of the study; `None` without several records at several levels, or a limit."""
     at, facts = results.record_levels, results.building
-    limit = results.limit or (_USUAL if facts is not None and facts.heights else None)
+    known = results.limit or (facts is not None and facts.heights)
     few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
-    if few or not limit or not results.complete:
+    if few or not known or not results.complete:
         return None
-    found = fragility(results, limit)
+    found = fragility(results)
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(
         "fragility",
