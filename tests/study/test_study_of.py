@@ -115,6 +115,9 @@ def test_tables_are_written_as_they_were_read(text: str, tmp_path: Path) -> None
 @pytest.mark.parametrize("name", [name for name in TEXTS if name not in SLOW])
 def test_a_study_file_is_rebuilt_in_python_and_written_again(name: str, tmp_path: Path) -> None:
     path = ROOT / name
+    # Studies name the records where they lie beside the project.
+    if "shared/data" in TEXTS[name] and not (ROOT.parent / "shared" / "data").is_dir():
+        pytest.skip("the measured records of this study are not beside the project")
     if path.suffix == ".py":
         path = tmp_path / "study.toml"
         path.write_text(TEXTS[name])
