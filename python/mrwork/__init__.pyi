@@ -4,6 +4,7 @@ from . import control as control
 from . import dampers as dampers
 from . import errors as errors
 from . import identification as identification
+from . import jax as jax
 from . import motions as motions
 from . import plots as plots
 from . import records as records

@@ -26,7 +26,7 @@ pub struct Block<'a> {
     /// Rows of `theta` that make up the block, at least one.
     pub candidates: &'a [usize],
     /// The loading history.
-    pub loading: &'a LoadingHistory,
+    pub loading: &'a LoadingHistory<'a>,
     /// Samples to simulate.
     pub span: Range<usize>,
     /// States and sums of the batch at the start of the span.
@@ -374,7 +374,7 @@ pub(crate) fn integrate_span<P: Packs>(
     // A power of two, as both factors are: a mask finds its multiples without a division per sample.
     let check_every = (STEPS_PER_CHECK / substeps).max(1) as usize;
     let mut samples = 0;
-    for (interval, sample) in loading.intervals()[span.start..].iter().zip(span.clone()) {
+    for (interval, sample) in loading.intervals_from(span.start).zip(span.clone()) {
         // Checked before the first sample too, so that the remaining blocks of a cancelled batch return at once.
         if samples & (check_every - 1) == 0 && (stop() || packs.is_settled()) {
             break;

@@ -92,6 +92,14 @@ pub enum DynamicsError {
     /// A model that depends on the command, with a loading history that has none.
     #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
     NoCommand(&'static str),
+    /// A fixed number of sub-steps that is not a power of two.
+    #[error("the number of sub-steps is {found}, it must be a power of two from 1 to {most}")]
+    Substeps {
+        /// The number given.
+        found: u32,
+        /// Largest admissible number.
+        most: u32,
+    },
     /// A sub-step factor that is not a power of two.
     #[error("the sub-step factor is {found}, it must be a power of two from 1 to {most}")]
     SubstepFactor {

@@ -50,7 +50,7 @@ pub(crate) fn wanted_substeps(bound: f64, loading: &LoadingHistory) -> f64 {
 
 /// Sub-steps per sample interval (a power of two, so that lanes group), times `factor`.
 ///
-/// The bound is that of the stiffest command of the loading. `None` where the candidate needs more than
+/// The bound is that of the stiffest command of the loading, which may fix the sub-steps instead. `None` where the candidate needs more than
 /// [`MAX_SUBSTEPS`], or where its bound is not a number.
 pub(crate) fn substeps<M: DamperModel>(
     theta: &[f64],
@@ -58,6 +58,9 @@ pub(crate) fn substeps<M: DamperModel>(
     loading: &LoadingHistory,
     factor: u32,
 ) -> Option<u32> {
+    if let Some(count) = loading.substeps() {
+        return Some(count * factor);
+    }
     let bound = stiffness_bound::<M>(theta, laws, loading.command_levels(), loading.severity());
     let wanted = wanted_substeps(bound, loading);
     let mut count = 1;

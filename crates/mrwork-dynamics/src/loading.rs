@@ -1,13 +1,19 @@
 //! Loading history of a damper: displacement and velocity on a uniform grid, with cubic splines.
 
+use std::borrow::Cow;
+
 use crate::damper::model::{Motion, Severity};
 use crate::error::DynamicsError;
+use crate::integrate::MAX_SUBSTEPS;
 
 /// Fewest samples of a loading history, as the not-a-knot spline requires.
 pub const MIN_SAMPLES: usize = 4;
 
 /// Coefficients of a cubic in `u` from 0 to 1 over one sample interval, lowest power first.
 type Cubic = [f64; 4];
+
+/// Coefficients of the cubics of displacement and velocity over one sample interval, one after the other.
+pub type Coefficients = [f64; 8];
 
 /// Displacement and velocity between two samples.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +23,11 @@ pub(crate) struct Interval {
 }
 
 impl Interval {
+    #[inline(always)]
+    fn of(&[x0, x1, x2, x3, v0, v1, v2, v3]: &Coefficients) -> Self {
+        Self { displacement: [x0, x1, x2, x3], velocity: [v0, v1, v2, v3] }
+    }
+
     /// Motion at the fraction `u` of the interval.
     #[inline(always)]
     pub(crate) fn motion(&self, u: f64) -> Motion<f64> {
@@ -43,16 +54,17 @@ const COMMAND_LEVELS: u32 = 9;
 
 /// Displacement and velocity on a uniform grid with their C2 cubic splines, shared by all candidates.
 #[derive(Clone, Debug)]
-pub struct LoadingHistory {
+pub struct LoadingHistory<'a> {
     dt: f64,
-    intervals: Vec<Interval>,
+    intervals: Cow<'a, [Coefficients]>,
     last: Motion<f64>,
     severity: Severity,
     command: Command,
     command_levels: Vec<f64>,
+    substeps: Option<u32>,
 }
 
-impl LoadingHistory {
+impl<'a> LoadingHistory<'a> {
     /// Interpolates `displacement` [m] and `velocity` [m/s], sampled every `dt` [s].
     ///
     /// Without a velocity the derivative of the displacement spline is used, so that both are consistent.
@@ -76,19 +88,46 @@ impl LoadingHistory {
             }
             None => x.iter().map(|&[_, b, c, d]| [b / dt, 2.0 * c / dt, 3.0 * d / dt, 0.0]).collect(),
         };
-        let intervals: Vec<Interval> = x
+        let intervals: Vec<Coefficients> = x
             .into_iter()
             .zip(v)
-            .map(|(displacement, velocity)| Interval { displacement, velocity })
+            .map(|([x0, x1, x2, x3], [v0, v1, v2, v3])| [x0, x1, x2, x3, v0, v1, v2, v3])
             .collect();
-        let end = |interval: &Interval| interval.motion(1.0);
+        let end = |interval: &Coefficients| Interval::of(interval).motion(1.0);
         let mut last = intervals.last().map_or(Motion { displacement: 0.0, velocity: 0.0 }, end);
         if let (Some(&x), Some(&v)) = (displacement.last(), velocity.and_then(<[f64]>::last)) {
             last = Motion { displacement: x, velocity: v };
         }
         let severity = severity(dt, &intervals);
+        Ok(Self::from_parts(dt, Cow::Owned(intervals), last, severity))
+    }
+
+    /// The history that another one has these parts of; it has no command.
+    #[must_use]
+    pub fn from_parts(
+        dt: f64,
+        intervals: Cow<'a, [Coefficients]>,
+        last: Motion<f64>,
+        severity: Severity,
+    ) -> Self {
         let (command, command_levels) = (Command::Held(f64::NAN), vec![f64::NAN]);
-        Ok(Self { dt, intervals, last, severity, command, command_levels })
+        Self { dt, intervals, last, severity, command, command_levels, substeps: None }
+    }
+
+    /// The same motion with a number of sub-steps per sample interval for every candidate, whatever its stiffness.
+    ///
+    /// # Errors
+    /// If the number is no power of two, or too large.
+    pub fn with_substeps(self, substeps: u32) -> Result<Self, DynamicsError> {
+        if !(substeps.is_power_of_two() && substeps <= MAX_SUBSTEPS) {
+            return Err(DynamicsError::Substeps { found: substeps, most: MAX_SUBSTEPS });
+        }
+        Ok(Self { substeps: Some(substeps), ..self })
+    }
+
+    /// Sub-steps of every candidate, where they do not follow from its stiffness.
+    pub(crate) fn substeps(&self) -> Option<u32> {
+        self.substeps
     }
 
     /// The same motion under a command [A or V], one value per sample, each held until the next.
@@ -138,13 +177,21 @@ impl LoadingHistory {
         self.severity
     }
 
-    /// The spline pieces, one per sample interval.
-    pub(crate) fn intervals(&self) -> &[Interval] {
+    /// Coefficients of the splines, one entry per sample interval.
+    #[must_use]
+    pub fn coefficients(&self) -> &[Coefficients] {
         &self.intervals
     }
 
+    /// The sample intervals from one on.
+    #[inline(always)]
+    pub(crate) fn intervals_from(&self, first: usize) -> impl Iterator<Item = Interval> {
+        self.intervals[first..].iter().map(Interval::of)
+    }
+
     /// Motion at the last sample.
-    pub(crate) fn last(&self) -> Motion<f64> {
+    #[must_use]
+    pub fn last(&self) -> Motion<f64> {
         self.last
     }
 
@@ -153,18 +200,17 @@ impl LoadingHistory {
     #[must_use]
     pub fn stages(&self, substeps: u32) -> Vec<Motion<f64>> {
         let halves = 2 * substeps;
-        self.intervals
-            .iter()
+        self.intervals_from(0)
             .flat_map(|interval| {
-                (0..=halves).map(|half| interval.motion(f64::from(half) / f64::from(halves)))
+                (0..=halves).map(move |half| interval.motion(f64::from(half) / f64::from(halves)))
             })
             .collect()
     }
 }
 
-fn severity(dt: f64, intervals: &[Interval]) -> Severity {
+fn severity(dt: f64, intervals: &[Coefficients]) -> Severity {
     let mut severity = Severity { peak_velocity: 0.0, reversal_acceleration: 0.0 };
-    for interval in intervals {
+    for interval in intervals.iter().map(Interval::of) {
         // The middle is a stage of the integrator too, so a peak between samples counts.
         let [start, middle, end] = [0.0, 0.5, 1.0].map(|u| interval.motion(u).velocity);
         let peak = start.abs().max(middle.abs()).max(end.abs());

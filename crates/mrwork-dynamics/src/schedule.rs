@@ -44,7 +44,7 @@ pub struct CandidateResult {
 pub(crate) struct Schedule<'a> {
     pub(crate) laws: &'a CurrentLaws,
     pub(crate) theta: &'a [f64],
-    pub(crate) loading: &'a LoadingHistory,
+    pub(crate) loading: &'a LoadingHistory<'a>,
     pub(crate) settings: Settings<'a>,
     /// Result of each candidate if it is simulated to the end.
     pub(crate) rows: Vec<CandidateResult>,
@@ -63,7 +63,7 @@ impl<'a> Schedule<'a> {
         damper: &'a dyn Damper,
         laws: &'a CurrentLaws,
         theta: &'a [f64],
-        loading: &'a LoadingHistory,
+        loading: &'a LoadingHistory<'a>,
         settings: Settings<'a>,
     ) -> Result<Self, DynamicsError> {
         let Settings { step_factor, threads, instruction_set, .. } = settings;

@@ -12,6 +12,7 @@ mod enter;
 mod loading;
 mod machine;
 mod matrix_equations;
+mod xla;
 
 use pyo3::prelude::*;
 use pyo3::types::PyModule;
@@ -40,6 +41,8 @@ mod _rust {
     use crate::machine::{flops_per_step, fma_peak, instruction_set, instruction_sets};
     #[pymodule_export]
     use crate::matrix_equations::riccati_equations;
+    #[pymodule_export]
+    use crate::xla::xla_handler;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -2,13 +2,14 @@
 
 use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::loading::{Command, LoadingHistory as Dynamics};
-use numpy::ndarray::Ix3;
-use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, ToPyArray};
+use numpy::ndarray::{Ix2, Ix3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::{array_of, contiguous};
 use crate::enter::value_error;
+use crate::xla::facts_of;
 
 type Floats<'py> = Bound<'py, PyArray1<f64>>;
 type Arguments<'py> = (f64, Floats<'py>, Option<Floats<'py>>, Option<Floats<'py>>);
@@ -16,7 +17,7 @@ type Arguments<'py> = (f64, Floats<'py>, Option<Floats<'py>>, Option<Floats<'py>
 /// Displacement and velocity on a uniform grid with their C2 cubic splines.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct LoadingHistory {
-    pub(crate) dynamics: Dynamics,
+    pub(crate) dynamics: Dynamics<'static>,
     displacement: Vec<f64>,
     velocity: Option<Vec<f64>>,
 }
@@ -80,6 +81,15 @@ impl LoadingHistory {
             Command::Held(command) => Some(vec![*command; self.dynamics.n_time()].into_pyarray(py)),
             Command::Varying(command) => Some(command.to_pyarray(py)),
         }
+    }
+
+    /// Coefficients of the splines, shape (`n_time` - 1, 8), and the numbers beside them that a simulation needs, (5,).
+    #[getter]
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<f64>>, Floats<'py>)> {
+        let coefficients = self.dynamics.coefficients();
+        let flat = coefficients.iter().flatten().copied().collect();
+        let coefficients = array_of(Ix2(coefficients.len(), 8), flat)?.into_pyarray(py);
+        Ok((coefficients, facts_of(&self.dynamics).to_pyarray(py)))
     }
 
     fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {

@@ -13,10 +13,14 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.base.arguments import AnyArray, checked
+from mrwork.base.arguments import AnyArray, AnyNumbers, checked
 from mrwork.base.keys import check_known
+from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+
+Coordinates = Literal["theta", "unit", "latent"]
+"""How a point gives the free parameters: their values, or their places in [0, 1] or R."""
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -70,6 +74,11 @@ class Box:
             if upper > (lower * _LEAST_RATIO if log else lower)
         )
 
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """Names of the parameters that are not fixed."""
+        return tuple(self.names[index] for index in self.free)
+
     @checked
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
         """Return the box with some ranges replaced; equal bounds fix a parameter."""
@@ -117,18 +126,64 @@ class Box:
         spread = start + span * unit
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
         free = self.free
-        # exp(log(...)) may leave the box by rounding.
-        value = xp.clip(
-            value,
-            xp.asarray([self.lower[index] for index in free]),
-            xp.asarray([self.upper[index] for index in free]),
-        )
-        if len(free) == len(self.names):
+        # exp(log(...)) may leave the box by rounding. On a face derivatives are those inside, which `clip` would halve.
+        lower, upper = (xp.asarray([ends[index] for index in free]) for ends in (self.lower, self.upper))
+        value = xp.where(value < lower, lower, xp.where(value > upper, upper, value))
+        return self._with_held(value)
+
+    def _with_held(self, value: Array) -> Array:
+        """All parameters, shape (..., n_params), from the free ones, shape (..., n_free)."""
+        if len(self.free) == len(self.names):
             return value
-        columns = [xp.full(unit.shape[:-1], lower) for lower in self.lower]
-        for place, index in enumerate(free):
+        xp = value.__array_namespace__()
+        columns = [xp.full(value.shape[:-1], lower) for lower in self.lower]
+        for place, index in enumerate(self.free):
             columns[index] = value[..., place]
         return xp.stack(columns, axis=-1)
+
+    @checked
+    def theta_from(self, points: AnyArray, coordinates: Coordinates) -> Array:
+        """Physical parameters, shape (..., n_params), from points in these coordinates, shape (..., n_free)."""
+        if coordinates == "unit":
+            return self.theta_from_unit(points)
+        if coordinates == "latent":
+            return self.theta_from_latent(points)
+        self._check("theta", points, len(self.free))
+        return self._with_held(points)
+
+    @checked
+    def points_from(self, theta: AnyArray, coordinates: Coordinates) -> Array:
+        """Points in these coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
+        if coordinates == "theta":
+            return theta[..., np.array(self.free, dtype=int)]
+        unit = self.unit_from_theta(theta)
+        return unit if coordinates == "unit" else self.latent_from_unit(unit)
+
+    @checked
+    def points_inside(self, theta: AnyNumbers, coordinates: Coordinates) -> Floats:
+        """Finite points, shape (..., n_free), of parameters (..., n_params) that are moved between their bounds."""
+        theta = np.clip(theta, self.lower, self.upper)
+        if coordinates == "latent":
+            theta = self.inside(theta)
+        points: Floats = np.clip(self.points_from(theta, coordinates), *self.ends(coordinates))
+        return points
+
+    @checked
+    def ends(self, coordinates: Coordinates) -> tuple[Floats, Floats]:
+        """Lower and upper bound of every coordinate, each of shape (n_free,)."""
+        return (
+            np.asarray(self.points_from(np.array(self.lower), coordinates)),
+            np.asarray(self.points_from(np.array(self.upper), coordinates)),
+        )
+
+    @checked
+    def slope_from(self, theta: AnyArray, coordinates: Coordinates) -> Array:
+        """Derivative of each free parameter by its coordinate, shape (..., n_free), at `theta`, (..., n_params)."""
+        slope = self.unit_slope(theta)
+        if coordinates == "theta":
+            return slope.__array_namespace__().ones_like(slope)
+        unit = self.unit_from_theta(theta)
+        return slope if coordinates == "unit" else slope * unit * (1.0 - unit)
 
     @checked
     def unit_slope(self, theta: AnyArray) -> Array:

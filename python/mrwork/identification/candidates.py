@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, n
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.dampers.simulation import (
     Loading,
     Outcome,
@@ -45,7 +45,6 @@ from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.records.window import spans_with
 
-Coordinates = Literal["theta", "unit"]
 Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]
 
 
@@ -91,7 +90,7 @@ def simulate(
     """
     spec = damper(model) if isinstance(model, str) else model
     rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
-    run = simulate_forces(spec, rows, _loading(record, spec).history(), threads=threads)
+    run = simulate_forces(spec, rows, loading_for(record, spec).history(), threads=threads)
     _refuse_failure(spec, run.outcome, one)
     return np.asarray(run.force[0] if one else run.force)
 
@@ -169,7 +168,7 @@ def sensitivities(
     """
     spec = damper(model) if isinstance(model, str) else model
     rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
-    loading = _loading(record, spec)
+    loading = loading_for(record, spec)
     run = simulate_sensitivities(spec, rows, loading.history(), threads=threads)
     _refuse_failure(spec, run.outcome, one)
     # The compiled module has the derivatives of a parameter one after the other.
@@ -190,8 +189,8 @@ class CandidateObjective(Summarised):
     """The objective of an identification as a function of the free parameters, for any optimiser.
 
     A point has shape (n_free,), many have (n_batch, n_free): values of `names` in `units`, or, with the coordinates
-    "unit", places between their `bounds` from 0 to 1, on the scale of each parameter, linear or logarithmic. Other
-    parameters are held. The `objective` is that of `mr.identify`.
+    "unit", places between their `bounds` from 0 to 1, on the scale of each parameter, linear or logarithmic, or, with
+    "latent", the logits of these places. Other parameters are held. The `objective` is that of `mr.identify`.
     """
 
     _made_by: ClassVar[str] = "mr.objective(model, tests)"
@@ -203,7 +202,7 @@ class CandidateObjective(Summarised):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters."""
-        return tuple(self.box.names[index] for index in self.box.free)
+        return self.box.free_names
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -213,44 +212,33 @@ class CandidateObjective(Summarised):
     @property
     def lower(self) -> Floats:
         """Lower bound of every coordinate, shape (n_free,)."""
-        return self._ends(0.0, self.box.lower)
+        return self.box.ends(self.coordinates)[0]
 
     @property
     def upper(self) -> Floats:
         """Upper bound of every coordinate, shape (n_free,)."""
-        return self._ends(1.0, self.box.upper)
+        return self.box.ends(self.coordinates)[1]
 
     @property
     def bounds(self) -> tuple[tuple[float, float], ...]:
         """Lower and upper bound of every coordinate, a pair for each."""
         return tuple(zip(self.lower.tolist(), self.upper.tolist(), strict=True))
 
-    def _ends(self, unit: float, physical: tuple[float, ...]) -> Floats:
-        if self.coordinates == "unit":
-            return np.full(len(self.names), unit)
-        return np.array(physical)[list(self.box.free)]
-
     @property
     def start(self) -> Floats:
         """The nominal parameters moved inside the bounds, as a point, shape (n_free,)."""
-        nominal = np.clip(self.objective.spec.nominal, self.box.lower, self.box.upper)
-        unit = np.clip(self.box.unit_from_theta(nominal), 0.0, 1.0)
-        return np.asarray(unit if self.coordinates == "unit" else nominal[list(self.box.free)])
+        return self.box.points_inside(np.array(self.objective.spec.nominal), self.coordinates)
 
     @checked
     def theta(self, points: AnyArrayLike) -> Floats:
         """All parameters of the model in SI, shape (..., n_params), with those that are held or tied."""
         given = np.asarray(points, dtype=np.float64)
         _rows_of(given, self.names, "the objective takes")
-        if self.coordinates == "unit":
-            if not np.all((given >= 0.0) & (given <= 1.0)):
-                raise SettingError(
-                    "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
-                )
-            theta = np.asarray(self.box.theta_from_unit(given))
-        else:
-            theta = np.broadcast_to(np.array(self.box.lower), (*given.shape[:-1], len(self.box.names))).copy()
-            theta[..., list(self.box.free)] = given
+        if self.coordinates == "unit" and not np.all((given >= 0.0) & (given <= 1.0)):
+            raise SettingError(
+                "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
+            )
+        theta: Floats = self.box.theta_from(given, self.coordinates)
         ties = self.objective.compared[0].ties
         return theta if ties is None else ties.apply(theta)
 
@@ -284,8 +272,8 @@ class CandidateObjective(Summarised):
     def _linearise(self, points: AnyArrayLike) -> tuple[Floats, Floats]:
         theta = self.theta(points)
         residuals, slope = linearise_residuals(self.objective, np.atleast_2d(theta), self.box.free)
-        if self.coordinates == "unit":
-            slope = slope * self.box.unit_slope(np.atleast_2d(theta))[..., None]
+        if self.coordinates != "theta":
+            slope = slope * self.box.slope_from(np.atleast_2d(theta), self.coordinates)[..., None]
         jacobian = np.moveaxis(slope, 1, 2)
         return (residuals[0], jacobian[0]) if theta.ndim == 1 else (residuals, jacobian)
 
@@ -339,7 +327,8 @@ def objective(
         Loss of the residuals, and the residual [N] from which on it differs from the square; a function maps
         z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
     coordinates
-        Whether points are physical parameters, "theta", or places between the bounds from 0 to 1, "unit".
+        Whether points are physical parameters, "theta", places between the bounds from 0 to 1, "unit", or the logits of
+        these places, "latent", which have no bounds.
     threads
         Threads of the simulation, 0 for all.
 
@@ -434,7 +423,8 @@ def _check_samples(given: NDArray[Any], test: DamperTest, name: str) -> None:
         )
 
 
-def _loading(record: DamperTest | Loading, spec: DamperSpec) -> Loading:
+def loading_for(record: DamperTest | Loading, spec: DamperSpec) -> Loading:
+    """Motion and command of a record, in the unit that the model takes."""
     if isinstance(record, DamperTest):
         return loading_of(record, spec)
     refuse_other_unit(record, spec)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -219,21 +219,22 @@ LossFunction = Callable[[Floats], ArrayLike]
 """Maps z, of any shape, to rho(z) and its derivative, stacked along a first axis; further rows are not used."""
 
 
-def _soft_l1(z: Floats) -> tuple[Floats, Floats]:
-    root = np.sqrt(1.0 + z)
+# Arrays of NumPy or JAX.
+def _soft_l1(z: Any, xp: Any) -> tuple[Any, Any]:
+    root = xp.sqrt(1.0 + z)
     return 2.0 * (root - 1.0), 1.0 / root
 
 
-def _huber(z: Floats) -> tuple[Floats, Floats]:
-    root = np.sqrt(np.maximum(z, 1.0))
-    return np.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
+def _huber(z: Any, xp: Any) -> tuple[Any, Any]:
+    root = xp.sqrt(xp.maximum(z, 1.0))
+    return xp.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
 
 
-_LOSSES: dict[str, Callable[[Floats], tuple[Floats, Floats]]] = {
+_LOSSES: dict[str, Callable[[Any, Any], tuple[Any, Any]]] = {
     "soft_l1": _soft_l1,
     "huber": _huber,
-    "cauchy": lambda z: (np.log1p(z), 1.0 / (1.0 + z)),
-    "arctan": lambda z: (np.arctan(z), 1.0 / (1.0 + z**2)),
+    "cauchy": lambda z, xp: (xp.log1p(z), 1.0 / (1.0 + z)),
+    "arctan": lambda z, xp: (xp.arctan(z), 1.0 / (1.0 + z**2)),
 }
 # Below it rho(z)/z is that at zero, within rounding.
 _SMALLEST = 1e-12
@@ -241,23 +242,25 @@ _SMALLEST = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """A loss rho and the residual [N] from which on it differs from the square."""
+    """A loss rho, by its name or as a function of the user, and the residual [N] from which on it is not the square."""
 
-    rho: LossFunction
+    rho: LossName | LossFunction
     scale: float
 
-    def transform(self, residuals: Floats) -> tuple[Floats, Floats]:
+    def transform(self, residuals: Any) -> tuple[Any, Any]:
         """Residuals whose sum of squares is `scale^2 sum rho(z)`, and their derivatives by the residuals given."""
+        xp = residuals.__array_namespace__()
         z = (residuals / self.scale) ** 2
-        value, slope = self._values(z)
-        root = np.sqrt(np.maximum(value, 0.0))
+        value, slope = self._values(z) if callable(self.rho) else _LOSSES[self.rho](z, xp)
+        root = xp.sqrt(xp.maximum(value, 0.0))
         far = z > _SMALLEST
-        length = np.sqrt(np.where(far, z, 1.0))
-        factor = np.where(far, root / length, 1.0)
-        derivative = np.where(far, slope * length / np.where(root > 0.0, root, 1.0), 1.0)
+        length = xp.sqrt(xp.where(far, z, 1.0))
+        factor = xp.where(far, root / length, 1.0)
+        derivative = xp.where(far, slope * length / xp.where(root > 0.0, root, 1.0), 1.0)
         return residuals * factor, derivative
 
-    def _values(self, z: Floats) -> tuple[Floats, Floats]:
+    def _values(self, z: Floats) -> Floats:
+        assert callable(self.rho)
         values = np.asarray(self.rho(z), dtype=np.float64)
         if values.ndim != z.ndim + 1 or len(values) < 2 or values.shape[1:] != z.shape:
             raise SettingError(
@@ -268,7 +271,7 @@ class Loss:
             raise SettingError(
                 "the loss returned a number that is not finite; return finite rho(z) and derivatives"
             )
-        return values[0], values[1]
+        return values[:2]
 
 
 def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:
@@ -284,8 +287,7 @@ def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:
             "`loss` wants its `loss_scale` [N], the residual from which on it differs from the square, such as twice "
             "the noise of the force; give it"
         )
-    named = _LOSSES.get(loss) if isinstance(loss, str) else None
-    return Loss(rho=named or cast("Callable[[Floats], Any]", loss), scale=scale)
+    return Loss(rho=loss, scale=scale)
 
 
 @array_dataclass()

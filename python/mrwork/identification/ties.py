@@ -11,10 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
+from typing import Any
 from warnings import catch_warnings
 
 import numpy as np
 
+from mrwork.base.arguments import AnyArray
 from mrwork.base.keys import check_known
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -26,18 +28,21 @@ from mrwork.errors import SettingError
 _LONGEST = 200
 _GRAMMAR = "give numbers, parameters, parentheses and + - * / **, as in 2*c"
 
-Value = tuple[Floats, Floats]
-"""Values of candidates, shape (n_batch,), and their derivatives by every parameter, shape (n_batch, n_params)."""
+Value = tuple[Any, Any]
+"""Values of candidates, shape (...), and their derivatives by every parameter, (..., n_params), of NumPy or JAX."""
+
+# Of values alone.
+_NO_SLOPE = np.zeros(1)
 
 
 def _multiply(one: Value, other: Value) -> Value:
     (a, da), (b, db) = one, other
-    return a * b, da * b[:, None] + a[:, None] * db
+    return a * b, da * b[..., None] + a[..., None] * db
 
 
 def _divide(one: Value, other: Value) -> Value:
     (a, da), (b, db) = one, other
-    return a / b, (da - (a / b)[:, None] * db) / b[:, None]
+    return a / b, (da - (a / b)[..., None] * db) / b[..., None]
 
 
 _BINARY: dict[type[ast.operator], Callable[[Value, Value], Value]] = {
@@ -91,55 +96,54 @@ class Ties:
             upper=tuple(box.upper[index] for index in indices),
         )
 
-    def apply(self, theta: Floats) -> Floats:
-        """Parameters with those that are tied, shape (..., n_params)."""
-        rows = np.asarray(theta, dtype=np.float64).reshape(-1, len(self.names))
-        return self._values(rows)[0].reshape(np.shape(theta))
+    def apply(self, theta: AnyArray) -> AnyArray:
+        """Parameters with those that are tied, shape (..., n_params), of NumPy or JAX."""
+        columns = [theta[..., index] for index in range(len(self.names))]
+        values = self._values([(column, _NO_SLOPE) for column in columns])
+        return theta.__array_namespace__().stack([value for value, _ in values], axis=-1)
 
-    def feasible(self, theta: Floats) -> Floats:
-        """As `apply`, of rows (n_batch, n_params); not a number where a tied parameter leaves its bounds."""
-        tied = self.apply(theta)
-        values = tied[:, list(self.indices)]
-        outside = ~np.all((values >= self.lower) & (values <= self.upper), axis=1)
-        tied[outside] = np.nan
-        return tied
+    def feasible(self, theta: AnyArray) -> AnyArray:
+        """As `apply`; not a number where a tied parameter leaves its bounds."""
+        tied, xp = self.apply(theta), theta.__array_namespace__()
+        values = tied[..., np.array(self.indices)]
+        inside = (values >= xp.asarray(self.lower)) & (values <= xp.asarray(self.upper))
+        return xp.where(xp.all(inside, axis=-1)[..., None], tied, xp.nan)
 
     def jacobian(self, theta: Floats) -> Floats:
         """Derivatives of `apply` by the parameters that are not tied, shape (..., n_params, n_params)."""
-        rows = np.asarray(theta, dtype=np.float64).reshape(-1, len(self.names))
-        return self._values(rows)[1].reshape(*np.shape(theta), len(self.names))
+        slopes = np.eye(len(self.names))
+        found = self._values([(theta[..., index], slope) for index, slope in enumerate(slopes)])
+        return np.stack([np.broadcast_to(slope, theta.shape) for _, slope in found], axis=-2)
 
-    def _values(self, rows: Floats) -> tuple[Floats, Floats]:
-        rows = rows.copy()
-        slopes = np.broadcast_to(np.eye(len(self.names)), (*rows.shape, len(self.names))).copy()
+    def _values(self, columns: list[Value]) -> list[Value]:
+        """Each parameter with its derivatives; what a candidate has for a tied one has no effect."""
+        named = dict(zip(self.names, columns, strict=True))
         for index, text in zip(self.indices, self.expressions, strict=True):
-            # What the candidate has for a tied parameter has no effect.
+            name = self.names[index]
             with np.errstate(all="ignore"):
-                value, slope = _evaluate(_read_tie(self.names[index], text), self.names, rows, slopes)
-            rows[:, index], slopes[:, index] = value, slope
-        return rows, slopes
+                named[name] = _evaluate(_read_tie(name, text), named)
+        return list(named.values())
 
 
 class _StrangeSyntaxError(Exception):
     """A part of an expression that the grammar does not permit."""
 
 
-def _evaluate(node: ast.expr, names: Sequence[str], rows: Floats, slopes: Floats) -> Value:
+def _evaluate(node: ast.expr, named: Mapping[str, Value]) -> Value:
     match node:
         case ast.Constant() if (number := _number(node)) is not None:
-            return np.full(len(rows), number), np.zeros((len(rows), len(names)))
+            return np.float64(number), _NO_SLOPE
         case ast.Name(id=name):
-            index = names.index(name)
-            return rows[:, index], slopes[:, index]
+            return named[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=inner):
-            value, slope = _evaluate(inner, names, rows, slopes)
+            value, slope = _evaluate(inner, named)
             return (-value, -slope) if isinstance(op, ast.USub) else (value, slope)
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            value, slope = _evaluate(left, names, rows, slopes)
+            value, slope = _evaluate(left, named)
             if (power := _number(right)) is not None:
-                return value**power, power * (value ** (power - 1.0))[:, None] * slope
+                return value**power, power * (value ** (power - 1.0))[..., None] * slope
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            both = (_evaluate(each, names, rows, slopes) for each in (left, right))
+            both = (_evaluate(each, named) for each in (left, right))
             return _BINARY[type(op)](*both)
     raise _StrangeSyntaxError(ast.unparse(node))
 
@@ -158,7 +162,7 @@ def _read_tie(name: str, text: str) -> ast.expr:
     used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)]
     try:
         # Of no candidate, which tells whether the expression can be evaluated.
-        _evaluate(tree, used, np.empty((0, len(used))), np.empty((0, len(used), len(used))))
+        _evaluate(tree, dict.fromkeys(used, (np.empty(0), _NO_SLOPE)))
     except _StrangeSyntaxError as strange:
         raise SettingError(
             f"the tie of {name} is {text!r}, and {str(strange)!r} is not understood; {_GRAMMAR}"

@@ -117,7 +117,7 @@ class Observation:
 
 AS_IT_IS = Observation()
 # Length of a moving average [samples] below which it changes less than its sums are rounded.
-_SHORTEST = 1e-3
+SHORTEST_AVERAGE = 1e-3
 # Samples by which a window may exceed a whole number of them by rounding.
 _ROUNDING = 1e-6
 # Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
@@ -138,7 +138,7 @@ def average_signal(signal: Floats, samples: float) -> Floats:
 
     At the ends, the window is truncated to the record.
     """
-    if samples < _SHORTEST:
+    if samples < SHORTEST_AVERAGE:
         return signal
     last = signal.shape[-1] - 1
     change = np.diff(signal, axis=-1)

@@ -133,6 +133,16 @@ NOISE = "noise."
 _ROUNDING = 1e-12
 
 
+def with_noise(box: Box, noise: Noise) -> Box:
+    """The ranges of a model followed by those of the parameters of a noise model."""
+    return Box(
+        names=box.names + tuple(NOISE + each.name for each in noise.parameters),
+        lower=box.lower + tuple(each.lower for each in noise.parameters),
+        upper=box.upper + tuple(each.upper for each in noise.parameters),
+        log=box.log + tuple(each.log for each in noise.parameters),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Space:
     """Positions (..., n_dim) of free and noise parameters in a `box`; `pair` holds the coordinates of k and of k x0."""
@@ -146,12 +156,7 @@ class Space:
     def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
         """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`."""
         own = form.box
-        box = Box(
-            names=own.names + tuple(NOISE + each.name for each in noise.parameters),
-            lower=own.lower + tuple(each.lower for each in noise.parameters),
-            upper=own.upper + tuple(each.upper for each in noise.parameters),
-            log=own.log + tuple(each.log for each in noise.parameters),
-        )
+        box = with_noise(own, noise)
         names = tuple(box.names[index] for index in box.free)
         for name in priors:
             if name not in box.names:

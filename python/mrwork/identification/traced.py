@@ -1,0 +1,504 @@
+"""Forces, residuals and misfits as functions of JAX, with the exact derivatives of the kernel.
+
+They are those of `mr.simulate` and `mr.objective`, for `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`. A point at which a
+simulation fails, or that lies outside the unit cube, has an infinite force and misfit, with derivatives of zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.numbers import format_rounded
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box, Coordinates
+from mrwork.dampers.simulation import MOST_SUBSTEPS, Loading
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import SettingError
+from mrwork.identification.candidates import CandidateObjective, loading_for, objective
+from mrwork.identification.objective import Objective
+from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, columns_of, scale_columns
+from mrwork.identification.ties import Ties
+from mrwork.identification.traced_observation import observe
+from mrwork.records import DamperTest, Observation
+from mrwork.twins.kernel import Kernel, RecordArrays
+
+_ROUNDING = 1e-12
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["data"],
+    meta_fields=["title", "compute", "box", "units", "coordinates", "start"],
+)
+# JAX keeps functions by weak references, and ends the process where there can be none.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
+class TracedFunction(Summarised):
+    """A function of a point, shape (n_free,), for JAX; of many, (..., n_free), it has so many values.
+
+    A point gives the parameters `names`, or, with the coordinates "unit" or "latent", their places between the bounds,
+    as in `mr.objective`. `start` is one. It is a pytree, whose leaves `data` are records, measured forces and weights;
+    given as a second argument, they are operands of a compiled program and not constants in it.
+    """
+
+    title: str
+    compute: Callable[[Array, Any], Array]
+    box: Box
+    units: tuple[str, ...]
+    coordinates: Coordinates
+    start: tuple[float, ...]
+    data: Any
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        compute: Callable[[Array, Any], Array],
+        *,
+        box: Box,
+        units: tuple[str, ...],
+        coordinates: Coordinates,
+        start: Floats,
+        data: Any,
+    ) -> TracedFunction:
+        """The function `compute` of all parameters and `data`, with these parameters, (n_params,), as its start."""
+        return cls(
+            title=title,
+            compute=compute,
+            box=box,
+            units=units,
+            coordinates=coordinates,
+            start=tuple(box.points_inside(start, coordinates).tolist()),
+            data=data,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return self.box.free_names
+
+    @property
+    def lower(self) -> Floats:
+        """Lower bound of every coordinate, shape (n_free,)."""
+        return self.box.ends(self.coordinates)[0]
+
+    @property
+    def upper(self) -> Floats:
+        """Upper bound of every coordinate, shape (n_free,)."""
+        return self.box.ends(self.coordinates)[1]
+
+    def __call__(self, point: Any, data: Any = None) -> Array:
+        """Value at a point, of these `data` instead of its own if they are given."""
+        given = self.data if data is None else data
+        value: Array = _evaluate(self.compute, self.box, self.coordinates, self._checked(point), given)
+        return value
+
+    def _checked(self, point: Any) -> Array:
+        given = point if isinstance(point, Array) else np.asarray(point)
+        values: Array = jnp.asarray(given, dtype=jnp.float64 if given.dtype.kind in "iu" else None)
+        if values.dtype != jnp.float64:
+            raise SettingError(
+                f"the point has the data type {values.dtype}, and mr.jax takes float64, because derivatives of a "
+                "simulation are wrong in 32 bits; make arrays after the first use of `mr.jax`, or call "
+                "jax.config.update('jax_enable_x64', True) before"
+            )
+        if not values.ndim or values.shape[-1] != len(self.names):
+            raise SettingError(
+                f"the point has shape {values.shape}; give ({len(self.names)},): {list_names(self.names, 20)}"
+            )
+        return values
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"{self.title}, for JAX",
+            facts=(("coordinates", self.coordinates),),
+            columns=("parameter", "start", "lower", "upper", "unit"),
+            rows=[
+                (name, *(format_rounded(each) for each in numbers), unit)
+                for name, *numbers, unit in zip(
+                    self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
+                )
+            ],
+        )
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _evaluate(
+    compute: Callable[[Array, Any], Array], box: Box, coordinates: Coordinates, points: Array, data: Any
+) -> Array:
+    def value(point: Array) -> Array:
+        theta = box.theta_from(point, coordinates)
+        if coordinates == "unit":
+            outside = jnp.any((point < -_ROUNDING) | (point > 1.0 + _ROUNDING))
+            # No candidate, whose simulation fails.
+            theta = jnp.where(outside, jnp.nan, theta)
+        return compute(theta, data)
+
+    for _ in range(points.ndim - 1):
+        value = jax.vmap(value)
+    return value(points)
+
+
+class ComparedArrays(NamedTuple):
+    """A test: its motion, the measured force [N] that is compared, (n_counted,), and its weight among the tests.
+
+    `counted` are the samples that are compared, and `weights` the factors on their residuals, if there are any.
+    """
+
+    record: RecordArrays
+    measured: Array
+    weight: Array
+    counted: Array | None
+    weights: Array | None
+
+
+class ComparedForm(NamedTuple):
+    """What a compilation depends on: the observation model, the step [s], first and last sample compared, exclusive."""
+
+    observation: Observation
+    dt: float
+    span: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Residuals:
+    """Residuals of an objective as a function of parameters and tests; equal values share one compilation."""
+
+    kernel: Kernel
+    tests: tuple[ComparedForm, ...]
+    nuisances: tuple[NuisanceName, ...]
+    power: float
+    loss: Loss | None
+    ties: Ties | None
+
+    @classmethod
+    def of(
+        cls, objective: Objective, *, columns: Sequence[int], substeps: int | None, threads: int
+    ) -> Residuals:
+        """The form of an objective; it is differentiated with respect to these columns of `theta`, and those tied."""
+        first, *others = objective.compared
+        if callable(first.loss and first.loss.rho):
+            raise SettingError(
+                "mr.jax has the losses by name, and this one is a function in NumPy; write it in jax.numpy over "
+                "mr.jax.residuals"
+            )
+        tied = () if first.ties is None else first.ties.indices
+        for each in objective.compared:
+            each.test.observation.observe(np.zeros(2), each.test.dt)
+        return cls(
+            kernel=Kernel.of(
+                objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
+            ),
+            tests=tuple(
+                ComparedForm(each.test.observation, each.test.dt, _span(each)) for each in (first, *others)
+            ),
+            nuisances=objective.settings.nuisances,
+            power=objective.settings.power,
+            loss=first.loss,
+            ties=first.ties,
+        )
+
+    def newtons(self, theta: Array, tests: Sequence[ComparedArrays]) -> list[tuple[Array, Array]]:
+        """Residuals of each test [N], shape (n_counted,), zero where its simulation failed, and whether it did."""
+        tied = theta if self.ties is None else self.ties.feasible(theta)
+        found = []
+        for form, test in zip(self.tests, tests, strict=True):
+            force = self.kernel(tied, test.record)
+            failed = jnp.isinf(force[-1])
+            force = jnp.where(failed, 0.0, force)
+            if form.observation != _AS_IT_IS:
+                force = observe(form.observation, force, form.dt)
+            force = force[slice(*form.span)] if test.counted is None else force[test.counted]
+            residual = _without_nuisance(force, force - test.measured, self.nuisances)
+            found.append((jnp.where(failed, 0.0, residual), failed))
+        return found
+
+    def parts(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[list[Array], Array]:
+        """Weighted residuals of each test, as `Objective.residuals` has them for power 2, and whether any failed."""
+        parts, failures = [], []
+        for test, (residual, failed) in zip(tests, self.newtons(theta, tests), strict=True):
+            weighted = residual if test.weights is None else residual * test.weights
+            if self.loss is not None:
+                weighted = _transform(self.loss, weighted)
+            parts.append(jnp.where(failed, 1.0, weighted * test.weight))
+            failures.append(failed)
+        return parts, jnp.any(jnp.stack(failures))
+
+    def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
+        """Residuals whose sum of squares is the squared misfit, (n_residuals,); 1 in tests that failed."""
+        parts, _ = self.parts(theta, tests)
+        if self.power != _ROOT_MEAN_SQUARE:
+            squared = [len(parts) * jnp.sum(part**2) for part in parts]
+            misfit = _mean(squared, self.power)
+            parts = [
+                (_root(own) / jnp.maximum(misfit, _TINY)) ** (self.power / 2.0 - 1.0) * part
+                for own, part in zip(squared, parts, strict=True)
+            ]
+        return jnp.concatenate(parts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misfit:
+    """The misfit as a function of parameters and tests."""
+
+    residuals: Residuals
+
+    def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
+        """The power mean of the NRMSE; infinite where a simulation failed."""
+        parts, failed = self.residuals.parts(theta, tests)
+        squared = [len(parts) * jnp.sum(part**2) for part in parts]
+        return jnp.where(failed, jnp.inf, jnp.where(failed, 1.0, _mean(squared, self.residuals.power)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Force:
+    """The force as a function of parameters and a record."""
+
+    kernel: Kernel
+
+    def __call__(self, theta: Array, record: RecordArrays) -> Array:
+        """Force [N], shape (n_time,)."""
+        return self.kernel(theta, record)
+
+
+_AS_IT_IS = Observation()
+_ROOT_MEAN_SQUARE = 2.0
+_TINY = np.finfo(float).tiny
+
+
+def _mean(squared: Sequence[Array], power: float) -> Array:
+    """Power mean of NRMSE from their squares, with a derivative of zero where it is zero."""
+    if power == _ROOT_MEAN_SQUARE:
+        return _root(jnp.mean(jnp.stack(squared)))
+    total = jnp.mean(jnp.stack([_root(each) ** power for each in squared]))
+    positive = total > 0.0
+    return jnp.where(positive, jnp.where(positive, total, 1.0) ** (1.0 / power), 0.0)
+
+
+def _root(value: Array) -> Array:
+    positive = value > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _transform(loss: Loss, residuals: Array) -> Array:
+    transformed: Array = loss.transform(residuals)[0]
+    return transformed
+
+
+@_transform.defjvp
+def _transform_slope(loss: Loss, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    transformed, slope = loss.transform(primals[0])
+    return transformed, slope * tangents[0]
+
+
+def _without_nuisance(force: Array, residuals: Array, names: tuple[NuisanceName, ...]) -> Array:
+    """Residuals (n_counted,) with the nuisance parameters at their best values, as `residual.without_nuisance`."""
+    if not names:
+        return residuals
+    unit: Array = scale_columns(columns_of(force, names))[0]
+    return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
+
+
+def _span(each: ObservedTest) -> tuple[int, int]:
+    counted = each.counted
+    return counted.indices(each.test.n_time)[:2] if isinstance(counted, slice) else (0, each.test.n_time)
+
+
+def _arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
+    """The tests of an objective as arrays."""
+    return tuple(
+        ComparedArrays(
+            record=RecordArrays.of(each.history),
+            measured=jnp.asarray(each.measured),
+            weight=jnp.asarray(each.weight(len(objective.compared))),
+            counted=None if isinstance(each.counted, slice) else jnp.asarray(each.counted),
+            weights=None if each.weights is None else jnp.asarray(each.weights),
+        )
+        for each in objective.compared
+    )
+
+
+@checked
+def force(
+    model: DamperSpec | str,
+    record: DamperTest | Loading,
+    *,
+    coordinates: Coordinates = "theta",
+    substeps: int | None = None,
+    threads: Threads = 1,
+) -> TracedFunction:
+    """The simulated force of a record as a function of all parameters, for JAX: that of `mr.simulate`, to the bit.
+
+    Parameters
+    ----------
+    model
+        A model or its name.
+    record
+        A damper test, of which the measured force is not used, or a loading.
+    coordinates
+        Whether a point is physical parameters, "theta", places between the bounds of the model from 0 to 1, "unit", or
+        the logits of these places, "latent".
+    substeps
+        Sub-steps per sample of every point, a power of two. By default they follow from the stiffness of the point, and
+        the force jumps, within the error of the integration, where their number changes.
+    threads
+        Threads of a batch, 0 for all.
+
+    Returns
+    -------
+    TracedFunction
+        Of a point, shape (n_params,), the force [N], (n_time,); infinite where the simulation fails, with derivatives
+        of zero.
+
+    Raises
+    ------
+    RecordError
+        Where the model follows a command that the record does not have.
+    LibraryError
+        Where this version of jaxlib does not take the operation.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp, mrwork as mr
+    >>> spec = mr.damper("bingham")
+    >>> force = mr.jax.force(spec, mr.synthetic_test("spencer1997"))
+    >>> jax.jacfwd(force)(jnp.array(spec.nominal)).shape
+    (2001, 4)
+    """
+    spec = damper(model) if isinstance(model, str) else model
+    return TracedFunction.of(
+        f"Force of {spec.name}",
+        Force(kernel=Kernel.of(spec, substeps=_substeps(substeps), threads=threads)),
+        box=Box.of(spec),
+        units=tuple(each.unit for each in spec.parameters),
+        coordinates=coordinates,
+        start=np.array(spec.nominal),
+        data=RecordArrays.of(loading_for(record, spec).history()),
+    )
+
+
+@checked
+def residuals(
+    model: DamperSpec | str | CandidateObjective,
+    tests: DamperTest | Sequence[DamperTest] | None = None,
+    *,
+    coordinates: Coordinates | None = None,
+    substeps: int | None = None,
+    threads: Threads = 1,
+) -> TracedFunction:
+    """The residuals of an objective as a function of its free parameters, for JAX; arguments as in `misfit`.
+
+    Of a point, shape (n_free,), it has the residuals of `mr.objective`, shape (n_residuals,), whose sum of squares is
+    the squared misfit. In tests whose simulation fails they are 1, with derivatives of zero.
+    """
+    given = objective_of(model, tests, coordinates)
+    return function_of(given, form_of(given, substeps, threads), "Residuals")
+
+
+@checked
+def misfit(
+    model: DamperSpec | str | CandidateObjective,
+    tests: DamperTest | Sequence[DamperTest] | None = None,
+    *,
+    coordinates: Coordinates | None = None,
+    substeps: int | None = None,
+    threads: Threads = 1,
+) -> TracedFunction:
+    """The misfit of `mr.identify` as a function of the free parameters, for JAX: that of `mr.objective`.
+
+    Parameters
+    ----------
+    model
+        A model or its name; or an objective, `mr.objective(...)`, with its bounds, ties, nuisance parameters, weights,
+        masks, power and loss, and then no `tests`.
+    tests
+        The tests.
+    coordinates
+        As in `mr.objective`, whose own are the default.
+    substeps, threads
+        As in `mr.jax.force`. With a fixed number of sub-steps the misfit has no jumps.
+
+    Returns
+    -------
+    TracedFunction
+        Of a point, shape (n_free,), the misfit (NRMSE); infinite where a simulation fails, with a derivative of zero.
+
+    Raises
+    ------
+    SettingError
+        Where a loss is a function, which is one in NumPy.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp, mrwork as mr
+    >>> misfit = mr.jax.misfit("bingham", mr.synthetic_test("spencer1997"), coordinates="unit")
+    >>> jax.grad(misfit)(jnp.array(misfit.start)).shape
+    (4,)
+    """
+    given = objective_of(model, tests, coordinates)
+    return function_of(given, Misfit(residuals=form_of(given, substeps, threads)), "Misfit")
+
+
+def objective_of(
+    model: DamperSpec | str | CandidateObjective,
+    tests: DamperTest | Sequence[DamperTest] | None,
+    coordinates: Coordinates | None,
+) -> CandidateObjective:
+    """The objective that is given, or that of a model and its tests."""
+    if not isinstance(model, CandidateObjective):
+        if tests is None:
+            raise SettingError("`tests` are missing; give a damper test, or several, beside the model")
+        return objective(model, tests, coordinates=coordinates or "theta")
+    if tests is not None:
+        raise SettingError("an objective has its tests; leave `tests` out, or give a model beside them")
+    return model if coordinates is None else replace(model, coordinates=coordinates)
+
+
+def form_of(given: CandidateObjective, substeps: int | None, threads: int) -> Residuals:
+    """The residuals of an objective, with derivatives with respect to its free parameters."""
+    return Residuals.of(
+        given.objective, columns=given.box.free, substeps=_substeps(substeps), threads=threads
+    )
+
+
+def function_of(
+    given: CandidateObjective,
+    compute: Callable[[Array, Any], Array],
+    what: str,
+    *,
+    box: Box | None = None,
+    start: Sequence[float] = (),
+) -> TracedFunction:
+    """A function of the point of an objective, and of further parameters of the `box`, if one is given."""
+    labels = list_names([each.label for each in given.objective.tests])
+    return TracedFunction.of(
+        f"{what} of {given.objective.spec.name} on {labels}",
+        compute,
+        box=box or given.box,
+        units=(*given.units, *("1" for _ in start)),
+        coordinates=given.coordinates,
+        start=np.array([*given.objective.spec.nominal, *start]),
+        data=_arrays_of(given.objective),
+    )
+
+
+def _substeps(wanted: int | None) -> int | None:
+    if wanted is not None and wanted not in _POWERS:
+        raise SettingError(
+            f"`substeps` is {wanted}; give a power of two from 1 to {MOST_SUBSTEPS}, or leave it out for those of the "
+            "stepping rule"
+        )
+    return wanted
+
+
+_POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]

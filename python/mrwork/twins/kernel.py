@@ -1,0 +1,206 @@
+"""The simulation of the Rust core as an operation of JAX: forces of a damper, with their exact derivatives.
+
+XLA calls the compiled module from within a program, without Python (its foreign function interface). The motion of a
+record, with its splines, is an operand like the parameters, so a compiled program holds for every record of its length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any, NamedTuple
+from warnings import warn
+
+import jax
+import jax.interpreters.batching
+import jax.interpreters.mlir
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import Primitive
+
+from mrwork import _rust
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import LibraryError, MrworkWarning, SettingError
+from mrwork.store.codec import package_version
+from mrwork.twins.models import begin
+
+# jax leaves these unannotated.
+_jax: Any = jax
+_ffi: Any = jax.ffi
+_interpreters: Any = jax.interpreters
+
+_TARGET = "mrwork_damper_force"
+# Versions of jaxlib that the tests have run with: the first, and the first of those after them.
+_TESTED = ((0, 10), (0, 11))
+
+
+class RecordArrays(NamedTuple):
+    """Motion and command of a record, a pytree of operands.
+
+    `splines` are the coefficients of displacement and velocity over each sample interval, (n_time - 1, 8); `facts` the
+    step, the motion at the end and the largest velocity and acceleration at a reversal, (5,); `command` [A or V] has
+    shape (n_time,), or (1,) where it is constant, not a number where the model follows none.
+    """
+
+    splines: Array
+    facts: Array
+    command: Array
+
+    @classmethod
+    def of(cls, history: _rust.LoadingHistory) -> RecordArrays:
+        """The arrays of a history."""
+        splines, facts = history.parts
+        command = history.command
+        if command is None:
+            command = np.full(1, np.nan)
+        elif np.ptp(command) == 0.0:
+            command = command[:1]
+        return cls(*(jnp.asarray(each) for each in (splines, facts, command)))
+
+    @property
+    def n_time(self) -> int:
+        """Number of samples."""
+        return int(self.splines.shape[-2]) + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kernel:
+    """What a compiled simulation depends on; equal values share one compilation.
+
+    `columns` are those of `theta` with respect to which the forces are differentiated. `substeps` per sample interval
+    are the same for every candidate, or follow from its stiffness where they are 0.
+    """
+
+    spec: DamperSpec
+    columns: tuple[int, ...]
+    substeps: int = 0
+    threads: int = 1
+
+    @classmethod
+    def of(
+        cls,
+        spec: DamperSpec,
+        *,
+        columns: Sequence[int] | None = None,
+        substeps: int | None = None,
+        threads: int = 1,
+    ) -> Kernel:
+        """Register the operation in this process; all columns by default."""
+        begin()
+        _register()
+        every = range(len(spec.parameters))
+        return cls(
+            spec=spec,
+            columns=tuple(every if columns is None else columns),
+            substeps=substeps or 0,
+            threads=threads,
+        )
+
+    def __call__(self, theta: Array, record: RecordArrays) -> Array:
+        """Forces [N], shape (..., n_time), of parameters (..., n_params); rows that failed are infinite."""
+        force: Array = _simulate(self, theta, record)
+        return force
+
+
+@cache
+def _register() -> None:
+    """Register the operation; a version of jaxlib that does not take it raises a LibraryError."""
+    address, version = _rust.xla_handler()
+    installed = package_version("jaxlib")
+    found = tuple(int(part) for part in installed.split(".")[:2])
+    spoken = f"mr.jax speaks XLA's interface {version[0]}.{version[1]}"
+    if found < _TESTED[0]:
+        raise LibraryError(f"{spoken}, and jaxlib {installed} is older; install jax 0.10 or later")
+    if found >= _TESTED[1]:
+        warn(
+            f"{spoken} and was tested with jaxlib 0.10; this is {installed}, so compare a force with "
+            "mr.simulate first",
+            MrworkWarning,
+            stacklevel=2,
+        )
+    try:
+        _ffi.register_ffi_target(_TARGET, _ffi.pycapsule(address), platform="cpu")
+    except Exception as error:
+        reason = str(error).partition("\n")[0]
+        raise LibraryError(
+            f"{spoken}, which jaxlib {installed} refuses ({reason}); install jax 0.10"
+        ) from None
+
+
+# An identity that has no program but on the processor, so that a program for another device is refused by a sentence.
+_on_processor: Any = Primitive("mrwork_on_processor")
+_on_processor.def_impl(lambda theta: theta)
+_on_processor.def_abstract_eval(lambda theta: theta)
+
+
+def _refuse_device(context: Any, theta: Any) -> Any:
+    raise SettingError(
+        f"mr.jax simulates on the processor, and this program is compiled for {context.module_context.platforms[0]}; "
+        "set JAX_PLATFORMS=cpu, or put the arrays on jax.devices('cpu')[0]"
+    )
+
+
+_interpreters.batching.defvectorized(_on_processor)
+_interpreters.mlir.register_lowering(_on_processor, lambda _, theta: [theta], platform="cpu")
+_interpreters.mlir.register_lowering(_on_processor, _refuse_device)
+
+
+def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bool) -> tuple[Array, ...]:
+    """The operation: force, and derivatives, (..., n_columns, n_time), if wanted."""
+    laws = kernel.spec.current
+    leading = theta.shape[:-1]
+    alone = [each.reshape(*(1 for _ in leading), *each.shape) for each in record]
+    shapes = [(*leading, record.n_time)]
+    if derivatives:
+        shapes.append((*leading, len(kernel.columns), record.n_time))
+    call = _ffi.ffi_call(
+        _TARGET,
+        [_jax.ShapeDtypeStruct(shape, jnp.float64) for shape in shapes],
+        vmap_method="expand_dims",
+    )
+    results = call(
+        _on_processor.bind(theta),
+        *alone,
+        model=kernel.spec.name,
+        laws="" if laws is None else "\n".join(laws.laws),
+        lagged=np.int64(laws is not None and laws.lagged),
+        columns=np.array(kernel.columns, dtype=np.int64),
+        substeps=np.int64(kernel.substeps),
+        threads=np.int64(kernel.threads),
+    )
+    return tuple(results)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _simulate(kernel: Kernel, theta: Array, record: RecordArrays) -> Array:
+    return _call(kernel, theta, record, derivatives=False)[0]
+
+
+@partial(_simulate.defjvp, symbolic_zeros=True)
+def _differentiate(
+    kernel: Kernel, primals: tuple[Array, RecordArrays], tangents: tuple[Any, RecordArrays]
+) -> tuple[Array, Array]:
+    theta, record = primals
+    along, of_record = tangents
+    if not all(isinstance(each, SymbolicZero) for each in of_record):
+        raise SettingError(
+            "the forces of mr.jax have derivatives with respect to parameters, not to the record; use mr.jax.twin"
+        )
+    force, jacobian = _linearise(kernel, theta, record)
+    return force, jnp.einsum("...p,...pt->...t", along[..., np.array(kernel.columns, dtype=int)], jacobian)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _linearise(kernel: Kernel, theta: Array, record: RecordArrays) -> tuple[Array, Array]:
+    force, jacobian = _call(kernel, theta, record, derivatives=True)
+    return force, jacobian
+
+
+@_linearise.defjvp
+def _refuse_second(kernel: Kernel, primals: object, tangents: object) -> Any:
+    raise SettingError(
+        "the forces of mr.jax have first derivatives; take second ones from mr.jax.twin, or by differences of gradients"
+    )

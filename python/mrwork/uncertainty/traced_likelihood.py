@@ -1,0 +1,116 @@
+"""The likelihood of tests under a noise model as a function of JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrwork.base.arguments import Threads, checked
+from mrwork.dampers.coordinates import Coordinates
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
+from mrwork.identification.candidates import CandidateObjective
+from mrwork.identification.traced import (
+    ComparedArrays,
+    Residuals,
+    TracedFunction,
+    form_of,
+    function_of,
+    objective_of,
+)
+from mrwork.records import DamperTest
+from mrwork.uncertainty.noise import NOISES, Noise, names_in_words, noise_model
+from mrwork.uncertainty.posterior.target import with_noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLikelihood:
+    """Log-likelihood as a function of parameters with those of the noise, and of tests."""
+
+    residuals: Residuals
+    noise: Noise
+    deviations: tuple[float, ...]
+
+    def __call__(self, values: Array, tests: Sequence[ComparedArrays]) -> Array:
+        """Sum over all samples that are compared; -inf where a simulation failed, or a density is not finite."""
+        n_params = len(self.residuals.kernel.spec.parameters)
+        theta, noise = values[:n_params], values[n_params:]
+        total, failures = jnp.zeros(()), []
+        for test, deviation, (newtons, failed) in zip(
+            tests, self.deviations, self.residuals.newtons(theta, tests), strict=True
+        ):
+            residual = newtons / deviation
+            force = residual + (test.measured - jnp.mean(test.measured)) / deviation
+            total = total + jnp.sum(self.noise.log_densities(residual[None], force[None], noise[None]))  # type: ignore[arg-type] # arrays of JAX
+            failures.append(failed)
+        failed = jnp.any(jnp.stack(failures))
+        return jnp.where(failed, -jnp.inf, jnp.where(failed, 0.0, total))
+
+
+@checked
+def log_likelihood(
+    model: DamperSpec | str | CandidateObjective,
+    tests: DamperTest | Sequence[DamperTest] | None = None,
+    noise: str = "iid",
+    *,
+    coordinates: Coordinates | None = None,
+    substeps: int | None = None,
+    threads: Threads = 1,
+) -> TracedFunction:
+    """The log-likelihood of tests as a function of the free parameters and those of the noise, for JAX.
+
+    Residuals of a free run on real tests are mostly model error, which repeats from sample to sample: as independent
+    noise they make intervals far too narrow. Take correlated noise, "ar1", or multiply by the share of independent
+    samples, as `mr.sample` does.
+
+    Parameters
+    ----------
+    model, tests, substeps, threads
+        As in `mr.jax.misfit`. Power and exponent of an objective have no part in a likelihood.
+    noise
+        Name of a noise model; its parameters are in units of the standard deviation of the measured force of each test.
+    coordinates
+        As in `mr.jax.misfit`, for the parameters of the noise too.
+
+    Returns
+    -------
+    TracedFunction
+        Of a point, shape (n_free + n_noise,), with the noise last, the log-likelihood; -inf where a simulation fails,
+        with a derivative of zero.
+
+    Raises
+    ------
+    SettingError
+        Where the objective has weights or a loss, in whose place a likelihood has its noise, or the noise has no
+        derivatives.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp, mrwork as mr
+    >>> likelihood = mr.jax.log_likelihood("bingham", mr.synthetic_test("spencer1997"), "ar1", coordinates="unit")
+    >>> likelihood.names
+    ('f_c', 'v_s', 'c0', 'f0', 'noise.sigma', 'noise.phi')
+    >>> jax.grad(likelihood)(jnp.full(6, 0.5)).shape
+    (6,)
+    """
+    density = noise_model(noise)
+    if not density.differentiable:
+        names = names_in_words([each for each in NOISES.values() if each.differentiable])
+        raise SettingError(f"{noise} noise has no derivatives in JAX; take {names}")
+    given = objective_of(model, tests, coordinates)
+    if not all(each.is_plain for each in given.objective.compared):
+        raise SettingError(
+            "this objective has weights or a loss, and a likelihood has its noise in their place; leave one out"
+        )
+    compute = LogLikelihood(
+        residuals=form_of(given, substeps, threads),
+        noise=density,
+        deviations=tuple(each.deviation for each in given.objective.compared),
+    )
+    box = with_noise(given.box, density)
+    middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(given.box.names) :]
+    return function_of(given, compute, "Log-likelihood", box=box, start=middle)
