@@ -30,7 +30,8 @@ from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, col
 from mrwork.identification.ties import Ties
 from mrwork.identification.traced_observation import observe
 from mrwork.records import DamperTest, Observation
-from mrwork.twins.kernel import Kernel, RecordArrays
+from mrwork.twins.kernel import Kernel
+from mrwork.twins.record_arrays import RecordArrays
 
 _ROUNDING = 1e-12
 

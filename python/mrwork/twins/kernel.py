@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 from warnings import warn
 
 import jax
@@ -26,6 +26,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, MrworkWarning, SettingError
 from mrwork.store.codec import package_version
 from mrwork.twins.models import begin
+from mrwork.twins.own_kernel import force_and_slope
+from mrwork.twins.record_arrays import RecordArrays
 
 # jax leaves these unannotated.
 _jax: Any = jax
@@ -35,35 +37,6 @@ _interpreters: Any = jax.interpreters
 _TARGET = "mrwork_damper_force"
 # Versions of jaxlib that the tests have run with: the first, and the first of those after them.
 _TESTED = ((0, 10), (0, 11))
-
-
-class RecordArrays(NamedTuple):
-    """Motion and command of a record, a pytree of operands.
-
-    `splines` are the coefficients of displacement and velocity over each sample interval, (n_time - 1, 8); `facts` the
-    step, the motion at the end and the largest velocity and acceleration at a reversal, (5,); `command` [A or V] has
-    shape (n_time,), or (1,) where it is constant, not a number where the model follows none.
-    """
-
-    splines: Array
-    facts: Array
-    command: Array
-
-    @classmethod
-    def of(cls, history: _rust.LoadingHistory) -> RecordArrays:
-        """The arrays of a history."""
-        splines, facts = history.parts
-        command = history.command
-        if command is None:
-            command = np.full(1, np.nan)
-        elif np.ptp(command) == 0.0:
-            command = command[:1]
-        return cls(*(jnp.asarray(each) for each in (splines, facts, command)))
-
-    @property
-    def n_time(self) -> int:
-        """Number of samples."""
-        return int(self.splines.shape[-2]) + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +123,12 @@ _interpreters.mlir.register_lowering(_on_processor, _refuse_device)
 
 def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bool) -> tuple[Array, ...]:
     """The operation: force, and derivatives, (..., n_columns, n_time), if wanted."""
+    if kernel.spec.own is not None:
+        columns = kernel.columns if derivatives else ()
+        own = partial(force_and_slope, kernel.spec, columns, kernel.substeps)
+        for _ in theta.shape[:-1]:
+            own = jax.vmap(own, in_axes=(0, None))
+        return own(theta, record)
     laws = kernel.spec.current
     leading = theta.shape[:-1]
     alone = [each.reshape(*(1 for _ in leading), *each.shape) for each in record]

@@ -47,7 +47,8 @@ from mrwork.twins.loop_stepping import (
     times,
 )
 from mrwork.twins.models import begin, twin_of
-from mrwork.twins.own_batches import FINER, RESOLUTION, interruptible, power_of_two, radius_of
+from mrwork.twins.own_batches import interruptible, power_of_two
+from mrwork.twins.own_stepping import FINER, RESOLUTION, radius_of
 
 # As LARGEST_DISPLACEMENT of `respond.rs` [m], STEPS_PER_CHECK of `block.rs`, COMMAND_LEVELS of `resolution.rs`, and the
 # velocities, displacements and differences of `slopes.rs` by which slopes of the force are looked for.
