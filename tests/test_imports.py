@@ -23,6 +23,10 @@ HOMES = {
     ("jax", "equinox", "optimistix"): (
         "twins",
         "identification.minimise.levenberg_marquardt_twin",
+        "identification.traced",
+        "identification.traced_observation",
+        "identification.traced_twin",
+        "uncertainty.traced_likelihood",
         "uncertainty.posterior.nuts",
     ),
     ("emcee",): ("uncertainty.posterior",),

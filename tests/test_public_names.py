@@ -30,6 +30,7 @@ NAMESPACES = (
     "closed_loop",
     "search",
     "identification",
+    "jax",
     "uncertainty",
     "study",
     "tuning",

@@ -107,6 +107,17 @@ def identification_calls(_: Path) -> Calls:
     yield call(identification.LevelFit, command=1.0, minima=theta[None])
 
 
+def jax_calls(_: Path) -> Calls:
+    """Functions of JAX, which are made and not called: that compiles them."""
+    values = {"model": "bingham", "substeps": 2, "threads": 1, "coordinates": "unit"}
+    yield call(mr.jax.force, record=small_test(), **values)
+    for kind in (mr.jax.residuals, mr.jax.misfit):
+        yield call(kind, tests=[small_test()], **values)
+    yield call(mr.jax.log_likelihood, tests=small_test(), noise="ar1", **values)
+    yield call(mr.jax.twin, model=_BINGHAM)
+    yield call(mr.jax.twin(_BINGHAM).substeps, theta=np.array(_BINGHAM.nominal), record=small_test())
+
+
 def uncertainty_calls(folder: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
     fit, test = small_fit(), small_test()
@@ -199,4 +210,4 @@ def search_calls(_: Path) -> Calls:
     yield call(search.Streams, rng=0, replicate=np.array([0, 1]), generation=np.array([0, 0]))
 
 
-ROOMS = (identification_calls, uncertainty_calls, search_calls)
+ROOMS = (identification_calls, jax_calls, uncertainty_calls, search_calls)

@@ -4,12 +4,8 @@
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Severity};
 use crate::loading::LoadingHistory;
+pub use crate::loading::MAX_SUBSTEPS;
 use crate::parameters::FromSlice;
-
-/// Most sub-steps per sample interval of a candidate.
-///
-/// Fits to measured tests at 100 to 1000 Hz take 1 to 64; a candidate far beyond would only delay a search.
-pub const MAX_SUBSTEPS: u32 = 256;
 
 /// Largest factor on that number.
 pub const MAX_SUBSTEP_FACTOR: u32 = 64;

@@ -2,9 +2,11 @@
 
 #![allow(clippy::cast_precision_loss, clippy::expect_used, clippy::float_cmp)]
 
+use std::borrow::Cow;
+
 use mrwork_dynamics::damper::Motion;
 use mrwork_dynamics::error::DynamicsError;
-use mrwork_dynamics::loading::{LoadingHistory, MIN_SAMPLES};
+use mrwork_dynamics::loading::{LoadingHistory, MAX_SUBSTEPS, MIN_SAMPLES};
 
 const DT: f64 = 0.01;
 
@@ -12,12 +14,12 @@ fn sampled(n_time: usize, function: impl Fn(f64) -> f64) -> Vec<f64> {
     (0..n_time).map(|i| function(i as f64 * DT)).collect()
 }
 
-fn history(displacement: &[f64], velocity: Option<&[f64]>) -> LoadingHistory {
+fn history(displacement: &[f64], velocity: Option<&[f64]>) -> LoadingHistory<'static> {
     LoadingHistory::new(DT, displacement, velocity).expect("a valid history")
 }
 
 /// Times and motions at `per_interval` equally spaced points of every interval, both ends included.
-fn dense(history: &LoadingHistory, per_interval: u32) -> Vec<(f64, Motion<f64>)> {
+fn dense(history: &LoadingHistory<'_>, per_interval: u32) -> Vec<(f64, Motion<f64>)> {
     let points = 2 * per_interval as usize + 1;
     let stages = history.stages(per_interval);
     assert_eq!(stages.len(), (history.n_time() - 1) * points);
@@ -175,5 +177,27 @@ fn what_is_no_history_is_refused() {
         broken[7] = bad;
         assert_eq!(refusal(DT, &broken, None), DynamicsError::NotFinite { name: "displacement", sample: 7 });
         assert_eq!(refusal(DT, &x, Some(&broken)), DynamicsError::NotFinite { name: "velocity", sample: 7 });
+    }
+}
+
+#[test]
+fn a_history_of_borrowed_parts_is_the_one_that_they_came_from() {
+    let whole = history(&rough(12), None);
+    let borrowed = LoadingHistory::from_parts(
+        whole.dt(),
+        Cow::Borrowed(whole.coefficients()),
+        whole.last(),
+        whole.severity(),
+    );
+    assert_eq!(borrowed.n_time(), whole.n_time());
+    assert_eq!(borrowed.stages(4), whole.stages(4));
+    assert_eq!(borrowed.last(), whole.last());
+}
+
+#[test]
+fn a_number_of_substeps_that_is_no_power_of_two_is_refused() {
+    for found in [0, 3, 2 * MAX_SUBSTEPS] {
+        let refusal = history(&rough(12), None).with_substeps(found).expect_err("a refusal");
+        assert_eq!(refusal, DynamicsError::Substeps { found, most: MAX_SUBSTEPS });
     }
 }

@@ -241,11 +241,11 @@ impl<'a> Call<'a> {
         }
         // SAFETY: by the contract, for each of the slices and buffers below.
         unsafe {
-            let operands = slice(frame.arguments.buffers, frame.arguments.size)?;
+            let operands = slice(frame.arguments.entries, frame.arguments.size)?;
             let &[theta, coefficients, facts, command] = operands else {
                 return Err(format!("there are {} operands; 4 are expected", operands.len()));
             };
-            let (force, jacobian) = match slice(frame.results.buffers, frame.results.size)? {
+            let (force, jacobian) = match slice(frame.results.entries, frame.results.size)? {
                 &[force] => (force, None),
                 &[force, jacobian] => (force, Some(jacobian)),
                 results => return Err(format!("there are {} results; 1 or 2 are expected", results.len())),
@@ -520,7 +520,7 @@ struct Api {
     version_extension: *mut Extension,
     major_version: c_int,
     minor_version: c_int,
-    internal_api: *const c_void,
+    internal: *const c_void,
     error_create: unsafe extern "C" fn(*mut ErrorArguments) -> *mut c_void,
 }
 
@@ -551,7 +551,7 @@ struct Buffers {
     extension_start: *mut Extension,
     size: i64,
     kinds: *const c_int,
-    buffers: *const *const Buffer,
+    entries: *const *const Buffer,
 }
 
 #[repr(C)]

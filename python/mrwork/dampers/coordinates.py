@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import import_module
 from math import isfinite
 from typing import Any, ClassVar, Literal
 
@@ -125,10 +126,15 @@ class Box:
         start, span, log = self._spread(xp)
         spread = start + span * unit
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
-        free = self.free
-        # exp(log(...)) may leave the box by rounding. On a face derivatives are those inside, which `clip` would halve.
-        lower, upper = (xp.asarray([ends[index] for index in free]) for ends in (self.lower, self.upper))
-        value = xp.where(value < lower, lower, xp.where(value > upper, upper, value))
+        # exp(log(...)) may leave the box by rounding.
+        within = xp.clip(
+            value, *(xp.asarray(ends)[np.array(self.free, dtype=int)] for ends in (self.lower, self.upper))
+        )
+        if not isinstance(value, np.ndarray):
+            # The limit takes no derivatives away on a face. Imported by name, because JAX is seldom needed.
+            lax: Any = import_module("jax.lax")
+            within = value + lax.stop_gradient(within - value)
+        value = within
         return self._with_held(value)
 
     def _with_held(self, value: Array) -> Array:

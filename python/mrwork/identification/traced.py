@@ -137,12 +137,12 @@ def _evaluate(
     compute: Callable[[Array, Any], Array], box: Box, coordinates: Coordinates, points: Array, data: Any
 ) -> Array:
     def value(point: Array) -> Array:
-        theta = box.theta_from(point, coordinates)
+        # What is no candidate fails, with derivatives of zero.
+        none = jnp.isnan(point)
         if coordinates == "unit":
-            outside = jnp.any((point < -_ROUNDING) | (point > 1.0 + _ROUNDING))
-            # No candidate, whose simulation fails.
-            theta = jnp.where(outside, jnp.nan, theta)
-        return compute(theta, data)
+            none |= (point < -_ROUNDING) | (point > 1.0 + _ROUNDING)
+        theta = box.theta_from(jnp.where(none, 0.5, point), coordinates)
+        return compute(jnp.where(jnp.any(none), jnp.nan, theta), data)
 
     for _ in range(points.ndim - 1):
         value = jax.vmap(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from mrwork.twins.models import begin, parameters_at, simulate, twin_of
 from mrwork.twins.record_arrays import RecordArrays
 
 
-@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperTwin(Summarised):
     """Rate, force and simulated force of a damper model, all differentiable to any order, for `jit`, `vmap` and `grad`.
 

@@ -15,7 +15,7 @@ pub fn default() -> Settings<'static> {
 }
 
 /// A sinusoid of 10 mm at 2.5 Hz.
-pub fn loading(n_time: usize) -> LoadingHistory {
+pub fn loading(n_time: usize) -> LoadingHistory<'static> {
     let omega = 2.0 * std::f64::consts::PI * 2.5;
     let x: Vec<f64> = (0..n_time).map(|i| 0.01 * (omega * i as f64 * 1e-3).sin()).collect();
     LoadingHistory::new(1e-3, &x, None).expect("a valid history")
@@ -42,7 +42,7 @@ pub fn batch(damper: &dyn Damper, n_batch: usize) -> Vec<f64> {
 pub fn forces(
     damper: &dyn Damper,
     theta: &[f64],
-    loading: &LoadingHistory,
+    loading: &LoadingHistory<'_>,
     settings: Settings<'_>,
 ) -> (Vec<CandidateResult>, Vec<f64>) {
     let n_batch = theta.len() / damper.spec().parameters.len();
