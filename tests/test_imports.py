@@ -26,6 +26,7 @@ HOMES = {
         "identification.traced",
         "identification.traced_observation",
         "identification.traced_twin",
+        "tuning.traced_score",
         "uncertainty.traced_likelihood",
         "uncertainty.posterior.nuts",
     ),

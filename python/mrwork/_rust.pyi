@@ -264,4 +264,5 @@ def respond(
     step_factor: int = 1,
     threads: int = 0,
     outside: Callable[..., _Floats] | None = None,
-) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], list[_Floats] | None]: ...
+    changes: _Floats | None = None,
+) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], list[_Floats] | None, _Floats | None]: ...

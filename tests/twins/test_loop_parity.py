@@ -19,7 +19,7 @@ from mrwork.closed_loop.responses import run_quantities
 from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec
 from mrwork.motions import GroundMotion
-from mrwork.twins.loop_derivatives import LyapunovDirect, SignalNetwork
+from mrwork.twins.loop_laws import LyapunovDirect, SignalNetwork
 from mrwork.twins.loop_stepping import LoopDevice, LoopPlant, half_steps, run_loop
 
 # Tolerance for two thousand steps with another order of summation, and powers accurate to some ulp. A switch that

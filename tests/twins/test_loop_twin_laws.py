@@ -13,7 +13,7 @@ from jax import Array
 from loop_twin_samples import LARGEST, STEP, a_ground, two_storeys
 from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, switch
 
-from mrwork.twins.loop_derivatives import LyapunovDirect
+from mrwork.twins.loop_laws import LyapunovDirect
 from mrwork.twins.loop_stepping import Measurement, run_loop
 
 
@@ -75,7 +75,11 @@ def roughness(law: Any) -> Array:
         steps_per_sample=3,
         delay=2,
     )
-    return result.worst("peak_drift") / 1e-3 + result.worst("rms_acceleration") + result.worst("mean_current")
+    return (
+        result.summary()["peak_drift"].max() / 1e-3
+        + result.summary()["rms_acceleration"].max()
+        + result.summary()["mean_current"].max()
+    )
 
 
 def lyapunov_direct(weights: Array) -> Any:
@@ -112,7 +116,7 @@ def test_memory_of_a_derivative_grows_as_the_root_of_the_record() -> None:
         def criterion(gain: Array) -> Array:
             law = ClippedOptimal(gain, width=10.0)
             settings = {"step_time": STEP, "largest_command": jnp.array([LARGEST])}
-            return run_loop(plant, devices, law, a_ground(n_steps), **settings).worst("rms_drift")
+            return run_loop(plant, devices, law, a_ground(n_steps), **settings).summary()["rms_drift"].max()
 
         compiled = jax.jit(jax.grad(criterion)).lower(jnp.ones((1, 4))).compile()
         return int(compiled.memory_analysis().temp_size_in_bytes)

@@ -11,7 +11,7 @@ use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
 use crate::misfit::{ForceAccumulator, ForceOutput, ForceSink, Target};
 use crate::parameters::FromSlice;
-use crate::real::Real;
+use crate::real::{Bits, Real};
 use crate::threads::StopRequested;
 
 /// Steps between two checks for cancellation and for settled lanes: well below a millisecond on a full block.
@@ -116,7 +116,7 @@ impl<M: DamperModel, C: OverTime<M>> LaneJob for OnePack<'_, '_, M, C> {
     type Output = BlockResult;
     type Home = M;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> BlockResult {
+    fn run<R: Lanes + Bits>(self) -> BlockResult {
         let Self { block, output, command, model } = self;
         if const { R::WIDTH == 1 } {
             return SideBySide { block, output, command, model }.run::<R>();

@@ -7,6 +7,7 @@
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::elementary::{Elementary, Exponent, exp, ln, power_and_logarithm, tanh, whole_power};
+use crate::lanes::Lanes;
 use crate::real::{Bits, OutOfLine, Real};
 
 /// A value and its derivatives along `K` directions.
@@ -120,7 +121,9 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        self.chain(root, R::splat(0.5) / root)
+        // At zero, where a running root mean square begins, the slope is infinite, and taken for zero.
+        let zero = R::splat(0.0);
+        self.chain(root, R::select(root.equal(zero), zero, R::splat(0.5) / root))
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
@@ -174,6 +177,40 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
     #[inline(always)]
     fn any(mask: Self::Mask) -> bool {
         R::any(mask)
+    }
+}
+
+/// Values from outside are constants, and lanes that are read give values: derivatives come and go by their own methods.
+impl<R: Lanes + Bits, const K: usize> Lanes for Dual<R, K> {
+    const WIDTH: usize = R::WIDTH;
+    type Vector = Self;
+    const VECTORS: usize = 1;
+    #[inline(always)]
+    fn vector(&self, _: usize) -> Self {
+        *self
+    }
+    #[inline(always)]
+    fn set_vector(&mut self, _: usize, vector: Self) {
+        *self = vector;
+    }
+    #[inline(always)]
+    fn from_fn(value: impl FnMut(usize) -> f64) -> Self {
+        Self::constant(R::from_fn(value))
+    }
+    #[inline(always)]
+    fn for_each(self, receive: impl FnMut(usize, f64)) {
+        self.value.for_each(receive);
+    }
+    #[inline(always)]
+    fn with_slopes(self, mut slope: impl FnMut(usize, usize) -> f64) -> Self {
+        let tangents = each_tangent!(k => R::from_fn(|lane| slope(lane, k)), from self.tangents);
+        Self { value: self.value, tangents }
+    }
+    #[inline(always)]
+    fn for_each_slope(self, mut receive: impl FnMut(usize, usize, f64)) {
+        for (k, tangent) in self.tangents.into_iter().enumerate() {
+            tangent.for_each(|lane, slope| receive(lane, k, slope));
+        }
     }
 }
 

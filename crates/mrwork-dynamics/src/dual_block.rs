@@ -16,7 +16,7 @@ use crate::lanes::Lanes;
 use crate::loading::Command;
 use crate::misfit::ForceSink;
 use crate::parameters::FromSlice;
-use crate::real::Real;
+use crate::real::{Bits, Real};
 
 /// Derivatives of a dual number.
 pub const TANGENTS: usize = 4;
@@ -67,7 +67,7 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
     type Output = ();
     type Home = M;
     #[inline(always)]
-    fn run<R: Lanes>(self) {
+    fn run<R: Lanes + Bits>(self) {
         let Self { block, seeds, rows, .. } = self;
         let Block { laws, loading, substeps, .. } = *block;
         let columns = columns::<R>(block, block.candidates);
@@ -102,7 +102,7 @@ impl<M: DamperModel> LaneJob for SensitivityJob<'_, '_, M> {
 
 /// Inputs as dual numbers: derivative 1 in the lanes and directions seeded with the input, else 0.
 #[inline(always)]
-fn seeded<R: Lanes>(inputs: &[R], seed: impl Fn(usize) -> Option<Seed>) -> Vec<Numbers<R>> {
+fn seeded<R: Lanes + Bits>(inputs: &[R], seed: impl Fn(usize) -> Option<Seed>) -> Vec<Numbers<R>> {
     let mut duals = Vec::with_capacity(inputs.len());
     for (input, &value) in inputs.iter().enumerate() {
         let mut dual = Dual::constant(value);
@@ -118,7 +118,7 @@ fn seeded<R: Lanes>(inputs: &[R], seed: impl Fn(usize) -> Option<Seed>) -> Vec<N
 }
 
 /// Parameters with derivatives with respect to inputs that enter the force only.
-struct ForceOnly<M: DamperModel, R: Lanes> {
+struct ForceOnly<M: DamperModel, R: Lanes + Bits> {
     parameters: M::Parameters<Numbers<R>>,
     /// From which the parameters are evaluated at every sample of a varying command, prepared.
     columns: Vec<Numbers<R>>,
@@ -126,12 +126,12 @@ struct ForceOnly<M: DamperModel, R: Lanes> {
 }
 
 /// Writes the force and derivatives of every lane to its rows.
-struct RowWriter<'a, 'b, M: DamperModel, R: Lanes> {
+struct RowWriter<'a, 'b, M: DamperModel, R: Lanes + Bits> {
     rows: &'a mut [LaneRows<'b>],
     force_only: Vec<ForceOnly<M, R>>,
 }
 
-impl<M: DamperModel, R: Lanes> ForceSink<M, Numbers<R>, Either<'_, M, Numbers<R>>>
+impl<M: DamperModel, R: Lanes + Bits> ForceSink<M, Numbers<R>, Either<'_, M, Numbers<R>>>
     for RowWriter<'_, '_, M, R>
 {
     #[inline(always)]

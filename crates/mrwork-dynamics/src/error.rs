@@ -89,6 +89,9 @@ pub enum DynamicsError {
     /// A damper that is no model of the registry, as the device of a loop.
     #[error("`{0}` is no registered damper model; a loop takes those of the registry")]
     UnknownDevice(&'static str),
+    /// A law whose command jumps, with derivatives.
+    #[error("`{0}` switches, so that its results have no derivatives")]
+    Switches(&'static str),
     /// A model that depends on the command, with a loading history that has none.
     #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
     NoCommand(&'static str),

@@ -11,7 +11,7 @@ pub const VECTOR_WIDTH: usize = 8;
 pub(crate) const MOST_LANES: usize = 32;
 
 /// A real number with several lanes.
-pub trait Lanes: Bits {
+pub trait Lanes: Real {
     /// Number of lanes.
     const WIDTH: usize;
     /// One of the vectors that it is made of.
@@ -26,6 +26,14 @@ pub trait Lanes: Bits {
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
     /// Calls `receive(i, value)` for every lane, in order.
     fn for_each(self, receive: impl FnMut(usize, f64));
+    /// The same value with the derivatives `slope(i, k)` of lane i along direction k; a plain number has none.
+    #[inline(always)]
+    fn with_slopes(self, _slope: impl FnMut(usize, usize) -> f64) -> Self {
+        self
+    }
+    /// Calls `receive(i, k, derivative)` for every lane and direction.
+    #[inline(always)]
+    fn for_each_slope(self, _receive: impl FnMut(usize, usize, f64)) {}
 }
 
 impl Lanes for f64 {
@@ -188,7 +196,7 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     }
 }
 
-impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
+impl<V: Lanes + Bits, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
     const WIDTH: usize = V::WIDTH * GROUPS;
     type Vector = V;
     const VECTORS: usize = GROUPS;

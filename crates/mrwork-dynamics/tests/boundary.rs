@@ -6,7 +6,8 @@
 use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::building::{Building, Element, Matrices, Springs};
 use mrwork_dynamics::closed_loop::{
-    Batch, Channel, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond, width,
+    Batch, Channel, Directions, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond,
+    respond_with_slopes, width,
 };
 use mrwork_dynamics::control::{Law, LoopSizes, Signal, Source};
 use mrwork_dynamics::coupled::Mounting;
@@ -317,6 +318,15 @@ proptest! {
         if let Ok(results) = respond(damper, &batch, &mut summary, None, settings(1, 1, set)) {
             prop_assert_eq!(results.len(), runs.len());
             prop_assert!(!summary.iter().any(|value| value.is_nan()));
+        }
+        let count = usize::from(right);
+        let changes: Vec<f64> = gains.iter().cycle().take(count * gains.len()).copied().collect();
+        let mut slopes = vec![0.0; count * summary.len()];
+        let directions = Directions { count, changes: &changes };
+        let settings = settings(1, 1, set);
+        let results = respond_with_slopes(damper, &batch, directions, &mut summary, &mut slopes, settings);
+        if law.spec().switches {
+            prop_assert!(results.is_err());
         }
     }
 }

@@ -1,13 +1,16 @@
 //! Buildings in closed loop, in Python.
 
 use mrwork_dynamics::closed_loop::{
-    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver, OutsideLaw,
-    Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
+    self, Batch, Channel, Directions, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver,
+    OutsideLaw, Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
 };
 use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::settings::Settings;
-use numpy::ndarray::Ix2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::ndarray::{Ix2, Ix3};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -161,6 +164,7 @@ type Responses<'py> = (
     Bound<'py, PyArray1<u8>>,
     Bound<'py, PyArray1<u32>>,
     Option<Vec<Bound<'py, PyArray2<f64>>>>,
+    Option<Bound<'py, PyArray3<f64>>>,
 );
 
 /// Runs of a building in closed loop: summaries, shape (`n_runs`, width), outcomes, integration steps per sample, and, if
@@ -169,10 +173,12 @@ type Responses<'py> = (
 /// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw, varied damping and
 /// stiffness of the building, steps of delay beyond those of the hardware) for each run.
 /// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
+/// With `changes` of the gains along directions, shape (candidates, directions, gains), there are last the derivatives of the
+/// summaries along them, shape (`n_runs`, directions, width).
 #[pyfunction]
 #[pyo3(signature = (
     building, dampers, controller, hardware, motions, runs, streams, observer=None, histories=false, step_factor=1,
-    threads=0, outside=None
+    threads=0, outside=None, changes=None
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes what it needs by keyword from Python
 pub fn respond<'py>(
@@ -189,6 +195,7 @@ pub fn respond<'py>(
     step_factor: u32,
     threads: usize,
     outside: Option<Py<PyAny>>,
+    changes: Option<PyReadonlyArray3<'py, f64>>,
 ) -> PyResult<Responses<'py>> {
     let motions = motions
         .iter()
@@ -237,6 +244,16 @@ pub fn respond<'py>(
         observer: observer.map(|observer| &observer.dynamics),
     };
     batch.check().map_err(value_error)?;
+    let directions = match &changes {
+        Some(_) if histories || outside.is_some() => {
+            return Err(PyValueError::new_err("changes go with neither histories nor a law in Python"));
+        }
+        Some(changes) => {
+            let axes = [("candidates", None), ("directions", None), ("gains", None)];
+            Some(Directions { count: changes.shape()[1], changes: shaped("changes", changes, &axes)? })
+        }
+        None => None,
+    };
     let width = closed_loop::width(RUN_QUANTITIES, &building.dynamics);
     let history_width = closed_loop::width(HISTORY_SIGNALS, &building.dynamics);
     let mut summary = zeros(&[runs.len(), width])?;
@@ -245,13 +262,25 @@ pub fn respond<'py>(
     let mut rows: Option<Vec<Vec<f64>>> = histories
         .then(|| lengths.iter().map(|&samples| zeros(&[samples, history_width])).collect())
         .transpose()?;
+    let n_directions = directions.map_or(0, |directions| directions.count);
+    let mut slopes = zeros(&[runs.len(), n_directions, width])?;
     let instruction_set = chosen_instruction_set()?;
     // A law in Python is asked by the calling thread only.
     let threads = if outside.is_some() { 1 } else { threads };
     let results = interruptible(py, |stop| {
         let stop = &|| stop() || outside.as_ref().is_some_and(AskedLaw::failed);
         let settings = Settings { step_factor, threads, instruction_set, stop };
-        closed_loop::respond(dampers.model, &batch, &mut summary, rows.as_deref_mut(), settings)
+        match directions {
+            None => closed_loop::respond(dampers.model, &batch, &mut summary, rows.as_deref_mut(), settings),
+            Some(directions) => closed_loop::respond_with_slopes(
+                dampers.model,
+                &batch,
+                directions,
+                &mut summary,
+                &mut slopes,
+                settings,
+            ),
+        }
     });
     if let Some(error) = outside.as_ref().and_then(AskedLaw::error) {
         return Err(error);
@@ -267,6 +296,9 @@ pub fn respond<'py>(
                 .collect::<PyResult<Vec<_>>>()
         })
         .transpose()?;
+    let slopes = directions
+        .map(|_| array_of(Ix3(runs.len(), n_directions, width), slopes).map(|slopes| slopes.into_pyarray(py)))
+        .transpose()?;
     let summary = array_of(Ix2(runs.len(), width), summary)?.into_pyarray(py);
-    Ok((summary, outcome.into_pyarray(py), steps.into_pyarray(py), histories))
+    Ok((summary, outcome.into_pyarray(py), steps.into_pyarray(py), histories, slopes))
 }

@@ -35,6 +35,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("commands_force", spec.commands_force)?;
     entry.set_item("reads_acceleration", spec.reads_acceleration)?;
     entry.set_item("takes_signals", spec.takes_signals)?;
+    entry.set_item("switches", spec.switches)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;

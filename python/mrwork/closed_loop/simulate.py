@@ -273,6 +273,7 @@ def _respond(
     histories: bool = False,
     threads: int = 0,
     outside: Any = None,
+    changes: GainChanges | None = None,
 ) -> Any:
     if isinstance(driven, RunsOfLoop):
         return _respond_by_twin(core, driven, runs, histories=histories)
@@ -291,6 +292,7 @@ def _respond(
             step_factor=core.loop.step_factor,
             threads=threads,
             outside=outside,
+            changes=None if changes is None else changes.rows[None],
         )
 
 
@@ -552,6 +554,54 @@ def simulate_loop(
     >>> simulate_loop(building, [device], passive_on, [motion]).peak_drift.shape  # doctest: +SKIP
     (1, 3)
     """
+    return simulate_moved(
+        building,
+        devices,
+        law,
+        motions,
+        hardware,
+        histories=histories,
+        step_factor=step_factor,
+        nominal=nominal,
+        largest_commands=largest_commands,
+        shaping=shaping,
+        variation=variation,
+        threads=threads,
+        on_progress=on_progress,
+    )
+
+
+@array_dataclass()
+class GainChanges:
+    """Changes of the gains of a law along directions, shape (n_directions, n_gains), and how far results are moved."""
+
+    rows: Floats
+    reach: float
+
+
+def simulate_moved(
+    building: Building,
+    devices: Sequence[Device],
+    law: ControlLaw | UserLaw,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware | None,
+    *,
+    histories: bool = False,
+    step_factor: int = 1,
+    nominal: Building | None = None,
+    largest_commands: ArrayLike | None = None,
+    shaping: ArrayLike | None = None,
+    variation: LoopVariation | None = None,
+    threads: int = 0,
+    on_progress: Callable[[int, int], None] | None = None,
+    changes: GainChanges | None = None,
+) -> Responses:
+    """Simulate a loop, see `simulate_loop`; with `changes` the responses are moved along their derivatives.
+
+    The candidates are then those gains, of one candidate, and two for each direction: every quantity of a run and its
+    exact derivative along the direction, times the reach and its negative. What is computed from the quantities so has
+    its derivative as a difference, without simulating again.
+    """
     hardware = Hardware() if hardware is None else hardware
     user = law if isinstance(law, UserLaw) else None
     if isinstance(law, UserLaw):
@@ -624,6 +674,8 @@ def simulate_loop(
         # The law's own building stays elastic.
         varied = [building]
     shape = (len(gains), len(motions), n_realisations)
+    if changes is not None and len(gains) > 1:
+        raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
     floors = measured_floors(nominal or building, hardware)
     observer = None
     if hardware.feedback != "state":
@@ -666,7 +718,7 @@ def simulate_loop(
     if user is None:
         # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
         order = np.argsort(np.array([motion.duration for motion in motions])[motion_of_run], kind="stable")
-    if workers is None or histories or user is not None:
+    if workers is None or histories or user is not None or changes is not None:
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
         while done < len(runs):
@@ -682,6 +734,7 @@ def simulate_loop(
                     histories=histories,
                     threads=threads,
                     outside=outside,
+                    changes=changes,
                 )
             )
             done += len(part)
@@ -692,6 +745,13 @@ def simulate_loop(
     else:
         parts, order = _respond_elsewhere(workers, loop, own, on_progress), np.arange(len(runs))
     given = () if actuators else given_devices
+    if changes is not None:
+        parts, order = (
+            [_moved(parts, order, changes.reach)],
+            np.arange(len(runs) * (1 + 2 * len(changes.rows))),
+        )
+        shape = (1 + 2 * len(changes.rows), *shape[1:])
+        realisation = np.tile(realisation, shape[0])
     responses = _responses(parts, np.argsort(order), core.building, hardware, shape, given, motions)
     responses = responses.with_numbers(
         **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
@@ -700,6 +760,22 @@ def simulate_loop(
         return responses
     scale = factors[candidate]
     return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
+
+
+def _moved(parts: list[Any], order: NDArray[np.intp], reach: float) -> tuple[Any, ...]:
+    """Summaries, outcomes and steps of all runs, candidate by candidate, see `simulate_moved`."""
+    places = np.argsort(order)
+    summary, outcome, steps, slopes = (
+        np.concatenate([part[each] for part in parts])[places] for each in (0, 1, 2, 4)
+    )
+    moves = [sign * reach * slopes[:, k] for k in range(slopes.shape[1]) for sign in (1.0, -1.0)]
+    n_candidates = 1 + len(moves)
+    return (
+        np.concatenate([summary, *(summary + move for move in moves)]),
+        np.tile(outcome, n_candidates),
+        np.tile(steps, n_candidates),
+        None,
+    )
 
 
 def _shears(

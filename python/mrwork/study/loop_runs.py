@@ -20,7 +20,7 @@ from mrwork.closed_loop.clairvoyant_search import (
 from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
-from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
+from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop, simulate_moved
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
@@ -148,11 +148,13 @@ def simulate_criteria(
     shaping: Floats | None = None,
     threads: int = 0,
     on_block: OnBlock | None = None,
+    changes: GainChanges | None = None,
 ) -> LabelledRuns:
     """Simulate candidates of a law under motions, with realisations, in one call of the core.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`.
+    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`;
+    `changes` make candidates of one law, see `simulate_moved`.
     """
     noisy = any(noise for noise, _ in hardware.sensors)
     fitted, law = with_devices(arrangement, law)
@@ -164,7 +166,7 @@ def simulate_criteria(
         for stiffness, damping in dict.fromkeys(factors)
     }
     began = perf_counter()
-    responses = simulate_loop(
+    responses = simulate_moved(
         arrangement.building,
         tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
         law,
@@ -179,6 +181,7 @@ def simulate_criteria(
         ),
         threads=threads,
         on_progress=on_block,
+        changes=changes,
     )
     seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))

@@ -126,7 +126,7 @@ class TuneTable:
         "candidates of each law, apart from the first ones", default=384, least=5, most=LARGEST_POPULATION
     )
     gradient_steps: int = key(
-        "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct, signal_network",
+        "steps of L-BFGS-B by exact gradients after the search, for laws that do not switch",
         default=0,
         least=0,
         most=10_000,

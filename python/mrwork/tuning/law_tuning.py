@@ -1,7 +1,6 @@
 """Tuning of one law: first candidates, a search from the best, last steps by gradients; and its Pareto front.
 
-The twin gives the derivatives of the score of a smooth law in the gains, differences of designs those of the gains in
-the settings. What gradients reach is a candidate as any other: it is chosen if it is better in the loop itself.
+What gradients reach is a candidate as any other: it is chosen if it is better.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import numpy as np
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
@@ -25,7 +23,7 @@ from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_sea
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
-from mrwork.study.arrangements import refuse_within, takes_signals
+from mrwork.study.arrangements import refuse_within
 from mrwork.study.run_result import LabelledRuns, recall_or_compute
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
@@ -40,61 +38,17 @@ from mrwork.tuning.results import (
     TuningJudgement,
     judgement_of_objective,
 )
-from mrwork.tuning.space import LARGEST, PENALTY, SHAPING_SPANS, LawCandidate, SettingSpace, TuningObjective
+from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
+from mrwork.tuning.space import PENALTY, LawCandidate, SettingSpace, TuningObjective
 
 if TYPE_CHECKING:
-    from mrwork.twins.loop_derivatives import TunedLoop
-
-
-# Difference of the unit coordinate of a setting for the derivative of the gains.
-_DIFFERENCE = 1e-4
-# Longest step of the twin [s].
-_LONGEST_STEP = 2e-3
+    pass
 
 
 def check_finish(table: TuneTable, study: Study) -> None:
-    """Refuse gradient steps of a law without gradients, or of a loop that the twin does not have."""
-    if not table.gradient_steps:
-        return
-    # JAX is loaded only here.
-    from mrwork.twins.loop_derivatives import SMOOTH
-
-    settings, hardware = table.settings or {}, study.hardware
-    jumping = next((law for law in table.laws if law not in SMOOTH), "")
-    element = study.building.nonlinear
-    noisy = any(number for pair in hardware.sensors for number in pair)
-    for excluded, sentence in (
-        (
-            jumping,
-            f"{jumping} has no gradients: it switches, or the twin does not have it; gradient_steps is for "
-            f"{', '.join(SMOOTH)}, leave it out",
-        ),
-        (
-            takes_signals(settings),
-            "gradients are those of laws without further signals; leave gradient_steps out, or these",
-        ),
-        (
-            any(name in (table.free or {}) for name in SHAPING_SPANS),
-            f"gradients are those of commands without {' and '.join(SHAPING_SPANS)}; leave gradient_steps out, or "
-            "these",
-        ),
-        (
-            table.combine != "mean",
-            "gradients are those of a mean of criteria; leave gradient_steps out, or combine",
-        ),
-        (
-            element,
-            f"gradients are those of a building without passive elements, and this one has {element}; leave "
-            "gradient_steps out, or the element",
-        ),
-        (
-            hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate),
-            "gradients are those of a loop with feedback of the state, without noise, faults and a rate limit; leave "
-            "gradient_steps out, or these",
-        ),
-    ):
-        if excluded:
-            refuse_within(table, sentence, "gradient_steps")
+    """Refuse gradient steps of a law without gradients."""
+    if table.gradient_steps and (lacking := without_gradient(study, table)):
+        refuse_within(table, f"{lacking}, or leave gradient_steps out", "gradient_steps")
 
 
 @array_dataclass()
@@ -108,115 +62,26 @@ class Finish:
 def follow_gradients(
     space: SettingSpace, bench: Bench, objective: TuningObjective, start: Floats, steps: int
 ) -> Finish:
-    """Follow the gradient from a point of the unit cube by L-BFGS-B; the largest command stays.
-
-    The score is that of the nominal study; limits are not part of it, since the loop decides on the candidate.
-    """
+    """Follow the gradient from a point of the unit cube by L-BFGS-B; the largest command stays."""
     from scipy.optimize import minimize
 
-    largest = space.candidate(start).largest_command
-    loop = _twin(space.law, bench, objective, largest)
-    moved = [place for place, each in enumerate(space.free) if each.name != LARGEST]
+    slopes = ScoreSlopes(space=space, bench=bench, objective=objective)
     count = 0
 
-    def value(places: Floats) -> tuple[float, Floats]:
+    def value(unit: Floats) -> tuple[float, Floats]:
         nonlocal count
         count += 1
-        unit = start.copy()
-        unit[moved] = places
-        gains = _gains(space, bench, unit)
-        scores, rates = loop.scores(gains, np.full(len(bench.problem.devices), largest))
-        shares = risk_weights(scores, objective)
-        slopes = []
-        for place in moved:
-            change = _gain_change(space, bench, unit, place)
-            slopes.append(
-                sum(
-                    share * float(np.sum(rate[name] * change[name]))
-                    for share, rate in zip(shares, rates, strict=True)
-                    for name in change
-                )
-            )
-        return float(shares @ scores), np.array(slopes)
+        return slopes.at(unit)
 
     minimum = minimize(
         value,
-        start[moved],
+        start,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(0.0, 1.0)] * len(moved),
+        bounds=[(0.0, 1.0)] * len(start),
         options={"maxiter": steps, "maxfun": 2 * steps},
     )
-    unit = start.copy()
-    unit[moved] = minimum.x
-    return Finish(unit=unit, gradients=count)
-
-
-def risk_weights(scores: Floats, objective: TuningObjective) -> Floats:
-    """Weight of each score in the risk, its derivative in the scores, shape (n,)."""
-    n = len(scores)
-    if objective.risk == "mean":
-        return np.full(n, 1.0 / n)
-    worst = np.argsort(-scores, kind="stable")
-    tail = 1.0 if objective.risk == "max" else objective.tail * n
-    shares = np.clip(tail - np.arange(n), 0.0, 1.0)
-    weights = np.empty(n)
-    weights[worst] = shares / shares.sum()
-    return weights
-
-
-def _gains(space: SettingSpace, bench: Bench, unit: Floats) -> dict[str, Floats]:
-    design = settings_of(space.law, space.candidate(unit, exact=True).settings).design(bench.problem)
-    return {name: np.asarray(value, dtype=np.float64) for name, value in design.gains.items()}
-
-
-def _gain_change(space: SettingSpace, bench: Bench, unit: Floats, place: int) -> dict[str, Floats]:
-    """Derivative of the gains in one coordinate, by a central difference within the cube."""
-    ends = []
-    for sign in (-1.0, 1.0):
-        other = unit.copy()
-        other[place] = min(max(unit[place] + sign * _DIFFERENCE, 0.0), 1.0)
-        ends.append((other[place], _gains(space, bench, other)))
-    (below, lower), (above, upper) = ends
-    return {name: (upper[name] - lower[name]) / (above - below) for name in upper}
-
-
-def _twin(law: str, bench: Bench, objective: TuningObjective, largest: float) -> TunedLoop:
-    from mrwork.twins.loop_derivatives import TunedLoop
-
-    arrangement, hardware = bench.study.at_zero, bench.study.hardware
-    building = arrangement.building
-    if any(criterion(name).summed or criterion(name).scale == "weight" for name in objective.weights):
-        raise SettingError(
-            "gradients are of peaks and rms values; leave gradient_steps out, or other criteria"
-        )
-    curve, theta = bench.problem.limited_to(largest).curve
-    devices = bench.problem.devices
-    believed = None
-    if curve != devices[0].spec:
-        believed = [replace(each, spec=curve, theta=theta) for each in devices]
-    steps = max(
-        1, math.ceil(hardware.sample_time / min(_LONGEST_STEP, hardware.sample_time / hardware.steps))
-    )
-    floors, storeys = list(arrangement.floors), list(arrangement.storeys)
-    return TunedLoop(
-        law,
-        matrices={
-            **{name: getattr(building, name) for name in ("mass", "damping", "stiffness", "influence")},
-            "floors": building.floors[floors],
-            "storeys": building.storeys[storeys],
-        },
-        dampers=devices,
-        believed=believed,
-        motions=[(motion.dt, np.asarray(motion.acceleration)) for motion in bench.motions],
-        step=hardware.sample_time / steps,
-        steps_per_sample=steps,
-        delay=round(hardware.delay / (hardware.sample_time / steps)),
-        weights={criterion(name).quantity: weight for name, weight in objective.weights.items()},
-        baseline=np.stack(
-            [bench.baseline(objective).numbers[name][0, :, 0] for name in objective.weights], axis=1
-        ),
-    )
+    return Finish(unit=np.asarray(minimum.x), gradients=count)
 
 
 Report = Callable[[int, float], None]
@@ -283,6 +148,8 @@ def check_settings(plan: LawPlan, bench: Bench) -> None:
     except SettingError:
         # The middle of the ranges may have no gain where other places of them do.
         return
+    if plan.table.gradient_steps:
+        ScoreSlopes(space=plan.space, bench=bench, objective=plan.objective).design(plan.space.start)
 
 
 def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
@@ -348,7 +215,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             last, misfit, gradients = _finish(plan, bench, benches, chosen)
             trace.append(TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, misfit)))
             if misfit < min(least, search.best_misfit):
-                chosen, origin = last, f"search, then {gradients} gradients on the twin"
+                chosen, origin = last, f"search, then {gradients} gradients"
     train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
     return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))
 

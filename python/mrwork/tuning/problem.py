@@ -14,6 +14,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
@@ -110,6 +111,19 @@ class Bench(Summarised):
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
         return replace(runs, seconds=seconds)
+
+    def run_moved(self, problem: DesignProblem, law: ControlLaw, changes: GainChanges) -> LabelledRuns:
+        """Criteria of a law, and of candidates whose results are moved along their derivatives."""
+        return simulate_criteria(
+            replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
+            law,
+            self.motions,
+            self.study.hardware,
+            self.realisations,
+            bare=self.study.building,
+            threads=self.threads,
+            changes=changes,
+        )
 
     def recall_or_run(
         self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
@@ -268,9 +282,13 @@ def score_candidates(
     bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
 ) -> Scores:
     """The scores of candidates on a bench."""
-    criteria = bench.run(law, candidates)
-    value = objective.value(objective.run_scores(criteria, bench.baseline(objective)))
-    violation = objective.violation(criteria)
+    return scores_of(objective, bench.run(law, candidates), bench)
+
+
+def scores_of(objective: TuningObjective, runs: LabelledRuns, bench: Bench) -> Scores:
+    """The scores of candidates whose criteria are known."""
+    value = objective.value(objective.run_scores(runs, bench.baseline(objective)))
+    violation = objective.violation(runs)
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
 

@@ -26,7 +26,7 @@ from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import LawPlan, TuningProgress, check_finish, check_settings, front_of, tune_law
 from mrwork.tuning.placing import PlacingProgress, compare_places
-from mrwork.tuning.problem import STUDY_SCORE, Clock, benches_of, check_controllable, magnitudes_of
+from mrwork.tuning.problem import STUDY_SCORE, Benches, Clock, benches_of, check_controllable, magnitudes_of
 from mrwork.tuning.results import Better, Front, LawResult, Placement, TuningResults
 from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
@@ -171,6 +171,20 @@ def tune(
     except KeyboardInterrupt:
         raise Interrupted(results("interrupted"), "tuning") from None
     return results("finished")
+
+
+def plan_of(study: Study, table: TuneTable, threads: int) -> tuple[LawPlan, Benches]:
+    """The one law of a table as `tune` plans it, and the benches that it is scored on."""
+    check_controllable(study)
+    objective = _check_table(table, study)
+    benches = benches_of(study, journal=None, threads=threads, clock=Clock(), robust=table.robust)
+    basis = basis_of(benches.training, magnitudes_of(benches.training, table.laws))
+    if objective.relative_to == "best_passive":
+        benches = benches.with_constant(
+            best_constant(list(islice(references_of(benches, objective, basis), 3)))
+        )
+    (plan,) = _plans(study, [table], [objective], basis.magnitudes)
+    return plan, benches
 
 
 def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:

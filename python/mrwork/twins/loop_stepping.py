@@ -282,10 +282,6 @@ class LoopResult(NamedTuple):
             "energy_error": self.energy_error[None],
         }
 
-    def worst(self, name: str) -> Array:
-        """Largest value of a quantity of `summary` over floors, storeys or devices."""
-        return self.summary()[name].max()
-
 
 class LoopState(NamedTuple):
     """State of a Runge-Kutta step: coordinates, their rates, damper states, energies."""

@@ -8,7 +8,7 @@ run time, and runs and motions are padded to powers of two, so that few shapes a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import NamedTuple
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import MOST_SUBSTEPS, Outcome
-from mrwork.twins.loop_derivatives import SMOOTH, Gains, PlacedDamper, devices_of
+from mrwork.twins.loop_derivatives import PlacedDamper, devices_of
+from mrwork.twins.loop_laws import LAWS, Gains
 from mrwork.twins.loop_stepping import (
     Devices,
     Energies,
@@ -64,49 +65,6 @@ _TRIES = 3
 _FEWEST_RUNS, _FEWEST_VALUES, _FEWEST_SAMPLES = 4, 1 << 14, 1024
 # Most numbers of the histories of a call.
 _MOST_NUMBERS = 3e7
-
-
-class _Constant(NamedTuple):
-    """A constant command, shape (n_devices,)."""
-
-    constant: Array
-
-    def command(self, measured: Measurement) -> Array:
-        """The constant command."""
-        return self.constant
-
-
-class _ClippedOptimal(NamedTuple):
-    """`i = i_max H((f_c - f) f)`, f_c = -K s, and i_max |f_c| / f_max, at most i_max, where there is a `full_force`."""
-
-    gain: Array
-    full_force: Array | None = None
-
-    def command(self, measured: Measurement) -> Array:
-        """The largest command or its share, or zero."""
-        wanted = -self.gain @ measured.state
-        share = 1.0 if self.full_force is None else jnp.minimum(jnp.abs(wanted) / self.full_force, 1.0)
-        return jnp.where((wanted - measured.force) * measured.force > 0.0, share * measured.largest, 0.0)
-
-
-class _Lyapunov(NamedTuple):
-    """`i = i_max H(-(s'P B) f)`; `weight` is P B, shape (2n, n_devices)."""
-
-    weight: Array
-
-    def command(self, measured: Measurement) -> Array:
-        """The largest command if the damper reduces s'P s."""
-        return jnp.where(-(measured.state @ self.weight) * measured.force > 0.0, measured.largest, 0.0)
-
-
-LAWS: Mapping[str, Callable[[Gains], Law]] = {
-    **SMOOTH,
-    "passive": lambda gains: _Constant(gains["command"]),
-    "clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"]),
-    "modified_clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"], gains["full_force"]),
-    "lyapunov": lambda gains: _Lyapunov(gains["weight"].T),
-}
-"""Laws of the runs, by the name of the law in the core: the law of the twin from its gains."""
 
 
 @array_dataclass()

@@ -6,14 +6,17 @@ use super::batch::Batch;
 use super::history::{HistoryRows, WriteHistory};
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
+use super::slopes::Directions;
 use crate::control::Preview;
 use crate::coupled::{Coupled, DamperDevices, Devices, Plant};
 use crate::damper::ModelVisitor;
 use crate::damper::model::DamperModel;
 use crate::dispatch::{InstructionSet, LaneJob};
+use crate::dual::Dual;
+use crate::dual_block::TANGENTS;
 use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
-use crate::real::OutOfLine;
+use crate::real::{Bits, OutOfLine};
 use crate::threads::StopRequested;
 
 /// Integration steps between two checks for cancellation and of the energy balance.
@@ -31,6 +34,8 @@ pub struct Block<'a> {
     pub(super) n_samples: usize,
     /// Integration steps per sample.
     pub(super) steps: u32,
+    /// Directions of the derivatives, if there are any.
+    pub(super) directions: Option<Directions<'a>>,
     /// Whether the caller wants to cancel.
     pub(super) stop: &'a StopRequested<'a>,
 }
@@ -40,6 +45,8 @@ pub struct Block<'a> {
 pub struct LaneResult {
     /// Summary in the order of [`super::RUN_QUANTITIES`].
     pub(super) row: Vec<f64>,
+    /// Its derivatives along the directions of the lane, one row after the other; empty without directions.
+    pub(super) slopes: Vec<f64>,
     /// Per device: largest rate, and largest change of the rate in a step in which it changed sign [m/s].
     pub(super) severity: Vec<[f64; 2]>,
     /// The same per element.
@@ -58,7 +65,10 @@ pub(super) struct Respond<'a, 'b> {
 impl ModelVisitor<Vec<LaneResult>> for Respond<'_, '_> {
     fn visit<M: DamperModel + 'static>(self) -> Vec<LaneResult> {
         let Self { set, block, histories } = self;
-        set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData })
+        match block.directions {
+            None => set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData }),
+            Some(_) => set.run_vector(SlopesJob::<M> { block, model: PhantomData }),
+        }
     }
 }
 
@@ -73,19 +83,35 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
     type Home = M;
     #[inline(always)]
     fn run<R: Lanes>(self) -> Vec<LaneResult> {
-        let Self { block, histories, .. } = self;
-        let Block { batch, runs, .. } = *block;
-        let devices =
-            DamperDevices::<M, R>::at_rest(batch.laws, batch.mountings, device_columns(batch, runs));
-        let mut results = vec![LaneResult::default(); runs.len()];
-        R::out_of_line(IntegrateBlock {
-            block,
-            histories,
-            devices: Box::new(devices),
-            results: &mut results,
-        });
-        results
+        simulate::<M, R>(self.block, self.histories)
     }
+}
+
+/// The same with derivatives.
+struct SlopesJob<'a, M> {
+    block: &'a Block<'a>,
+    model: PhantomData<M>,
+}
+
+impl<M: DamperModel> LaneJob for SlopesJob<'_, M> {
+    type Output = Vec<LaneResult>;
+    type Home = M;
+    #[inline(always)]
+    fn run<R: Lanes + Bits>(self) -> Vec<LaneResult> {
+        simulate::<M, Dual<R, TANGENTS>>(self.block, &mut [])
+    }
+}
+
+#[inline(always)]
+fn simulate<M: DamperModel, R: Lanes>(
+    block: &Block<'_>,
+    histories: &mut [HistoryRows<'_>],
+) -> Vec<LaneResult> {
+    let Block { batch, runs, .. } = *block;
+    let devices = DamperDevices::<M, R>::at_rest(batch.laws, batch.mountings, device_columns(batch, runs));
+    let mut results = vec![LaneResult::default(); runs.len()];
+    R::out_of_line(IntegrateBlock { block, histories, devices: Box::new(devices), results: &mut results });
+    results
 }
 
 /// The columns of `theta` of each device, a run per lane.
@@ -118,8 +144,21 @@ impl<R: Lanes> OutOfLine for IntegrateBlock<'_, '_, R> {
                 result.command_invalid = invalid > 0.0;
             }
         });
+        let quantities = reductions.quantities();
+        for (column, quantity) in quantities.iter().enumerate() {
+            quantity.for_each(|lane, value| {
+                if let Some(result) = results.get_mut(lane) {
+                    result.row.push(value);
+                }
+            });
+            quantity.for_each_slope(|lane, direction, slope| {
+                if let Some(LaneResult { slopes, .. }) = results.get_mut(lane) {
+                    slopes.resize(TANGENTS * quantities.len(), 0.0);
+                    slopes[direction * quantities.len() + column] = slope;
+                }
+            });
+        }
         for (lane, result) in results.iter_mut().enumerate() {
-            reductions.of_lane(lane, &mut result.row);
             result.severity = reductions.severity(lane);
             result.element_severity = reductions.element_severity(lane);
         }
@@ -238,7 +277,7 @@ fn integrate_block<R: Lanes>(
     devices.set_step(step);
     let mut coupled = Coupled { plant: Plant::<R>::at_rest(building, &springs, step), devices };
     let mut arrivals = Arrivals::<R>::new(batch, runs, steps);
-    let mut controller = Controller::<'_, R>::new(batch, runs);
+    let mut controller = Controller::<'_, R>::new(batch, runs, block.directions);
     let mut reductions = Reductions::<R>::new(building, step);
     let mut end = ground.acceleration::<R>(0.0);
     let mut next_check = 0;

@@ -18,6 +18,7 @@ mod resolution;
 mod respond;
 mod round;
 mod sample;
+mod slopes;
 
 pub use batch::{Batch, BlockSample, OutsideLaw, Run, Shaping, n_samples};
 pub use block::{Block, LaneResult};
@@ -26,3 +27,4 @@ pub use history::{HISTORY_SIGNALS, HistoryRows};
 pub use quantity::{Axis, Quantity, width};
 pub use reductions::RUN_QUANTITIES;
 pub use respond::{RunResult, respond};
+pub use slopes::{Directions, respond_with_slopes};

@@ -7,7 +7,7 @@ use crate::lanes::Lanes;
 use crate::real::{OutOfLine, Real};
 
 /// Declares the quantities of a run, each with its value over the reductions of a block: the table
-/// [`RUN_QUANTITIES`], and `Reductions::of_lane`, which writes them in that order.
+/// [`RUN_QUANTITIES`], and `Reductions::quantities`, which has them in that order.
 macro_rules! run_quantities {
     ($of:ident; $($name:ident: $axis:ident, $unit:literal, $description:literal, $finish:ident($values:expr);)+) => {
         /// Quantities of a run, in the order of its summary; accelerations are absolute.
@@ -15,12 +15,14 @@ macro_rules! run_quantities {
             &[$(Quantity::new(stringify!($name), Axis::$axis, $unit, $description),)+];
 
         impl<R: Lanes> Reductions<R> {
-            /// Appends the quantities of a lane to `row`.
-            pub(super) fn of_lane(&self, lane: usize, row: &mut Vec<f64>) {
+            /// The quantities in lanes, in that order.
+            pub(super) fn quantities(&self) -> Vec<R> {
                 let $of = self;
                 #[allow(clippy::cast_precision_loss)] // steps are far below 2^53
-                let steps = self.steps as f64;
-                $(append(row, lane, &$values, |value| $finish(value, steps));)+
+                let steps = R::splat(self.steps as f64);
+                let mut quantities = Vec::new();
+                $(quantities.extend($values.iter().map(|&value| $finish(value, steps)));)+
+                quantities
             }
         }
     };
@@ -67,29 +69,18 @@ pub(super) fn width(building: &Building) -> usize {
     super::quantity::width(RUN_QUANTITIES, building)
 }
 
-/// Appends one lane of each of `values` to `row`.
-fn append<R: Lanes>(row: &mut Vec<f64>, lane: usize, values: &[R], finish: impl Fn(f64) -> f64) {
-    for value in values {
-        value.for_each(|index, value| {
-            if index == lane {
-                row.push(finish(value));
-            }
-        });
-    }
-}
-
 /// A value that needs no division by the number of steps.
-fn last(value: f64, _: f64) -> f64 {
+fn last<R>(value: R, _: R) -> R {
     value
 }
 
 /// The mean over the steps.
-fn mean(sum: f64, steps: f64) -> f64 {
+fn mean<R: Real>(sum: R, steps: R) -> R {
     sum / steps
 }
 
 /// The root mean square over the steps.
-fn root_mean(sum: f64, steps: f64) -> f64 {
+fn root_mean<R: Real>(sum: R, steps: R) -> R {
     (sum / steps).sqrt()
 }
 

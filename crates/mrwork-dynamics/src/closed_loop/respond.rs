@@ -73,7 +73,7 @@ pub fn respond(
     let mut output = Output { summary, histories, width };
     while !pending.is_empty() {
         let mut finer = Vec::new();
-        for (run, steps, lane) in round(damper, batch, &pending, &mut output, settings)? {
+        for (run, steps, lane) in round(damper, batch, None, &pending, &mut output, settings)? {
             let step = batch.hardware.sample_time / f64::from(steps);
             let draw = batch.runs[run].draw as usize;
             let finite = is_bounded(output.row(run), batch.building.n_floors());

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::batch::{Batch, n_samples};
 use super::block::{Block, LaneResult, Respond};
 use super::history::{HistoryRows, width as history_width};
+use super::slopes::Directions;
 use crate::any_damper::Damper;
 use crate::damper::visit;
 use crate::error::DynamicsError;
@@ -39,6 +40,7 @@ impl Output<'_> {
 pub(super) fn round(
     damper: &dyn Damper,
     batch: &Batch<'_>,
+    directions: Option<Directions<'_>>,
     pending: &[(usize, u32)],
     output: &mut Output<'_>,
     settings: Settings<'_>,
@@ -57,7 +59,7 @@ pub(super) fn round(
         let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
         groups.entry((steps, samples, pattern(run))).or_default().push(run);
     }
-    let width = set.middle_width();
+    let width = if directions.is_some() { set.vector_width() } else { set.middle_width() };
     let full: usize = groups.values().map(|runs| runs.len().div_ceil(width)).sum();
     // Blocks are cut finer only where there are fewer than threads: a block takes as long with half of its lanes.
     let finer = threads.div_ceil(full.max(1));
@@ -83,6 +85,7 @@ pub(super) fn round(
                 motions: cut.runs.iter().map(motion).collect(),
                 n_samples: cut.samples,
                 steps: cut.steps,
+                directions,
                 stop: settings.stop,
             };
             let width = history_width(batch.building);

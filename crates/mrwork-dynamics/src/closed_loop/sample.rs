@@ -3,6 +3,7 @@
 use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
+use super::slopes::Directions;
 use crate::control::{
     ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };
@@ -44,7 +45,7 @@ pub(super) struct Controller<'a, R: Lanes> {
 
 impl<'a, R: Lanes + 'a> Controller<'a, R> {
     /// The controller before the first sample.
-    pub(super) fn new(batch: &Batch<'a>, runs: &[usize]) -> Self {
+    pub(super) fn new(batch: &Batch<'a>, runs: &[usize], directions: Option<Directions<'_>>) -> Self {
         let Batch { building, gains, tables, mountings, ranges, hardware, law, .. } = *batch;
         let sizes = batch.sizes();
         let LoopSizes { n_states, n_devices, .. } = sizes;
@@ -52,9 +53,13 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         let last = runs.len() - 1;
         let columns: Vec<R> = (0..n_gains)
             .map(|column| {
-                R::from_fn(|lane| {
+                let value = |lane: usize| {
                     gains[batch.runs[runs[lane.min(last)]].candidate as usize * n_gains + column]
-                })
+                };
+                let change = |lane: usize, k| {
+                    directions.map_or(0.0, |all| all.change(batch, runs[lane.min(last)], column, k))
+                };
+                R::from_fn(value).with_slopes(change)
             })
             .collect();
         let mut unknown = R::splat(0.0);
@@ -70,10 +75,14 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         };
         let shaping = |lane: usize| batch.shaping_of(batch.runs[runs[lane.min(last)]].candidate as usize);
         // The batch was checked: a law that predicts the motion has its model.
-        let plan = batch.timing().ok().flatten().and_then(|(model, timing)| {
-            let gains = Gains { spec: law.spec(), columns: &columns, tables, sizes };
-            plan(model, timing, &gains, ranges)
-        });
+        let plan = if const { R::HAS_DERIVATIVES } {
+            None
+        } else {
+            batch.timing().ok().flatten().and_then(|(model, timing)| {
+                let gains = Gains { spec: law.spec(), columns: &columns, tables, sizes };
+                plan(model, timing, &gains, ranges)
+            })
+        };
         let delay = runs.iter().map(|&run| batch.delay_of(run)).max().unwrap_or(0);
         let depth = delay / hardware.steps as usize + 2;
         let zero = R::splat(0.0);

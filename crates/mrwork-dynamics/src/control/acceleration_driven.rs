@@ -31,6 +31,7 @@ impl ControlLaw for AccelerationDriven {
         commands_force: false,
         reads_acceleration: true,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -75,6 +76,7 @@ impl ControlLaw for MixedSkyhook {
         commands_force: false,
         reads_acceleration: true,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

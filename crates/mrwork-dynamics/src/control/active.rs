@@ -25,6 +25,7 @@ impl ControlLaw for Active {
         commands_force: true,
         reads_acceleration: false,
         takes_signals: false,
+        switches: false,
     };
 
     #[inline(always)]

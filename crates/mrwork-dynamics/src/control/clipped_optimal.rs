@@ -39,6 +39,7 @@ impl ControlLaw for ClippedOptimal {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -79,6 +80,7 @@ impl ControlLaw for ModifiedClippedOptimal {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -118,6 +120,7 @@ impl ControlLaw for ProportionalClippedOptimal {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

@@ -26,6 +26,7 @@ impl ControlLaw for DecentralisedBangBang {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

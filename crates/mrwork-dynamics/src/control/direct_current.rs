@@ -34,6 +34,7 @@ impl ControlLaw for LyapunovDirect {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -69,6 +70,7 @@ impl ControlLaw for LyapunovParabola {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -118,6 +120,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -163,6 +166,7 @@ impl ControlLaw for ProportionalDirect {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: false,
     };
 
     #[inline(always)]
@@ -198,6 +202,7 @@ impl ControlLaw for InverseDirect {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -232,6 +237,7 @@ impl ControlLaw for InverseParabola {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

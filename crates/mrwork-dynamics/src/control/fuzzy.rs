@@ -39,6 +39,7 @@ impl ControlLaw for Fuzzy {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: false,
     };
 
     #[inline(always)]
@@ -73,24 +74,25 @@ impl ControlLaw for Fuzzy {
 #[inline(always)]
 fn interpolated<R: Lanes>(table: &[f64], side: usize, x: R, y: R) -> R {
     let half = R::splat(0.5 * to_f64(side - 1));
-    let (mut rows, mut columns) = ([0.0; MOST_LANES], [0.0; MOST_LANES]);
-    half.mul_add(x, half).for_each(|lane, row| rows[lane] = row);
-    half.mul_add(y, half).for_each(|lane, column| columns[lane] = column);
-    R::from_fn(|lane| at(table, side, rows[lane], columns[lane]))
-}
-
-#[inline(always)]
-fn at(table: &[f64], side: usize, x: f64, y: f64) -> f64 {
-    if x.is_nan() || y.is_nan() {
-        return f64::NAN;
-    }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and side - 1
-    let (row, column) = ((x as usize).min(side - 2), (y as usize).min(side - 2));
-    let (u, v) = (x - to_f64(row), y - to_f64(column));
-    let entry = |down: usize, right: usize| table[(row + down) * side + column + right];
+    let (row, column) = (half.mul_add(x, half), half.mul_add(y, half));
+    let (mut rows, mut columns) = ([0; MOST_LANES], [0; MOST_LANES]);
+    row.for_each(|lane, place| rows[lane] = cell(place, side));
+    column.for_each(|lane, place| columns[lane] = cell(place, side));
+    let (u, v) =
+        (row - R::from_fn(|lane| to_f64(rows[lane])), column - R::from_fn(|lane| to_f64(columns[lane])));
+    let entry = |down: usize, right: usize| {
+        R::from_fn(|lane| table[(rows[lane] + down) * side + columns[lane] + right])
+    };
     let upper = v.mul_add(entry(0, 1) - entry(0, 0), entry(0, 0));
     let lower = v.mul_add(entry(1, 1) - entry(1, 0), entry(1, 0));
     u.mul_add(lower - upper, upper)
+}
+
+/// The cell of a place from 0 to `side - 1`; the first one of a place that is not a number.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not below zero
+#[inline(always)]
+fn cell(place: f64, side: usize) -> usize {
+    (place as usize).min(side - 2)
 }
 
 #[allow(clippy::cast_precision_loss)] // a table's side is small

@@ -31,6 +31,7 @@ impl ControlLaw for ModulatedHomogeneousFriction {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

@@ -33,6 +33,7 @@ impl ControlLaw for InverseNetwork {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: false,
     };
 
     #[inline(always)]

@@ -31,6 +31,7 @@ impl ControlLaw for Lyapunov {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

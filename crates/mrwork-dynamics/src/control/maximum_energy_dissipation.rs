@@ -25,6 +25,7 @@ impl ControlLaw for MaximumEnergyDissipation {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

@@ -57,11 +57,16 @@ macro_rules! laws {
                 match self { $(Self::$law => const { &<$module::$law as ControlLaw>::SPEC },)+ }
             }
 
+            /// With derivatives a law that switches is not compiled, and sends nothing.
             #[inline(always)]
             pub(crate) fn command<R: Lanes>(
                 self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut Memory<'_, R>, command: &mut [R],
             ) {
-                match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
+                match self {
+                    $(Self::$law => if const { !R::HAS_DERIVATIVES || !<$module::$law as ControlLaw>::SPEC.switches } {
+                        $module::$law::command(gains, measured, memory, command);
+                    })+
+                }
             }
 
             pub(crate) fn check_tables(self, tables: &[Vec<f64>], n_signals: usize) -> Result<(), DynamicsError> {

@@ -29,6 +29,7 @@ impl ControlLaw for Passive {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: false,
     };
 
     #[inline(always)]

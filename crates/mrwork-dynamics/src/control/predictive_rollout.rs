@@ -73,6 +73,7 @@ impl ControlLaw for PredictiveRollout {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

@@ -62,6 +62,7 @@ impl ControlLaw for SignalNetwork {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: true,
+        switches: false,
     };
 
     #[inline(always)]
@@ -122,6 +123,7 @@ impl ControlLaw for SignalPolynomial {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: true,
+        switches: false,
     };
 
     #[inline(always)]

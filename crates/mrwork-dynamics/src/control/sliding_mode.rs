@@ -50,6 +50,7 @@ impl ControlLaw for SlidingMode {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -116,6 +117,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]
@@ -185,6 +187,7 @@ impl ControlLaw for SuperTwisting {
         commands_force: false,
         reads_acceleration: false,
         takes_signals: false,
+        switches: true,
     };
 
     #[inline(always)]

@@ -137,6 +137,8 @@ pub struct LawSpec {
     pub reads_acceleration: bool,
     /// Whether it takes further signals, where some are given.
     pub takes_signals: bool,
+    /// Whether its command jumps where a signal changes sign, so that results jump with its gains and have no derivatives.
+    pub switches: bool,
 }
 
 impl LawSpec {

@@ -1,6 +1,7 @@
 //! Work for any number of lanes, and how many vectors the packs have in which it runs.
 
 use crate::lanes::Lanes;
+use crate::real::Bits;
 
 /// Vectors in the widest pack: enough to hide the latency of a power and a division.
 pub(super) const GROUPS: usize = 8;
@@ -17,5 +18,5 @@ pub trait LaneJob {
     /// The type in whose module the job is compiled, see [`crate::real::OutOfLine::Home`].
     type Home;
     /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
-    fn run<R: Lanes>(self) -> Self::Output;
+    fn run<R: Lanes + Bits>(self) -> Self::Output;
 }

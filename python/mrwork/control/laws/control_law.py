@@ -69,7 +69,8 @@ class ControlLawSpec:
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
     building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
-    accelerometers on the floors to which devices are attached. One that `takes_signals` may be given further ones.
+    accelerometers on the floors to which devices are attached. One that `takes_signals` may be given further ones. The
+    command of one that `switches` jumps where a signal changes sign, so that results have no derivatives in its gains.
     """
 
     name: str
@@ -84,6 +85,7 @@ class ControlLawSpec:
     commands_force: bool
     reads_acceleration: bool
     takes_signals: bool
+    switches: bool
 
     @property
     def sends_share(self) -> bool:

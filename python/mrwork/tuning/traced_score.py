@@ -1,0 +1,159 @@
+"""The score of a study as a function of the settings of a law, for JAX, with derivatives through the closed loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box, Coordinates
+from mrwork.errors import SettingError
+from mrwork.identification.traced import TracedFunction
+from mrwork.study.schema import TuneTable
+from mrwork.study.study import Study
+from mrwork.tuning.run import plan_of
+from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
+from mrwork.tuning.space import LARGEST
+from mrwork.twins.models import begin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class _StudyScore:
+    """The score as a function of settings; the simulation is called back from the program of JAX."""
+
+    slopes: ScoreSlopes
+
+    def __call__(self, settings: Array, _: Any) -> Array:
+        return _score(self, settings)
+
+    def values(self, settings: Floats) -> Floats:
+        """Scores of settings, (..., n_free), shape (...)."""
+        return self.linearise(settings)[0]
+
+    def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
+        """Scores of settings, (..., n_free), and their derivatives."""
+        given = np.asarray(settings)
+        free = self.slopes.space.free
+        values, slopes = np.full(given.shape[:-1], math.inf), np.zeros(given.shape)
+        for index in np.ndindex(given.shape[:-1]):
+            places = [each.unit(value) for each, value in zip(free, given[index].tolist(), strict=True)]
+            if None in places:
+                continue
+            values[index], rates = self.slopes.at(np.array(places))
+            # The derivative of a place in its value.
+            for entry, (each, value) in enumerate(zip(free, given[index].tolist(), strict=True)):
+                spread = (
+                    value * math.log(each.upper / each.lower)
+                    if each.scale == "log"
+                    else each.upper - each.lower
+                )
+                slopes[(*index, entry)] = rates[entry] / spread
+        return values, slopes
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _score(of: _StudyScore, settings: Array) -> Array:
+    shape = jax.ShapeDtypeStruct(settings.shape[:-1], jnp.float64)
+    score: Array = jax.pure_callback(of.values, shape, settings, vmap_method="expand_dims")
+    return score
+
+
+@_score.defjvp
+def _differentiate(of: _StudyScore, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    score, slopes = _linearise(of, primals[0])
+    return score, jnp.sum(slopes * tangents[0], axis=-1)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _linearise(of: _StudyScore, settings: Array) -> tuple[Array, Array]:
+    shapes = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in (settings.shape[:-1], settings.shape)]
+    score, slopes = jax.pure_callback(of.linearise, tuple(shapes), settings, vmap_method="expand_dims")
+    return score, slopes
+
+
+@_linearise.defjvp
+def _refuse_second(of: _StudyScore, primals: object, tangents: object) -> Any:  # noqa: ARG001, of the rule
+    raise SettingError(
+        "the scores of mr.jax have first derivatives; take second ones by differences of gradients"
+    )
+
+
+@checked
+def study_score(
+    study: Study, law: str | TuneTable, *, coordinates: Coordinates = "theta", threads: Threads = 0
+) -> TracedFunction:
+    """The score of a study as a function of the free settings of a law, for JAX: that which `mr.tune` minimises.
+
+    Its derivatives go through the closed loop: building, dampers, driver, observer, delay, sampled commands, as they
+    are simulated.
+
+    Parameters
+    ----------
+    law
+        The name of a law, of which the table of the study that tunes it decides, if there is one; or such a table,
+        `mr.study.TuneTable(laws=(law,), ...)`, with criteria, risk, constraints and free settings of its own. The
+        largest command stays that of the dampers.
+    coordinates
+        Whether a point is the settings, "theta", their places in their ranges from 0 to 1, "unit", or the logits of
+        these, "latent".
+    threads
+        Threads of a simulation, 0 for all.
+
+    Returns
+    -------
+    TracedFunction
+        Of a point, shape (n_free,), the score; infinite outside the ranges and where the settings make no law or a run
+        has no end, with derivatives of zero.
+
+    Raises
+    ------
+    SettingError
+        Where the law switches, so that its score jumps, or something else in the study has no gradient.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp, mrwork as mr
+    >>> score = mr.jax.study_score(mr.read_study("study.toml"), "proportional_direct")  # doctest: +SKIP
+    >>> jax.grad(score)(jnp.array(score.start))  # doctest: +SKIP
+    Array([-0.0123, 0.0045], dtype=float64)
+    """
+    begin()
+    given = law if isinstance(law, TuneTable) else None
+    if given is None:
+        given = next((each for each in study.tunes if law in each.laws), TuneTable(laws=(law,)))
+        given = replace(given, laws=(law,))
+    if len(given.laws) != 1:
+        raise SettingError(f"the table has {len(given.laws)} laws; give one")
+    if lacking := without_gradient(study, given):
+        raise SettingError(lacking)
+    plan, benches = plan_of(study, replace(given, gradient_steps=0), threads)
+    space = replace(plan.space, free=tuple(each for each in plan.space.free if each.name != LARGEST))
+    if not space.free:
+        raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
+    slopes = ScoreSlopes(
+        space=space, bench=benches.select_search_bench(robust=given.robust), objective=plan.objective
+    )
+    slopes.design(space.start)
+    free = space.free
+    return TracedFunction.of(
+        f"Score of {plan.law} in {study.title}",
+        _StudyScore(slopes=slopes),
+        box=Box(
+            names=tuple(each.label for each in free),
+            lower=tuple(each.lower for each in free),
+            upper=tuple(each.upper for each in free),
+            log=tuple(each.scale == "log" for each in free),
+        ),
+        units=("",) * len(free),
+        coordinates=coordinates,
+        start=np.array([each.value(each.start, exact=True) for each in free]),
+        data=None,
+    )

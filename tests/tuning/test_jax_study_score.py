@@ -1,0 +1,111 @@
+"""The score of a study as a function of JAX: value and derivatives of the loop, in every way that JAX asks for them."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import tuning_samples
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.identification.traced import TracedFunction
+from mrwork.study import TuneTable
+from mrwork.tuning.run import plan_of
+from mrwork.tuning.score_slopes import ScoreSlopes
+
+LAW = "proportional_direct"
+# The building of two storeys has a gain of one number in a setting, and its designs take no time.
+MOTION = tuning_samples.motion("A", 1).replace("duration = 3", "duration = 1")
+
+
+@cache
+def study() -> mr.Study:
+    with TemporaryDirectory() as folder:
+        return mr.read_study(
+            tuning_samples.study_file(
+                Path(folder), motions=MOTION, tune="", building=tuning_samples.TWO_STOREYS
+            )
+        )
+
+
+@cache
+def score_of(coordinates: Any = "unit") -> TracedFunction:
+    return mr.jax.study_score(study(), LAW, coordinates=coordinates, threads=1)
+
+
+def place() -> jax.Array:
+    return jnp.array(score_of().start) * 0.9
+
+
+def test_value_and_gradient_are_those_of_the_loop() -> None:
+    plan, benches = plan_of(study(), TuneTable(laws=(LAW,)), 1)
+    slopes = ScoreSlopes(space=plan.space, bench=benches.training, objective=plan.objective)
+    names = [each.label for each in plan.space.free if each.name != "largest_command"]
+    assert list(score_of().names) == names
+    unit = np.append(np.asarray(place()), 0.99)
+    value, expected = slopes.at(unit)
+    found = jax.value_and_grad(score_of())(place())
+    assert float(found[0]) == pytest.approx(value, rel=1e-12)
+    np.testing.assert_allclose(found[1], expected[: len(names)], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("coordinates", ["theta", "latent"])
+def test_other_coordinates_have_the_derivatives_of_the_chain_rule(coordinates: Any) -> None:
+    score = score_of(coordinates)
+    point = jnp.array(score.start)
+    step = 1e-5 * jnp.maximum(jnp.abs(point), 1.0 if coordinates == "latent" else 0.0)
+    found = jax.grad(score)(point)
+    largest = float(jnp.abs(found * step).max())
+    for index in range(len(point)):
+        moves = step[index] * jnp.eye(len(point))[index]
+        difference = (score(point + moves) - score(point - moves)) / (2.0 * step[index])
+        assert float(found[index] * step[index]) == pytest.approx(
+            float(difference * step[index]), abs=1e-6 * largest
+        )
+
+
+def test_it_goes_through_every_transformation() -> None:
+    score, points = score_of(), jnp.stack([place(), 0.8 * place(), 0.7 * place()])
+    values, gradients = jax.jit(jax.vmap(jax.value_and_grad(score)))(points)
+    for point, value, gradient in zip(points, values, gradients, strict=True):
+        alone = jax.value_and_grad(score)(point)
+        assert float(alone[0]) == float(value)
+        np.testing.assert_array_equal(alone[1], gradient)
+    forward, backward = (way(score)(place()) for way in (jax.jacfwd, jax.jacrev))
+    np.testing.assert_allclose(forward, backward, rtol=1e-12)
+    _, along = jax.lax.scan(lambda carry, point: (carry, score(point)), 0.0, points)
+    np.testing.assert_array_equal(along, values)
+    nested = jax.vmap(jax.vmap(score))(points[None])
+    np.testing.assert_array_equal(nested[0], values)
+
+
+def test_points_outside_the_ranges_have_an_infinite_score_and_no_slope() -> None:
+    for point in (place() * 0.0 + 1.5, place() * jnp.nan):
+        value, gradient = jax.value_and_grad(score_of())(point)
+        assert value == math.inf
+        assert not np.asarray(gradient).any()
+
+
+def test_threads_of_python_at_once_have_the_same_bits() -> None:
+    both = jax.jit(jax.value_and_grad(score_of()))
+    alone = both(place())
+    with ThreadPoolExecutor(8) as pool:
+        for value, gradient in pool.map(both, [place()] * 24):
+            assert value == alone[0]
+            np.testing.assert_array_equal(gradient, alone[1])
+
+
+def test_what_has_no_derivative_is_refused_by_name(refused: Refused) -> None:
+    refused(mr.jax.study_score, study(), "clipped_optimal")
+    refused(mr.jax.study_score, study(), TuneTable(laws=(LAW, "active")))
+    refused(mr.jax.study_score, study(), TuneTable(laws=(LAW,), free={"largest_command": ()}))
+    refused(jax.hessian(score_of()), place())

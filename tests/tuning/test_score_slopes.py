@@ -1,0 +1,171 @@
+"""The derivatives of a score in the settings of a law are those of the loop: compared with differences of the loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tuning_samples
+from sentences import Refused
+
+import mrwork as mr
+from mrwork.control import control_laws
+from mrwork.study import TuneTable
+from mrwork.tuning.problem import score_candidates
+from mrwork.tuning.run import plan_of
+from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
+from mrwork.tuning.space import LARGEST
+
+SMOOTH = [law.name for law in control_laws() if not law.switches]
+MOTIONS = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
+SHORT = MOTIONS.replace("duration = 3", "duration = 1")
+HELD: dict[str, dict[str, Any]] = {"signal_polynomial": {"terms": [[0.5, 0, 1, 0, 1], [0.2, 1, 0, 1, 0]]}}
+
+
+def slopes_of(study: mr.Study, table: TuneTable, threads: int = 1) -> ScoreSlopes:
+    plan, benches = plan_of(study, table, threads)
+    return ScoreSlopes(
+        space=plan.space,
+        bench=benches.select_search_bench(robust=table.robust),
+        objective=plan.objective,
+    )
+
+
+def inside(slopes: ScoreSlopes) -> np.ndarray[Any, Any]:
+    """A point off the middle, at the largest command."""
+    free = slopes.space.free
+    places = 0.35 + 0.04 * (np.arange(len(free)) % 7)
+    return np.where([each.name == LARGEST for each in free], 0.99, places)
+
+
+def score(slopes: ScoreSlopes, unit: Any) -> float:
+    candidate = slopes.space.candidate(np.asarray(unit), exact=True)
+    scores = score_candidates(slopes.bench, slopes.objective, slopes.space.law, [candidate])
+    return float(scores.penalised_scores[0])
+
+
+def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3) -> None:
+    """Value to the bit, derivatives in the first settings to 1e-6 of the largest."""
+    value, found = slopes.at(unit)
+    assert value == score(slopes, unit)
+    largest = np.abs(found).max()
+    assert largest > 0.0
+    moved = [place for place, each in enumerate(slopes.space.free) if each.name != LARGEST]
+    for place in moved[:settings]:
+        ends = [unit + sign * 1e-6 * np.eye(len(unit))[place] for sign in (1.0, -1.0)]
+        difference = (score(slopes, ends[0]) - score(slopes, ends[1])) / 2e-6
+        assert found[place] == pytest.approx(difference, abs=1e-6 * largest)
+
+
+@pytest.mark.parametrize("law", SMOOTH)
+def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(tmp_path: Path, law: str) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    slopes = slopes_of(study, TuneTable(laws=(law,), settings=HELD.get(law)))
+    agree_with_differences(slopes, inside(slopes))
+
+
+SECOND = '\n[[damper]]\nstorey = 3\npreset = "kwok2006"\nlag = 100\n'
+VARIED = '\n[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = "2 ms"\n'
+LOOPS: dict[str, dict[str, str]] = {
+    "two_dampers": {"more": SECOND},
+    "storeys_that_yield": {
+        "building": 'published = "uts"\n[building.storeys_that_yield]\nyield_drift = "1 mm"\nsharpness = 2\n'
+    },
+    "draws": {"more": VARIED},
+}
+
+
+@pytest.mark.parametrize("case", LOOPS)
+def test_the_loop_may_have_whatever_a_study_has(tmp_path: Path, case: str) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune="", **LOOPS[case]))
+    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), robust=case == "draws"))
+    agree_with_differences(slopes, inside(slopes))
+
+
+def test_passive_devices_are_part_of_the_loop() -> None:
+    building = mr.buildings.with_friction_damper(mr.building("uts"), storey=2, slip_load=20.0, stiffness=1e5)
+    motion = {"synthetic": "kanai_tajimi", "duration": 1.0, "pga": "0.1 g"}
+    damper = {"storey": 1, "preset": "kwok2006", "lag": 190.0, "differential": True}
+    study = mr.study_of(building={"file": building}, dampers=[damper], motions=[motion])
+    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",)))
+    agree_with_differences(slopes, inside(slopes))
+
+
+def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop(tmp_path: Path) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    hardware = replace(
+        study.hardware, feedback="observer", acceleration_noise=0.01, delay=4e-3, command_rate=30.0
+    )
+    slopes = slopes_of(replace(study, hardware=hardware), TuneTable(laws=("proportional_direct",)))
+    agree_with_differences(slopes, inside(slopes))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"risk": "cvar", "tail": 0.7, "combine": "largest", "criteria": ("rms_drift", "peak_base_shear")},
+        {
+            "risk": "max",
+            "relative_to": "best_passive",
+            "constraints": {"rms_current": 1e-3, "peak_stroke": 1e-4},
+        },
+    ],
+)
+def test_the_score_may_be_whatever_a_table_makes_of_it(tmp_path: Path, table: dict[str, Any]) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), **table))
+    agree_with_differences(slopes, inside(slopes))
+
+
+def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside(tmp_path: Path) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), free={"slope": ()}))
+    for end, inward in ((0.0, 1e-6), (1.0, -1e-6)):
+        _, found = slopes.at(np.array([end]))
+        difference = (score(slopes, [end + inward]) - score(slopes, [end])) / inward
+        assert found[0] == pytest.approx(difference, rel=1e-4)
+
+
+def test_threads_and_instruction_sets_change_no_bit(
+    tmp_path: Path, of_instruction_sets: Callable[[Callable[[], Any]], list[Any]]
+) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune="", more=SECOND))
+    one, two = (slopes_of(study, TuneTable(laws=("proportional_direct",)), threads) for threads in (1, 2))
+    first, *others = [
+        (value, slopes.tobytes())
+        for each in (one, two)
+        for value, slopes in of_instruction_sets(lambda each=each: each.at(inside(each)))
+    ]
+    assert all(other == first for other in others)
+
+
+def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives(tmp_path: Path) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    for weights in ((1e-30, 1e-26), (1e-22, 1e-18)):
+        slopes = slopes_of(study, TuneTable(laws=("active",), free={"control_weight": weights}))
+        value, found = slopes.at(np.array([0.5]))
+        assert value == math.inf
+        assert not found.any()
+
+
+@pytest.mark.parametrize("law", [law.name for law in control_laws() if law.switches])
+def test_every_law_that_switches_is_named(law: str) -> None:
+    assert without_gradient(tuning_samples.small_study(), TuneTable(laws=(law,))).startswith(
+        f"{law} switches"
+    )
+
+
+def test_a_setting_that_acts_on_more_than_gains_is_refused(tmp_path: Path, refused: Refused) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+    table = TuneTable(
+        laws=("signal_polynomial",),
+        settings={**HELD["signal_polynomial"], "control_weight": 1e-12},
+        free={"force": (1e3, 1e4)},
+    )
+    slopes = slopes_of(study, table)
+    refused(slopes.design, slopes.space.start)
