@@ -18,7 +18,12 @@ import headless_browser
 ANSWERS = {
     "own damper": ("guides/own_damper", "tutorials/damper_of_your_own"),
     "cluster": ("guides/beyond_one_machine",),
-    "JAX gradient": ("tutorials/many_candidates",),
+    "JAX gradient": ("guides/gradients_and_jax", "tutorials/gradients_in_jax"),
+    "gradient of the misfit in JAX": ("guides/gradients_and_jax",),
+    "numpyro": ("guides/gradients_and_jax", "tutorials/gradients_in_jax"),
+    "optax": ("guides/gradients_and_jax",),
+    "differentiable damper model": ("guides/gradients_and_jax",),
+    "jax.jit": ("guides/gradients_and_jax",),
     "drift ratio": ("guides/frame_that_yields", "guides/write_a_study"),
     "own axes": ("gallery",),
     "units of a column": ("reference/_generated/formats", "guides/record_formats"),
