@@ -116,7 +116,7 @@ impl<O: Operation> LaneJob for OverLanes<'_, O> {
     type Home = Self;
     type Output = (usize, Vec<f64>);
     #[inline(always)]
-    fn run<R: Lanes>(self) -> (usize, Vec<f64>) {
+    fn run<R: Lanes + Bits>(self) -> (usize, Vec<f64>) {
         let mut results = Vec::with_capacity(self.numbers.len());
         for chunk in self.numbers.chunks(R::WIDTH) {
             let last = chunk.len() - 1;

@@ -59,9 +59,14 @@ class _StudyScore:
         return values, slopes
 
 
+def _numbers(shape: tuple[int, ...]) -> Any:
+    made: Any = jax.ShapeDtypeStruct
+    return made(shape, jnp.float64)
+
+
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _score(of: _StudyScore, settings: Array) -> Array:
-    shape = jax.ShapeDtypeStruct(settings.shape[:-1], jnp.float64)
+    shape = _numbers(settings.shape[:-1])
     score: Array = jax.pure_callback(of.values, shape, settings, vmap_method="expand_dims")
     return score
 
@@ -74,8 +79,8 @@ def _differentiate(of: _StudyScore, primals: tuple[Array], tangents: tuple[Array
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _linearise(of: _StudyScore, settings: Array) -> tuple[Array, Array]:
-    shapes = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in (settings.shape[:-1], settings.shape)]
-    score, slopes = jax.pure_callback(of.linearise, tuple(shapes), settings, vmap_method="expand_dims")
+    shapes = (_numbers(settings.shape[:-1]), _numbers(settings.shape))
+    score, slopes = jax.pure_callback(of.linearise, shapes, settings, vmap_method="expand_dims")
     return score, slopes
 
 
@@ -126,10 +131,11 @@ def study_score(
     Array([-0.0123, 0.0045], dtype=float64)
     """
     begin()
-    given = law if isinstance(law, TuneTable) else None
-    if given is None:
-        given = next((each for each in study.tunes if law in each.laws), TuneTable(laws=(law,)))
-        given = replace(given, laws=(law,))
+    if isinstance(law, TuneTable):
+        given = law
+    else:
+        known = next((each for each in study.tunes if law in each.laws), TuneTable(laws=(law,)))
+        given = replace(known, laws=(law,))
     if len(given.laws) != 1:
         raise SettingError(f"the table has {len(given.laws)} laws; give one")
     if lacking := without_gradient(study, given):
