@@ -245,7 +245,7 @@ def scale_to_unit_sensitivity(jacobian: Floats) -> Floats:
     `jacobian`: derivative of the residuals by the coordinates, shape (n_free, n_residuals).
     """
     sensitivity = np.linalg.norm(jacobian, axis=1)
-    return 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
+    return np.asarray(1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300)))
 
 
 class Linearisations:
