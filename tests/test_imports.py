@@ -22,7 +22,7 @@ import mrwork
 HOMES = {
     ("jax", "equinox", "optimistix"): (
         "twins",
-        "identification.minimise.levenberg_marquardt_twin",
+        "identification.minimise.by_optimistix",
         "identification.traced",
         "identification.traced_observation",
         "identification.traced_twin",

@@ -90,7 +90,7 @@ SUBJECTS = {
             "seeds": _number(20, "starts of each job"),
             "threads": _number(0, "threads of ours, 0 for all"),
         },
-        quick="one record, no twin: some seconds",
+        quick="one record: some seconds",
     ),
     "posterior": Subject(
         about="effective draws per second beside emcee on jax and numba, and numpyro's NUTS",

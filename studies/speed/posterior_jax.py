@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import jax
@@ -11,14 +10,13 @@ import numpy as np
 from jax import Array, lax
 
 from mrwork.twins import twin_of
-from mrwork.uncertainty import Target, substeps_at, twin_log_posterior
+from mrwork.uncertainty import Target
 from studies.speed.jax_peer import JaxVariant
 from studies.speed.posterior_job import Density, PosteriorJob
 from studies.speed.twin_peer import step
 
 # XLA compiles for batches, without a split over devices.
 VARIANTS = (
-    JaxVariant(layout="simulate", split=False),
     JaxVariant(layout="arrays", unroll=1, split=False),
     JaxVariant(layout="arrays", unroll=2, split=False),
     JaxVariant(layout="arrays", unroll=4, split=False),
@@ -28,13 +26,9 @@ VARIANTS = (
 
 def density_on_twin(job: PosteriorJob, variant: JaxVariant) -> Density:
     """The target on the twin with the sub-steps that the start has, compiled on the first call."""
-    substeps = substeps_at(job.target, job.start)
-    batched: Callable[[Array], Array]
-    if variant.layout == "arrays":
-        batched = partial(_scan_log_posterior, job.target, substeps[0], variant.unroll)
-    else:
-        batched = jax.vmap(twin_log_posterior(job.target, substeps))
-    compiled = jax.jit(batched, compiler_options=variant.options)
+    (run,) = job.target.objective.misfits(job.start[None])
+    density = partial(_scan_log_posterior, job.target, int(run.substeps[0]), variant.unroll)
+    compiled = jax.jit(density, compiler_options=variant.options)
     return lambda position: np.asarray(compiled(position))
 
 

@@ -1,4 +1,4 @@
-"""`study.py refine`: seconds and simulations from a start to a minimum, both our engines beside SciPy on numba."""
+"""`study.py refine`: seconds and simulations from a start to a minimum, our engines beside SciPy on numba."""
 
 from __future__ import annotations
 
@@ -112,9 +112,7 @@ def bench_refine(
             layouts[job.name] = fastest.variant.describe()
             difference = float(np.max(np.abs(peer(job.starts) - job.objective.residuals(job.starts))))
             require_agreement("numba and the compiled kernel", "residual", difference, _AGREEMENT)
-        # Thirty scans take minutes to compile and differentiate.
-        taking_part = engines(job, twin=not quick and job.name == "reference", peer=peer)
-        own, best[job.name] = _rows(job, taking_part, say)
+        own, best[job.name] = _rows(job, engines(job, peer), say)
         rows += own
     return RefineBenchmark(
         rows=tuple(rows),

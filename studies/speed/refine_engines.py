@@ -34,8 +34,8 @@ class Engine:
     is_ours: bool = True
 
 
-def engines(job: RefineJob, *, twin: bool, peer: Callable[[Floats], Floats] | None) -> list[Engine]:
-    """Ours in lanes, the twin if `twin`, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
+def engines(job: RefineJob, peer: Callable[[Floats], Floats] | None) -> list[Engine]:
+    """Ours, optimistix on our kernel, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
     objective, box = job.objective, job.box
 
     def counted(run: Callable[[Floats], Floats]) -> Callable[[Floats], Refined]:
@@ -55,17 +55,16 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Floats], Floats] | No
         return find_minima(objective, box, starts, max_iterations=_MOST).misfit
 
     def optimistix(starts: Floats) -> Floats:
-        from mrwork.identification import find_minimum_on_twin
+        from mrwork.identification import find_minimum_by_optimistix
 
-        return np.array([find_minimum_on_twin(objective, box, start).misfit for start in starts])
+        return np.array([find_minimum_by_optimistix(objective, box, start).misfit for start in starts])
 
     found = [
         Engine(name="rust, SciPy lm", run=counted(scipy_on_rust)),
         Engine(name="rust, side by side", run=counted(side_by_side)),
         Engine(name="rust, 16 starts at once", run=counted(side_by_side), at_once=16),
+        Engine(name="rust, optimistix", run=counted(optimistix)),
     ]
-    if twin:
-        found.append(Engine(name="twin, optimistix", run=counted(optimistix)))
     if peer is not None:
         found.append(Engine(name="numba, SciPy lm", run=_on_peer(job, peer), is_ours=False))
     return found

@@ -146,13 +146,13 @@ STUDIES = {
     + "[[motion]]\nsynthetic = 'kanai_tajimi'\nduration = 0.3\nseed = 1\nname = 'other'\n"
     "[[tune]]\nlaws = ['proportional_direct']\nbudget = 6\npopulation = 5\ngradient_steps = 1\n",
 }
-TWIN = ("--model", "bingham", "--engine", "twin", "--every", "20", "--population", "8", "--generations", "2")
+OPTIMISTIX = ("--model", "bingham", "--engine", "optimistix", "--every", "20", "--generations", "2")
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ("identify", "synthetic:spencer1997", *TWIN),
+        ("identify", "synthetic:spencer1997", *OPTIMISTIX),
         ("respond", "clairvoyant.toml"),
         ("tune", "gradients.toml"),
     ],
@@ -177,7 +177,7 @@ def test_jax_that_does_not_start_is_one_sentence_and_what_was_computed_is_kept(
 @pytest.mark.parametrize(
     ("variable", "words"),
     [
-        ("JAX_ENABLE_X64", ("identify", "synthetic:spencer1997", *TWIN)),
+        ("JAX_ENABLE_X64", ("identify", "synthetic:spencer1997", *OPTIMISTIX)),
         ("MPLBACKEND", ("respond", "study.toml")),
     ],
     ids=["JAX", "Matplotlib"],

@@ -235,9 +235,9 @@ def test_a_journal_with_a_result_of_another_shape_is_refused(tmp_path: Path) -> 
             mr.run_study(study, journal=journal, threads=1)
 
 
-@pytest.mark.parametrize("engine", ["lanes", "twin"])
+@pytest.mark.parametrize("engine", ["lanes", "optimistix"])
 def test_a_journal_with_a_minimum_out_of_bounds_is_refused(
-    tmp_path: Path, engine: Literal["lanes", "twin"]
+    tmp_path: Path, engine: Literal["lanes", "optimistix"]
 ) -> None:
     path = tmp_path / "journal.jsonl"
     test = sinusoidal_test("bingham", (670.0, 5e-3, 5000.0, -95.0), MOTIONS[0], noise=0.02)

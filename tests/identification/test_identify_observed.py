@@ -10,7 +10,6 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
-from sentences import Refused
 
 import mrwork as mr
 from mrwork import Journal
@@ -118,7 +117,3 @@ def test_predictions_and_posteriors_use_the_observation_of_the_fit() -> None:
     assert predict(fit, second).test.observation == Observation(average_seconds=WINDOW * first.dt)
     told = replace(first, observation=fit.quality[0].observation)
     assert identifiability_of(fit, first, threads=1) == identifiability_of(fit, told, threads=1)
-
-
-def test_the_twin_says_how_to_do_without(refused: Refused) -> None:
-    refused(identify, recorded(), engine="twin")

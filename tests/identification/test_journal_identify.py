@@ -168,7 +168,7 @@ def test_a_damaged_line_in_the_middle_is_refused(whole: Path, tmp_path: Path) ->
         ([*COMMAND, "--generations", "13"], ("max_generations is 12 there and 13 here",)),
         ([*COMMAND, "--fix", "n=2"], ("bounds.n is absent there",)),
         ([*COMMAND, "--nuisance", "level"], ("nuisances",)),
-        ([*COMMAND, "--engine", "twin"], ("engine is lanes there and twin here",)),
+        ([*COMMAND, "--engine", "optimistix"], ("engine is lanes there and optimistix here",)),
         ([*COMMAND, "--every", "2"], ("test.1.samples", "test.1.signals")),
         ([*COMMAND, "--model", "static_hysteretic"], ("model is normalised_bouc_wen there",)),
         (["identify", "synthetic:spencer1997_slow", *COMMAND[2:]], ("test.1.name", "test.1.sha256")),
@@ -320,7 +320,7 @@ def test_a_callback_may_stop_the_run_and_it_goes_on(
     assert resumed.trace == whole.trace
 
 
-def test_a_refinement_on_the_twin_is_recalled(record: DamperTest, tmp_path: Path) -> None:
+def test_a_fit_by_optimistix_is_recalled(record: DamperTest, tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
     stages: list[str] = []
 
@@ -331,7 +331,7 @@ def test_a_refinement_on_the_twin_is_recalled(record: DamperTest, tmp_path: Path
             "static_hysteretic",
             record,
             search=SEARCH,
-            engine="twin",
+            engine="optimistix",
             rng=2,
             on_progress=lambda progress: stages.append(progress.stage),
             journal=journal,

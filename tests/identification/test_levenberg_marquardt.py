@@ -1,4 +1,4 @@
-"""Both engines of the local minimisation, twin and lanes, reach the same minimum; the compiled twin is reused."""
+"""All engines of the local minimisation reach the same minimum; what JAX has compiled is reused."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
+import own_dampers
 import pytest
 from command_line import ran
 
@@ -23,13 +22,11 @@ from mrwork.identification import (
     Objective,
     find_minima,
     find_minimum,
-    find_minimum_on_twin,
+    find_minimum_by_optimistix,
     identifiable_form,
 )
 from mrwork.identification.equivalent import Form
-from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
-from mrwork.identification.objective import linearise_residuals
-from mrwork.identification.residual import NuisanceName, bounds_without_offsets
+from mrwork.identification.problem import Problem
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
@@ -90,26 +87,32 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
     """All engines end at one misfit, and at parameters that differ by a small share of their standard errors."""
     lanes = find_minimum(objective, form.box, start, max_evaluations=100)
     beside = find_minima(objective, form.box, start[None], max_iterations=100)
-    twin = find_minimum_on_twin(objective, form.box, start)
+    other = find_minimum_by_optimistix(objective, form.box, start)
     assert objective(start[None])[0] > 1.2 * lanes.misfit
     assert lanes.converged
     assert beside.converged[0]
-    assert twin.converged
-    assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
+    assert other.converged
+    assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
     assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
-    errors = standard_errors(covariance_at(Slopes.at(objective, form, lanes.theta))[0])
+    errors = standard_errors(covariance_at(Slopes.at(objective.plain, form, lanes.theta))[0])
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
-    for other in (twin.theta, beside.theta[0]):
-        off = np.asarray(form.to_model(other)) - np.asarray(form.to_model(lanes.theta))
+    for theta in (other.theta, beside.theta[0]):
+        off = np.asarray(form.to_model(theta)) - np.asarray(form.to_model(lanes.theta))
         # A misfit larger by 1e-6 of itself leaves sqrt(2 n 1e-6) standard errors open, 0.04 of one for 800 samples.
         assert np.all(np.abs(off[known]) <= 0.05 * errors[known])
 
 
-@pytest.mark.parametrize("name", ["bouc_wen", "static_hysteretic", "dahl", "modified_bouc_wen"])
-def test_both_engines_end_in_one_minimum(name: str) -> None:
-    spec = damper(name)
-    form = identifiable_form(spec, SHARP if name == "static_hysteretic" else {})
+@pytest.mark.parametrize(
+    "spec",
+    [
+        *map(damper, ["bouc_wen", "static_hysteretic", "dahl", "modified_bouc_wen"]),
+        own_dampers.guo,
+    ],
+    ids=lambda spec: spec.name,
+)
+def test_all_engines_end_in_one_minimum(spec: DamperSpec) -> None:
+    form = identifiable_form(spec, SHARP if spec.name == "static_hysteretic" else {})
     objective = Objective.of(form.spec, (record(spec, spec.nominal),))
     assert_one_minimum(objective, form, near(form, spec.nominal))
 
@@ -119,77 +122,46 @@ def test_a_joint_fit_with_a_law_ends_in_one_minimum() -> None:
     assert_one_minimum(Objective.of(LAWS, joint_tests()), form, near(form, joint_theta()))
 
 
-def test_both_engines_say_that_a_parameter_is_at_its_bound() -> None:
+def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     spec = damper("dahl")
     index = spec.names.index("rho")
     form = identifiable_form(spec, {"rho": (10.0, 0.5 * spec.nominal[index])})
     objective = Objective.of(spec, (record(spec, spec.nominal),))
     start = near(form, spec.nominal)
     lanes = find_minimum(objective, form.box, start, max_evaluations=100)
-    twin = find_minimum_on_twin(objective, form.box, start)
-    for theta in (lanes.theta, twin.theta):
+    other = find_minimum_by_optimistix(objective, form.box, start)
+    for theta in (lanes.theta, other.theta):
         remarks = [remark_of(form.box, each, float(theta[each])) for each in range(len(theta))]
         assert [remark for remark in remarks if remark] == ["at upper bound"]
         assert remarks[index] == "at upper bound"
-    assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
+    assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("nuisances", "power", "uncompared"),
-    [
-        ((), 2.0, ()),
-        (("offset", "level", "delay"), 2.0, ()),
-        (("level",), 5.0, ()),
-        (("level",), 2.0, ((40, 50), (70, 71))),
-    ],
-)
-def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
-    nuisances: tuple[NuisanceName, ...], power: float, uncompared: tuple[tuple[int, int], ...]
-) -> None:
-    tests = tuple(replace(test, uncompared=uncompared) for test in joint_tests())
-    objective = Objective.of(LAWS, tests, FitSettings(nuisances=nuisances, power=power))
-    theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
-    # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
-    columns = identifiable_form(LAWS, SHARP | bounds_without_offsets(nuisances, LAWS)).box.free
-    (residuals,), (derivatives,) = linearise_residuals(objective, theta[None], columns)
-    twin, arrays = TwinResiduals.of(objective), arrays_of(objective, (1, 1))
-
-    def both(theta: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return twin(theta, arrays), jax.jacfwd(lambda theta: twin(theta, arrays))(theta)
-
-    found, slope = jax.jit(both)(jnp.asarray(theta))
-    np.testing.assert_allclose(found, residuals, rtol=0.0, atol=1e-10)
-    scale = np.max(np.abs(derivatives), axis=1, keepdims=True)
-    np.testing.assert_allclose(
-        np.asarray(slope).T[list(columns)] / scale, derivatives / scale, rtol=0.0, atol=1e-7
-    )
-
-
-def test_an_observation_is_refused_on_the_twin_before_anything_is_searched() -> None:
-    test = replace(joint_tests()[0], observation=Observation(lowpass_hz=20.0))
-    with pytest.raises(
-        SettingError, match=r"low-passed at 20 Hz, which the twin cannot follow; leave the engine"
-    ):
-        identify(
-            "static_hysteretic", test, engine="twin", on_progress=lambda progress: pytest.fail("searched")
-        )
+def test_observation_ties_and_power_are_those_of_every_engine() -> None:
+    spec, observation = damper("static_hysteretic"), Observation(average_seconds=0.03)
+    first, second = record(spec, spec.nominal), record(spec, 1.1 * spec.nominal, n_time=700)
+    averaged = replace(first, force=observation.observe(first.force, first.dt), observation=observation)
+    ratio = spec.nominal[spec.names.index("k")] / spec.nominal[spec.names.index("c")]
+    settings = FitSettings(ties={"k": f"{ratio}*c"}, bounds=SHARP, power=4.0, force_exponent=0.5)
+    problem = Problem.of(spec, (averaged, second), settings)
+    assert_one_minimum(problem.objective, problem.form, near(problem.form, spec.nominal))
 
 
 def test_an_engine_that_does_not_exist_is_named() -> None:
-    with pytest.raises(SettingError, match="`engine` of identify is 'jax'; choose one of lanes, twin"):
+    with pytest.raises(SettingError, match="`engine` of identify is 'jax'; choose one of lanes, optimistix"):
         identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type] # no engine, on purpose
 
 
-def test_the_twin_can_be_asked_for_and_finds_the_same() -> None:
+def test_optimistix_can_be_asked_for_and_finds_the_same() -> None:
     test = record(damper("static_hysteretic"), damper("static_hysteretic").nominal)
-    lanes, twin = (
+    lanes, other = (
         identify("static_hysteretic", test, bounds=SHARP, engine=engine, rng=1)
-        for engine in ("lanes", "twin")
+        for engine in ("lanes", "optimistix")
     )
-    assert twin.provenance.settings["engine"] == "twin"
-    assert twin.nrmse == pytest.approx(lanes.nrmse, rel=1e-6)
-    for one, other in zip(lanes.estimates, twin.estimates, strict=True):
-        assert one.standard_error is None or abs(one.value - other.value) < 0.05 * one.standard_error
+    assert other.provenance.settings["engine"] == "optimistix"
+    assert other.nrmse == pytest.approx(lanes.nrmse, rel=1e-6)
+    for ours, theirs in zip(lanes.estimates, other.estimates, strict=True):
+        assert ours.standard_error is None or abs(ours.value - theirs.value) < 0.05 * ours.standard_error
 
 
 # What was compiled, told by JAX itself.
@@ -199,7 +171,7 @@ from collections import Counter
 from dataclasses import replace
 import jax
 from mrwork.identification.objective import Objective
-from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin
+from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.records.reading import synthetic_test
@@ -211,7 +183,7 @@ spec = damper("dahl")
 test = synthetic_test("rd1005_1a")
 for factor in (1.0, 1.1):
     other = replace(test, dt=factor * test.dt, force=factor * test.force)
-    find_minimum_on_twin(Objective.of(spec, (other,)), Box.of(spec), factor * spec.nominal)
+    find_minimum_by_optimistix(Objective.of(spec, (other,)), Box.of(spec), factor * spec.nominal)
     print(json.dumps(told))
     told.clear()
 """

@@ -30,7 +30,7 @@ OTHER = FitSettings(
     ties={"f0": "0.1*alpha"},
     power=4.0,
     force_exponent=0.5,
-    engine="twin",
+    engine="optimistix",
     nuisances=("level",),
     observe=("average=0.1T", "gain=1.1"),
     rng=3,

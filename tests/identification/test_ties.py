@@ -142,7 +142,6 @@ def test_what_is_no_tie_is_refused_and_never_run(test: mr.DamperTest, refused: R
         refused(mr.identify, "bingham", test, ties=ties)
     refused(mr.identify, "bingham", test, ties=TIE, bounds={"f0": (0.0, 0.0)})
     refused(mr.identify, "bouc_wen", test, ties={"c0": "2*k0"})
-    refused(mr.identify, "bingham", test, ties=TIE, engine="twin")
     laws = mr.damper("bingham").with_current_laws({"f_c": "linear"})
     refused(mr.identify, laws, test, ties={"v_s": "c0"})
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from command_line import mrwork, printed
@@ -26,7 +25,6 @@ from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.level_search import relative_force
-from mrwork.identification.minimise.levenberg_marquardt_twin import TwinResiduals, arrays_of
 from mrwork.identification.minimise.multistart import StartingPoints
 from mrwork.identification.minimise.polish import FinalFit, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -315,12 +313,12 @@ def test_folds_by_command_keep_equal_courses_together() -> None:
     assert folds_of(tests, "command") == [[0, 2], [1], [3]]
 
 
-def test_the_twin_follows_constant_and_varying_commands_together() -> None:
+def test_residuals_for_jax_follow_constant_and_varying_commands_together() -> None:
     longer = record(switching)
     shorter = record(0.5).part(0, 900)
     objective = Objective.of(SPEC, (longer, shorter))
     here = objective.residuals(THETA[None])[0]
-    there = TwinResiduals.of(objective)(jnp.asarray(THETA), arrays_of(objective, (1, 1)))
+    there = mr.jax.residuals(SPEC, (longer, shorter))(THETA)
     np.testing.assert_allclose(there, here, atol=1e-9)
 
 

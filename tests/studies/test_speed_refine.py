@@ -1,4 +1,4 @@
-"""The benchmark of refinements gives all engines the same starts and residuals; our two engines meet in one minimum."""
+"""The benchmark of refinements gives all engines the same starts and residuals; ours meet in one minimum."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, for
     np.testing.assert_allclose(peer(job.starts), job.objective.residuals(job.starts), rtol=0.0, atol=1e-9)
 
 
-def test_both_engines_meet_in_one_minimum(job: RefineJob) -> None:
-    from mrwork.identification import find_minimum_on_twin
+def test_our_engines_meet_in_one_minimum(job: RefineJob) -> None:
+    from mrwork.identification import find_minimum_by_optimistix
 
     start = job.starts[0]
     scipy = find_minimum(job.objective, job.box, start, max_evaluations=100)
     lanes = find_minima(job.objective, job.box, start[None], max_iterations=100)
-    twin = find_minimum_on_twin(job.objective, job.box, start)
+    optimistix = find_minimum_by_optimistix(job.objective, job.box, start)
     assert scipy.converged
     # They stop where the squared misfit falls by less than 1e-7 and 1e-8 of itself.
-    assert scipy.misfit == pytest.approx(twin.misfit, rel=1e-6)
+    assert scipy.misfit == pytest.approx(optimistix.misfit, rel=1e-6)
     assert lanes.misfit[0] == pytest.approx(scipy.misfit, rel=1e-6)
 
 

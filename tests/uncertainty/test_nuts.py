@@ -1,6 +1,8 @@
-"""Two samplers on two implementations: the same target density, and the same draws within their error."""
+"""Two samplers: the same target density, and the same draws within their error."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -11,25 +13,37 @@ from scipy.stats import ks_2samp
 from sentences import Refused
 
 from mrwork import identify
+from mrwork.identification import FitSettings, Objective
+from mrwork.records import Observation
 from mrwork.records.reading import synthetic_test
-from mrwork.uncertainty import Normal, convergence, first_walkers, sample, substeps_at, twin_log_posterior
+from mrwork.uncertainty import Normal, Target, convergence, first_walkers, sample
+from mrwork.uncertainty.posterior.nuts import traced_log_posterior
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
 
 
 @pytest.mark.parametrize("noise", ["iid", "student_t", "ar1", "amplitude"])
-def test_the_target_in_rust_is_that_of_the_twin(noise: str) -> None:
+def test_both_samplers_have_one_target(noise: str) -> None:
     sampling = small_sampling(noise, tempering=0.5, priors={"k_w": Normal(mean=650.0, deviation=50.0)})
     target = sampling.target
     positions = first_walkers(target, sampling.start, 8, np.random.default_rng(1))
-    values, _ = target.space.values(positions)
-    (substeps,) = {substeps_at(target, row) for row in values[:, : target.space.n_params]}
-    twin = jax.vmap(twin_log_posterior(target, substeps))(jnp.asarray(positions))
-    np.testing.assert_allclose(twin, target(positions), rtol=1e-8)
+    found = jax.vmap(traced_log_posterior(target))(jnp.asarray(positions))
+    np.testing.assert_allclose(found, target(positions), rtol=1e-12)
 
 
-def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
+def test_both_samplers_have_one_target_with_an_observation_and_nuisance_parameters() -> None:
+    sampling = small_sampling("ar1")
+    form, noise = sampling.target.form, sampling.target.noise
+    averaged = replace(small_test(), observation=Observation(average_seconds=0.05))
+    objective = Objective.of(form.spec, (averaged,), FitSettings(nuisances=("level", "delay")))
+    target = Target.of(form, objective, noise, start=sampling.start, priors={}, tempering=1.0)
+    positions = first_walkers(target, sampling.start, 2, np.random.default_rng(1))
+    found = jax.vmap(traced_log_posterior(target))(jnp.asarray(positions))
+    np.testing.assert_allclose(found, target(positions), rtol=1e-10)
+
+
+def test_both_samplers_have_one_target_where_a_stiffness_may_be_zero() -> None:
     test = synthetic_test("spencer1997_fast")
     fit = identify("normalised_bouc_wen", test, rng=1)
     sampling = SamplingProblem.of_fit(
@@ -44,9 +58,9 @@ def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
     )
     assert sampling.target.space.pair is not None
     positions = first_walkers(sampling.target, sampling.start, 4, np.random.default_rng(1))
-    log_density = jax.jit(twin_log_posterior(sampling.target, substeps_at(sampling.target, sampling.start)))
-    twin = [float(log_density(jnp.asarray(row))) for row in positions]
-    np.testing.assert_allclose(twin, sampling.target(positions), rtol=1e-8)
+    log_density = jax.jit(traced_log_posterior(sampling.target))
+    found = [float(log_density(jnp.asarray(row))) for row in positions]
+    np.testing.assert_allclose(found, sampling.target(positions), rtol=1e-12)
     outside = positions[0].copy()
     outside[0] = 1.1
     assert float(log_density(jnp.asarray(outside))) == -np.inf
@@ -76,6 +90,5 @@ def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
         assert ks_2samp(one, other).pvalue > 0.01
 
 
-def test_what_the_twin_does_not_know_is_refused(refused: Refused) -> None:
-    sampling = small_sampling("arma11")
-    refused(twin_log_posterior, sampling.target, (1,))
+def test_noise_without_derivatives_is_refused(refused: Refused) -> None:
+    refused(traced_log_posterior, small_sampling("arma11").target)

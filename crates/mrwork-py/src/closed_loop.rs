@@ -159,6 +159,22 @@ impl SampledFault {
     }
 }
 
+/// Rows (candidate, motion, draw, varied damping and stiffness of the building, steps of delay), and their noise.
+fn runs_of(rows: &PyReadonlyArray2<'_, u32>, streams: &PyReadonlyArray1<'_, u64>) -> PyResult<Vec<Run>> {
+    let axes = [("runs", None), ("candidate, motion, draw, building and delay", Some(5))];
+    let (rows, _) = shaped("runs", rows, &axes)?.as_chunks::<5>();
+    let streams = shaped("streams", streams, &[("runs", Some(rows.len()))])?;
+    let run = |(&[candidate, motion, draw, springs, delay_steps], &stream): (&[u32; 5], &u64)| Run {
+        candidate,
+        motion,
+        draw,
+        springs,
+        delay_steps,
+        stream,
+    };
+    Ok(rows.iter().zip(streams).map(run).collect())
+}
+
 type Responses<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<u8>>,
@@ -206,21 +222,7 @@ pub fn respond<'py>(
     let hardware = hardware.dynamics()?;
     let n_coordinates = building.dynamics.n_coordinates();
     let n_devices = dampers.mountings.len();
-    let (rows, _) =
-        shaped("runs", &runs, &[("runs", None), ("candidate, motion, draw, building and delay", Some(5))])?
-            .as_chunks::<5>();
-    let runs: Vec<Run> = rows
-        .iter()
-        .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
-        .map(|(&[candidate, motion, draw, springs, delay_steps], &stream)| Run {
-            candidate,
-            motion,
-            draw,
-            springs,
-            delay_steps,
-            stream,
-        })
-        .collect();
+    let runs = runs_of(&runs, &streams)?;
     let outside =
         outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
     let batch = Batch {

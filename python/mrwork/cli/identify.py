@@ -149,7 +149,7 @@ def add_options(parser: CommandParser) -> None:
         "--engine",
         choices=get_args(Engine),
         default="lanes",
-        help="engine of the final fit: lanes (default), or twin (JAX), which is slower and serves comparisons",
+        help="engine of the final fit: lanes (default), or optimistix, which is slower and serves comparisons",
     )
     for flag, numbers, what in (
         ("--population", POPULATION, "number of candidates in a generation"),

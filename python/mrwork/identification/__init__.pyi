@@ -9,12 +9,12 @@ from .settings import Multistart as Multistart
 
 if True:  # the lower tier
     from .equivalent import identifiable_form as identifiable_form
+    from .minimise.by_optimistix import find_minimum_by_optimistix as find_minimum_by_optimistix
     from .minimise.level_search import LevelFit as LevelFit
     from .minimise.level_search import joint_starts as joint_starts
     from .minimise.level_search import levels_of as levels_of
     from .minimise.levenberg_marquardt import find_minima as find_minima
     from .minimise.levenberg_marquardt import find_minimum as find_minimum
-    from .minimise.levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
     from .minimise.multistart import MultistartResult as MultistartResult
     from .minimise.multistart import search_starts as search_starts
     from .progress import Progress as Progress

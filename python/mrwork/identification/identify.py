@@ -59,7 +59,7 @@ def identify(
 
     The starting points of a plain model are found by local minimisations (Levenberg-Marquardt) from many random starts,
     or by another `search`; those of a model with current laws by fits of the plain model at each command. The final
-    least-squares fit uses exact derivatives; it can run on the JAX twin for comparison.
+    least-squares fit uses exact derivatives; it can be made by optimistix for comparison.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def identify(
         Errors are assumed to grow between tests with this power of the standard deviation of the force: 1 gives all
         tests the same weight, 0 compares errors in newtons.
     engine
-        Where the final fit runs: "lanes", or "twin", which takes about eighty times as long to reach the same minimum.
+        What makes the final fit: "lanes", or "optimistix", which takes longer to reach the same minimum.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
@@ -119,8 +119,8 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound, a tie or a power is impossible, a start cannot be used, the search was read from a file and is
-        not registered, or the engine is the twin and there are ties or a test has an observation model.
+        Where a bound, a tie or a power is impossible, a start cannot be used, or the search was read from a file and is
+        not registered.
     UnknownNameError
         Where a start or a tie names a parameter that the model does not have, or there is no such search.
     SimulationError
@@ -182,8 +182,6 @@ def identify_with(
         threads=threads,
         journal=journal,
     )
-    if problem.settings.engine == "twin":
-        problem.objective.refuse_observation()
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=5)

@@ -15,7 +15,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import RecordError
 from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
@@ -181,17 +181,6 @@ class Objective(Summarised):
             each.is_plain and each.test.observation == AS_IT_IS and not each.test.uncompared
             for each in self.compared
         )
-
-    def refuse_observation(self) -> None:
-        """Refuse tests with an observation model, and ties, which the twin does not have."""
-        if self.settings.ties:
-            raise SettingError("the twin has no ties; leave the engine to `lanes`")
-        for test in self.tests:
-            if test.observation != AS_IT_IS:
-                raise SettingError(
-                    f"{test.name} was recorded {test.observation.in_words}, which the twin cannot follow; "
-                    "leave the engine to `lanes`, or compare the force as it is with --observe none"
-                )
 
     @property
     def n_time(self) -> int:

@@ -183,7 +183,7 @@ def _best(force: Floats, residuals: Floats, names: tuple[NuisanceName, ...]) -> 
 def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
     """Derivative of the residuals with respect to each nuisance parameter, shape (n_names, ..., n_time).
 
-    `force`, shape (..., n_time), and the result are arrays of NumPy or, on the twin, of JAX.
+    `force`, shape (..., n_time), and the result are arrays of NumPy or of JAX.
     """
     return force.__array_namespace__().stack([_column(name, force) for name in names])
 

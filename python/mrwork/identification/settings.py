@@ -160,8 +160,8 @@ def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
             _refuse_unknown(inner.kind, value)
 
 
-# Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
-Engine = Literal["lanes", "twin"]
+# What makes the final fit: our minimisation, all starts in lanes, or that of optimistix through JAX.
+Engine = Literal["lanes", "optimistix"]
 
 # Values of parameters by name.
 Start = Mapping[str, float]

@@ -29,7 +29,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, columns_of, scale_columns
 from mrwork.identification.ties import Ties
 from mrwork.identification.traced_observation import observe
-from mrwork.records import DamperTest, Observation
+from mrwork.records import AS_IT_IS, DamperTest, Observation
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.record_arrays import RecordArrays
 
@@ -163,11 +163,21 @@ class ComparedArrays(NamedTuple):
 
 
 class ComparedForm(NamedTuple):
-    """What a compilation depends on: the observation model, the step [s], first and last sample compared, exclusive."""
+    """What a compilation depends on: the observation model with the step [s], if any, and the samples compared."""
 
-    observation: Observation
-    dt: float
+    observed: tuple[Observation, float] | None
     span: tuple[int, int]
+
+    @classmethod
+    def of(cls, each: ObservedTest) -> ComparedForm:
+        """The form of a test."""
+        counted, test = each.counted, each.test
+        span = counted.indices(test.n_time)[:2] if isinstance(counted, slice) else (0, test.n_time)
+        if test.observation == AS_IT_IS:
+            return cls(None, span)
+        # Refuse here what cannot be observed.
+        test.observation.observe(np.zeros(2), test.dt)
+        return cls((test.observation, test.dt), span)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,22 +196,18 @@ class Residuals:
         cls, objective: Objective, *, columns: Sequence[int], substeps: int | None, threads: int
     ) -> Residuals:
         """The form of an objective; it is differentiated with respect to these columns of `theta`, and those tied."""
-        first, *others = objective.compared
+        first = objective.compared[0]
         if callable(first.loss and first.loss.rho):
             raise SettingError(
                 "mr.jax has the losses by name, and this one is a function in NumPy; write it in jax.numpy over "
                 "mr.jax.residuals"
             )
         tied = () if first.ties is None else first.ties.indices
-        for each in objective.compared:
-            each.test.observation.observe(np.zeros(2), each.test.dt)
         return cls(
             kernel=Kernel.of(
                 objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
             ),
-            tests=tuple(
-                ComparedForm(each.test.observation, each.test.dt, _span(each)) for each in (first, *others)
-            ),
+            tests=tuple(map(ComparedForm.of, objective.compared)),
             nuisances=objective.settings.nuisances,
             power=objective.settings.power,
             loss=first.loss,
@@ -216,8 +222,8 @@ class Residuals:
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
             force = jnp.where(failed, 0.0, force)
-            if form.observation != _AS_IT_IS:
-                force = observe(form.observation, force, form.dt)
+            if form.observed is not None:
+                force = observe(*form.observed, force)
             force = force[slice(*form.span)] if test.counted is None else force[test.counted]
             residual = _without_nuisance(force, force - test.measured, self.nuisances)
             found.append((jnp.where(failed, 0.0, residual), failed))
@@ -271,7 +277,6 @@ class Force:
         return self.kernel(theta, record)
 
 
-_AS_IT_IS = Observation()
 _ROOT_MEAN_SQUARE = 2.0
 _TINY = np.finfo(float).tiny
 
@@ -310,12 +315,7 @@ def _without_nuisance(force: Array, residuals: Array, names: tuple[NuisanceName,
     return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
-def _span(each: ObservedTest) -> tuple[int, int]:
-    counted = each.counted
-    return counted.indices(each.test.n_time)[:2] if isinstance(counted, slice) else (0, each.test.n_time)
-
-
-def _arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
+def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
     """The tests of an objective as arrays."""
     return tuple(
         ComparedArrays(
@@ -489,7 +489,7 @@ def function_of(
         units=(*given.units, *("1" for _ in start)),
         coordinates=given.coordinates,
         start=np.array([*given.objective.spec.nominal, *start]),
-        data=_arrays_of(given.objective),
+        data=arrays_of(given.objective),
     )
 
 

@@ -13,7 +13,7 @@ from mrwork.records import Observation
 from mrwork.records.damper_test import SHORTEST_AVERAGE
 
 
-def observe(observation: Observation, force: Array, dt: float) -> Array:
+def observe(observation: Observation, dt: float, force: Array) -> Array:
     """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
     if observation.delay_seconds != 0.0:
         force = _interpolated(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)

@@ -37,7 +37,5 @@ if True:  # the lower tier
     from .posterior.draws import select_kept_rows as select_kept_rows
     from .posterior.laplace import first_walkers as first_walkers
     from .posterior.nuts import nuts_of as nuts_of
-    from .posterior.nuts import substeps_at as substeps_at
-    from .posterior.nuts import twin_log_posterior as twin_log_posterior
     from .posterior.sample import Ensemble as Ensemble
     from .posterior.target import Target as Target

@@ -14,6 +14,7 @@ from mrwork.dampers.coordinates import Coordinates
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective
+from mrwork.identification.objective import Objective
 from mrwork.identification.traced import (
     ComparedArrays,
     Residuals,
@@ -34,6 +35,20 @@ class LogLikelihood:
     residuals: Residuals
     noise: Noise
     deviations: tuple[float, ...]
+
+    @classmethod
+    def of(cls, objective: Objective, noise: Noise, residuals: Residuals) -> LogLikelihood:
+        """The likelihood of an objective whose residuals have this form."""
+        if not noise.differentiable:
+            names = names_in_words([each for each in NOISES.values() if each.differentiable])
+            raise SettingError(f"{noise.name} noise has no derivatives in JAX; take {names}")
+        if not all(each.is_plain for each in objective.compared):
+            raise SettingError(
+                "this objective has weights or a loss, and a likelihood has its noise in their place; leave one out"
+            )
+        return cls(
+            residuals=residuals, noise=noise, deviations=tuple(each.deviation for each in objective.compared)
+        )
 
     def __call__(self, values: Array, tests: Sequence[ComparedArrays]) -> Array:
         """Sum over all samples that are compared; -inf where a simulation failed, or a density is not finite."""
@@ -98,19 +113,8 @@ def log_likelihood(
     (6,)
     """
     density = noise_model(noise)
-    if not density.differentiable:
-        names = names_in_words([each for each in NOISES.values() if each.differentiable])
-        raise SettingError(f"{noise} noise has no derivatives in JAX; take {names}")
     given = objective_of(model, tests, coordinates)
-    if not all(each.is_plain for each in given.objective.compared):
-        raise SettingError(
-            "this objective has weights or a loss, and a likelihood has its noise in their place; leave one out"
-        )
-    compute = LogLikelihood(
-        residuals=form_of(given, substeps, threads),
-        noise=density,
-        deviations=tuple(each.deviation for each in given.objective.compared),
-    )
+    compute = LogLikelihood.of(given.objective, density, form_of(given, substeps, threads))
     box = with_noise(given.box, density)
     middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(given.box.names) :]
     return function_of(given, compute, "Log-likelihood", box=box, start=middle)

@@ -206,12 +206,11 @@ def _minimise_from(
 ) -> LocalMinimum:
     from scipy.optimize import least_squares  # slow to load, and not needed for plain models
 
-    at = _Linearisations(objective, box, on_step)
-    # Coordinates are scaled to unit sensitivity at the start, so that the length of a step is about the change of the
-    # residuals. MINPACK's first step is up to a hundred of its units, which could leave the basin of the minimum.
+    at = Linearisations(objective, box, on_step)
+    # The length of a step is then about the change of the residuals. MINPACK's first step is up to a hundred of its
+    # units, which could leave the basin of the minimum.
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
-    sensitivity = np.linalg.norm(at(origin)[1], axis=1)
-    scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
+    scale = scale_to_unit_sensitivity(at(origin)[1])
 
     def residuals_at(position: Floats) -> Floats:
         return at(origin + scale * position)[0]
@@ -240,10 +239,21 @@ def _minimise_from(
     )
 
 
-class _Linearisations:
+def scale_to_unit_sensitivity(jacobian: Floats) -> Floats:
+    """Units of coordinates, shape (n_free,), in which they have equal effects on residuals, as in Marquardt's scaling.
+
+    `jacobian`: derivative of the residuals by the coordinates, shape (n_free, n_residuals).
+    """
+    sensitivity = np.linalg.norm(jacobian, axis=1)
+    return np.asarray(1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300)))
+
+
+class Linearisations:
     """Residuals and their derivative in latent coordinates; a cache keeps those of the last two points."""
 
-    def __init__(self, objective: Objective, box: Box, on_step: Callable[[int, float], None] | None) -> None:
+    def __init__(
+        self, objective: Objective, box: Box, on_step: Callable[[int, float], None] | None = None
+    ) -> None:
         self.objective = objective
         self.box = box
         self.on_step = on_step

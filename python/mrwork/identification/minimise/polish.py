@@ -101,9 +101,9 @@ def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinim
 
 
 def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
-    if problem.settings.engine == "twin":
+    if problem.settings.engine == "optimistix":
         # The only import of JAX that pyproject.toml allows here: it takes a second to load.
-        from mrwork.identification.minimise.levenberg_marquardt_twin import find_minimum_on_twin as find
+        from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix as find
     else:
         find = partial(find_minimum, max_evaluations=_FINAL_EVALUATIONS)
     objective, box = problem.objective, problem.form.box

@@ -1,4 +1,4 @@
-"""No-U-turn sampler of numpyro on the JAX twin, as an independent check of the ensemble."""
+"""No-U-turn sampler of numpyro, as a check of the ensemble by another sampler."""
 
 from __future__ import annotations
 
@@ -15,54 +15,28 @@ from mrwork.base.arguments import Count, Seed, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.records.damper_test import loading_of
-from mrwork.twins.models import begin, simulate
-from mrwork.uncertainty.noise import NOISES, names_in_words
+from mrwork.identification.traced import Residuals, arrays_of
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.traced_likelihood import LogLikelihood
 
 LogDensity = Callable[[jax.Array], jax.Array]
 
 
-def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
-    """Log posterior of one position, (n_dim,), as of `target`, with fixed sub-steps; -inf where not finite."""
+def traced_log_posterior(target: Target) -> LogDensity:
+    """Log posterior of one position, (n_dim,), that of `target` as a function of JAX; -inf where it is not finite."""
     objective, space = target.objective, target.space
-    log_densities: Any = target.noise.log_densities
-    if not (target.noise.differentiable and objective.is_direct):
-        names = names_in_words([each for each in NOISES.values() if each.differentiable])
-        raise SettingError(
-            f"the twin has the likelihood of a plain simulated force with {names} noise; "
-            "sample this target by the ensemble alone"
-        )
-    stages = [
-        jnp.asarray(history.stages(count))
-        for history, count in zip(objective.histories, substeps, strict=True)
-    ]
-    measured = [jnp.asarray(each.measured) for each in objective.compared]
-    known = [loading_of(test, objective.spec).command for test in objective.tests]
-    commands = [jnp.asarray(0.0 if each is None else each, dtype=jnp.float64) for each in known]
+    free = [index for index in space.box.free if index < space.n_params]
+    residuals = Residuals.of(objective, columns=free, substeps=None, threads=1)
+    likelihood = LogLikelihood.of(objective, target.noise, residuals)
+    tests = arrays_of(objective)
 
     def log_posterior(position: jax.Array) -> jax.Array:
         values, inside = space.values(position)
-        theta, noise = values[: space.n_params], values[space.n_params :]
-        total = jnp.zeros(())
-        for test, motions, command, force, deviation in zip(
-            objective.tests, stages, commands, measured, target.deviations, strict=True
-        ):
-            simulated = simulate(objective.spec, theta, motions, test.dt, command)[test.n_settle :]
-            about_mean = (simulated - jnp.mean(force)) / deviation
-            residual = (simulated - force) / deviation
-            total = total + jnp.sum(log_densities(residual[None], about_mean[None], noise[None]))
-        density = space.log_prior(values) + target.temper * total
+        density = space.log_prior(values) + target.temper * likelihood(values, tests)
         return jnp.where(inside & jnp.isfinite(density), density, -jnp.inf)
 
     return log_posterior
-
-
-def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
-    """Sub-steps of the stepping rule for one candidate, (n_params,), on each test."""
-    runs = target.objective.misfits(np.asarray(theta)[None])
-    return tuple(max(1, int(run.substeps[0])) for run in runs)
 
 
 @array_dataclass(repr=False)
@@ -103,7 +77,7 @@ class Trajectories:
             origin=np.log(inside) - np.log1p(-inside),
             root=slope[:, None] * root,
             stiffness=plain.space.box.free[pair[0]] if pair is not None and even_in_product else None,
-            log_density=twin_log_posterior(plain, substeps_at(plain, target.form.box.inside(start))),
+            log_density=traced_log_posterior(plain),
         )
 
     def position(self, point: jax.Array) -> jax.Array:
@@ -133,12 +107,10 @@ def sample_nuts(
 ) -> NutsDraws:
     """Sample a target by the no-U-turn sampler, in sequential chains that start near `start`, (n_params,).
 
-    Forward-mode derivatives cost less than reverse mode through a long scan. All draws use the sub-steps of the start.
-
     Raises
     ------
     SettingError
-        Where numpyro is not installed, or the twin does not support the target.
+        Where numpyro is not installed, or the noise has no derivatives.
     """
     return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
 
@@ -151,11 +123,8 @@ def nuts_of(
         numpyro: Any = import_module("numpyro.infer")
     except ModuleNotFoundError as error:
         raise SettingError("NUTS needs numpyro; install it with pip install 'mrwork[nuts]'") from error
-    begin()
     trajectories = Trajectories.of(target, start)
-    kernel = numpyro.NUTS(
-        potential_fn=trajectories.potential, dense_mass=True, forward_mode_differentiation=True
-    )
+    kernel = numpyro.NUTS(potential_fn=trajectories.potential, dense_mass=True)
     run = numpyro.MCMC(
         kernel,
         num_warmup=warmup,
