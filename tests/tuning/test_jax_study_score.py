@@ -17,10 +17,10 @@ import tuning_samples
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.identification.traced import TracedFunction
 from mrwork.study import TuneTable
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes
+from mrwork.twins.traced_function import TracedFunction
 
 LAW = "proportional_direct"
 # The building of two storeys has a gain of one number in a setting, and its designs take no time.

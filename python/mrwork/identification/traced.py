@@ -17,9 +17,7 @@ import numpy as np
 from jax import Array
 
 from mrwork.base.arguments import Threads, checked
-from mrwork.base.numbers import format_rounded
-from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.values import Floats
+from mrwork.base.summary import list_names
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.dampers.simulation import MOST_SUBSTEPS, Loading
 from mrwork.dampers.spec import DamperSpec, damper
@@ -32,121 +30,7 @@ from mrwork.identification.traced_observation import observe
 from mrwork.records import AS_IT_IS, DamperTest, Observation
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.record_arrays import RecordArrays
-
-_ROUNDING = 1e-12
-
-
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["data"],
-    meta_fields=["title", "compute", "box", "units", "coordinates", "start"],
-)
-# JAX keeps functions by weak references, and ends the process where there can be none.
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
-class TracedFunction(Summarised):
-    """A function of a point, shape (n_free,), for JAX; of many, (..., n_free), it has so many values.
-
-    A point gives the parameters `names`, or, with the coordinates "unit" or "latent", their places between the bounds,
-    as in `mr.objective`. `start` is one. It is a pytree, whose leaves `data` are records, measured forces and weights;
-    given as a second argument, they are operands of a compiled program and not constants in it.
-    """
-
-    title: str
-    compute: Callable[[Array, Any], Array]
-    box: Box
-    units: tuple[str, ...]
-    coordinates: Coordinates
-    start: tuple[float, ...]
-    data: Any
-
-    @classmethod
-    def of(
-        cls,
-        title: str,
-        compute: Callable[[Array, Any], Array],
-        *,
-        box: Box,
-        units: tuple[str, ...],
-        coordinates: Coordinates,
-        start: Floats,
-        data: Any,
-    ) -> TracedFunction:
-        """The function `compute` of all parameters and `data`, with these parameters, (n_params,), as its start."""
-        return cls(
-            title=title,
-            compute=compute,
-            box=box,
-            units=units,
-            coordinates=coordinates,
-            start=tuple(box.points_inside(start, coordinates).tolist()),
-            data=data,
-        )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters."""
-        return self.box.free_names
-
-    @property
-    def lower(self) -> Floats:
-        """Lower bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[0]
-
-    @property
-    def upper(self) -> Floats:
-        """Upper bound of every coordinate, shape (n_free,)."""
-        return self.box.ends(self.coordinates)[1]
-
-    def __call__(self, point: Any, data: Any = None) -> Array:
-        """Value at a point, of these `data` instead of its own if they are given."""
-        given = self.data if data is None else data
-        value: Array = _evaluate(self.compute, self.box, self.coordinates, self._checked(point), given)
-        return value
-
-    def _checked(self, point: Any) -> Array:
-        given = point if isinstance(point, Array) else np.asarray(point)
-        values: Array = jnp.asarray(given, dtype=jnp.float64 if given.dtype.kind in "iu" else None)
-        if values.dtype != jnp.float64:
-            raise SettingError(
-                f"the point has the data type {values.dtype}, and mr.jax takes float64, because derivatives of a "
-                "simulation are wrong in 32 bits; make arrays after the first use of `mr.jax`, or call "
-                "jax.config.update('jax_enable_x64', True) before"
-            )
-        if not values.ndim or values.shape[-1] != len(self.names):
-            raise SettingError(
-                f"the point has shape {values.shape}; give ({len(self.names)},): {list_names(self.names, 20)}"
-            )
-        return values
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=f"{self.title}, for JAX",
-            facts=(("coordinates", self.coordinates),),
-            columns=("parameter", "start", "lower", "upper", "unit"),
-            rows=[
-                (name, *(format_rounded(each) for each in numbers), unit)
-                for name, *numbers, unit in zip(
-                    self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
-                )
-            ],
-        )
-
-
-@partial(jax.jit, static_argnums=(0, 1, 2))
-def _evaluate(
-    compute: Callable[[Array, Any], Array], box: Box, coordinates: Coordinates, points: Array, data: Any
-) -> Array:
-    def value(point: Array) -> Array:
-        # What is no candidate fails, with derivatives of zero.
-        none = jnp.isnan(point)
-        if coordinates == "unit":
-            none |= (point < -_ROUNDING) | (point > 1.0 + _ROUNDING)
-        theta = box.theta_from(jnp.where(none, 0.5, point), coordinates)
-        return compute(jnp.where(jnp.any(none), jnp.nan, theta), data)
-
-    for _ in range(points.ndim - 1):
-        value = jax.vmap(value)
-    return value(points)
+from mrwork.twins.traced_function import TracedFunction
 
 
 class ComparedArrays(NamedTuple):

@@ -16,13 +16,13 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
-from mrwork.identification.traced import TracedFunction
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import LARGEST
 from mrwork.twins.models import begin
+from mrwork.twins.traced_function import TracedFunction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)

@@ -18,12 +18,12 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.traced import (
     ComparedArrays,
     Residuals,
-    TracedFunction,
     form_of,
     function_of,
     objective_of,
 )
 from mrwork.records import DamperTest
+from mrwork.twins.traced_function import TracedFunction
 from mrwork.uncertainty.noise import NOISES, Noise, names_in_words, noise_model
 from mrwork.uncertainty.posterior.target import with_noise
 
