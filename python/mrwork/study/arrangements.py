@@ -172,6 +172,8 @@ def laws_text() -> str:
         lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines())]
         for prose in (spec.description, spec.source):
             lines += heading_lines("", prose)[1:]
+        if spec.switches:
+            lines.append("  It switches, so its score has no gradient.")
         settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
         blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
     heading = "designed: table among the settings of a law with weights"
