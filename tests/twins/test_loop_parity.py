@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from loop_twin_run import run_loop
 from loop_twin_samples import LAG, STEP
 from twin_laws import ClippedOptimal, LyapunovBangBang, ModifiedClippedOptimal, Passive
 
@@ -20,7 +21,7 @@ from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec
 from mrwork.motions import GroundMotion
 from mrwork.twins.loop_laws import LyapunovDirect, SignalNetwork
-from mrwork.twins.loop_stepping import LoopDevice, LoopPlant, half_steps, run_loop
+from mrwork.twins.loop_stepping import LoopDevice, LoopPlant, half_steps
 
 # Tolerance for two thousand steps with another order of summation, and powers accurate to some ulp. A switch that
 # close to its threshold would give a much larger difference.

@@ -10,12 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import Array
+from loop_twin_run import run_loop
 from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
 from twin_laws import ClippedOptimal, LqrDirect, Passive
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from mrwork.twins.loop_stepping import LoopDevice, half_steps, run_loop
+from mrwork.twins.loop_stepping import LoopDevice, half_steps
 from studies.speed.loop_plain import PlainLoop
 from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 
