@@ -114,6 +114,7 @@ def jax_calls(_: Path) -> Calls:
     for kind in (mr.jax.residuals, mr.jax.misfit):
         yield call(kind, tests=[small_test()], **values)
     yield call(mr.jax.log_likelihood, tests=small_test(), noise="ar1", **values)
+    yield call(mr.jax.study_score, study=None, law="passive", coordinates="unit", threads=1)
     yield call(mr.jax.twin, model=_BINGHAM)
     yield call(mr.jax.twin(_BINGHAM).substeps, theta=np.array(_BINGHAM.nominal), record=small_test())
 

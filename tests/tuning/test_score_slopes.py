@@ -168,4 +168,7 @@ def test_a_setting_that_acts_on_more_than_gains_is_refused(tmp_path: Path, refus
         free={"force": (1e3, 1e4)},
     )
     slopes = slopes_of(study, table)
-    refused(slopes.design, slopes.space.start)
+    refused(slopes.check)
+    value, found = slopes.at(slopes.space.start)
+    assert value == score(slopes, slopes.space.start)
+    assert np.isnan(found).all()

@@ -149,7 +149,7 @@ def check_settings(plan: LawPlan, bench: Bench) -> None:
         # The middle of the ranges may have no gain where other places of them do.
         return
     if plan.table.gradient_steps:
-        ScoreSlopes(space=plan.space, bench=bench, objective=plan.objective).design(plan.space.start)
+        ScoreSlopes(space=plan.space, bench=bench, objective=plan.objective).check()
 
 
 def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:

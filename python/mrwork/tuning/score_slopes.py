@@ -21,7 +21,7 @@ from mrwork.control.laws.law_settings import design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.tuning.problem import Bench, scores_of
+from mrwork.tuning.problem import Bench, score_candidates, scores_of
 from mrwork.tuning.space import LARGEST, SHAPING_SPANS, FreeSetting, SettingSpace, TuningObjective
 
 # Step of the differences of designs: a change of a value by half a per cent, or of a place in its range.
@@ -63,60 +63,85 @@ class ScoreSlopes:
     bench: Bench
     objective: TuningObjective
 
-    def at(self, unit: Floats) -> tuple[float, Floats]:
-        """Penalised objective at a point of the unit cube, shape (n_free,), and its derivatives there.
+    def values(self, units: Floats) -> Floats:
+        """Penalised objectives at points of the unit cube, shape (n, n_free); infinite where a point makes no law."""
+        candidates = [self.space.candidate(unit, exact=True) for unit in units]
+        return score_candidates(self.bench, self.objective, self.space.law, candidates).penalised_scores
 
-        Where the settings make no law, or a run has no end, it is infinite, with derivatives of zero.
+    def at(self, unit: Floats) -> tuple[float, Floats]:
+        """Penalised objective at a point, shape (n_free,), and its derivatives there.
+
+        Where the settings make no law, or a run has no end, it is infinite, with derivatives of zero. A derivative is
+        not a number where settings next to it make no law.
         """
         slopes = np.zeros(len(unit))
         try:
-            problem, law, changes = self.design(unit)
+            moved = self._move(unit)
         except SettingError:
             return math.inf, slopes
-        runs = self.bench.run_moved(problem, law, GainChanges(rows=changes, reach=_REACH))
+        runs = self.bench.run_moved(moved.problem, moved.law, GainChanges(rows=moved.changes, reach=_REACH))
         values = scores_of(self.objective, runs, self.bench).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes
-        slopes[self._moved] = (values[1::2] - values[2::2]) / (2.0 * _REACH)
+        with np.errstate(invalid="ignore"):
+            slopes[self._places] = (values[1::2] - values[2::2]) / (2.0 * _REACH)
         return float(values[0]), slopes
 
-    @property
-    def _moved(self) -> list[int]:
-        """Places of the settings with derivatives."""
-        return [place for place, each in enumerate(self.space.free) if each.name != LARGEST]
-
-    def design(self, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats]:
-        """The law at a point, and the change of its gains with each setting but the largest command, (n, n_gains).
+    def check(self) -> None:
+        """Refuse settings that act on more than gains, or make no law, at the point where a search begins.
 
         Raises
         ------
         SettingError
-            If settings there, or near by, make no law, or act on more than the gains.
+            For the first of them.
         """
-        moved = self._moved
+        for label, refusal in self._move(self.space.start).refusals.items():
+            raise SettingError(f"{self.space.law} has no gradient in {label}: {refusal}; hold that setting")
+
+    @property
+    def _places(self) -> list[int]:
+        """Places of the settings with derivatives: all but the largest command."""
+        return [place for place, each in enumerate(self.space.free) if each.name != LARGEST]
+
+    def _move(self, unit: Floats) -> _Moved:
         candidate, name = self.space.candidate(unit, exact=True), self.space.law
         problem = self.bench.problem.limited_to(candidate.largest_command)
         points, weights = [unit], []
-        for place in moved:
-            places, own = _differences(self.space.free[place], float(unit[place]))
+        for place in self._places:
+            nodes, own = _differences(self.space.free[place], float(unit[place]))
             weights.append(own)
-            for node in places:
-                point = unit.copy()
-                point[place] = node
-                points.append(point)
+            points += [np.where(np.arange(len(unit)) == place, node, unit) for node in nodes]
         settings = [settings_of(name, self.space.candidate(point, exact=True).settings) for point in points]
         designed = design_candidates(name, problem, settings)
-        for index, refusal in designed.refusals.items():
-            label = self.space.free[moved[(index - 1) // len(_NODES)]].label
-            raise SettingError(
-                f"{name} has no gradient here{f', in {label}' if index else ''}: {refusal}; hold that setting"
-            )
+        if 0 in designed.refusals:
+            raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
         assert designed.law is not None
         rows = designed.law.gain_rows(len(problem.devices), 2 * problem.building.n_coordinates)
-        nodes = np.broadcast_to(rows, (len(points), rows.shape[1]))[1:].reshape(len(moved), len(_NODES), -1)
-        first = {gain: np.asarray(value)[:1] for gain, value in designed.law.gains.items()}
-        changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(moved), len(_NODES)), nodes)
-        return problem, replace(designed.law, gains=first), changes
+        # A law without gains has one row.
+        gains = np.full((len(points), rows.shape[1]), np.nan)
+        gains[list(designed.designed)] = rows
+        around = gains[1:].reshape(len(weights), len(_NODES), -1)
+        labels = [self.space.free[place].label for place in self._places]
+        return _Moved(
+            problem=problem,
+            law=replace(
+                designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
+            ),
+            changes=np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around),
+            refusals={
+                labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()
+            },
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moved:
+    """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
+
+    problem: DesignProblem
+    law: ControlLaw
+    changes: Floats
+    refusals: dict[str, str]
 
 
 def _differences(setting: FreeSetting, place: float) -> tuple[Floats, Floats]:

@@ -36,27 +36,37 @@ class _StudyScore:
 
     def values(self, settings: Floats) -> Floats:
         """Scores of settings, (..., n_free), shape (...)."""
-        return self.linearise(settings)[0]
+        given = np.asarray(settings)
+        units = self._units(given)
+        inside = np.isfinite(units).all(axis=1)
+        values = np.full(len(units), math.inf)
+        values[inside] = self.slopes.values(units[inside])
+        return values.reshape(given.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
         """Scores of settings, (..., n_free), and their derivatives."""
         given = np.asarray(settings)
+        units = self._units(given)
+        values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
+        for row in np.flatnonzero(np.isfinite(units).all(axis=1)):
+            values[row], slopes[row] = self.slopes.at(units[row])
+        # The derivative of a value in its place is that of an exponential or of a line.
+        spreads = [
+            math.log(each.upper / each.lower) if each.scale == "log" else each.upper - each.lower
+            for each in self.slopes.space.free
+        ]
+        log = np.array([each.scale == "log" for each in self.slopes.space.free])
+        per_value = slopes / spreads / np.where(log, given.reshape(units.shape), 1.0)
+        return values.reshape(given.shape[:-1]), np.where(slopes == 0.0, 0.0, per_value).reshape(given.shape)
+
+    def _units(self, settings: Floats) -> Floats:
+        """Places of settings in their ranges, (n, n_free); NaN outside."""
         free = self.slopes.space.free
-        values, slopes = np.full(given.shape[:-1], math.inf), np.zeros(given.shape)
-        for index in np.ndindex(given.shape[:-1]):
-            places = [each.unit(value) for each, value in zip(free, given[index].tolist(), strict=True)]
-            if None in places:
-                continue
-            values[index], rates = self.slopes.at(np.array(places))
-            # The derivative of a place in its value.
-            for entry, (each, value) in enumerate(zip(free, given[index].tolist(), strict=True)):
-                spread = (
-                    value * math.log(each.upper / each.lower)
-                    if each.scale == "log"
-                    else each.upper - each.lower
-                )
-                slopes[(*index, entry)] = rates[entry] / spread
-        return values, slopes
+        places = [
+            [each.unit(value) for each, value in zip(free, row, strict=True)]
+            for row in settings.reshape(-1, len(free)).tolist()
+        ]
+        return np.array(places, dtype=np.float64).reshape(-1, len(free))
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:
@@ -147,7 +157,7 @@ def study_score(
     slopes = ScoreSlopes(
         space=space, bench=benches.select_search_bench(robust=given.robust), objective=plan.objective
     )
-    slopes.design(space.start)
+    slopes.check()
     free = space.free
     return TracedFunction.of(
         f"Score of {plan.law} in {study.title}",
