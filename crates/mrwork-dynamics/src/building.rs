@@ -82,7 +82,7 @@ impl SparseRows {
     pub(crate) fn add_dot<R: Real>(&self, row: usize, vector: &[R], sum: R) -> R {
         let mut sum = sum;
         for &(column, value) in self.row(row) {
-            sum = vector[column].mul_add(R::splat(value), sum);
+            sum = vector[column].weighted(R::splat(value), sum);
         }
         sum
     }
@@ -153,10 +153,10 @@ impl<N: Copy> Link<N> {
     {
         let mut sprung = x_below * self.stiffness[0].in_vector(vector);
         let mut damped = v_below * self.damping[0].in_vector(vector);
-        sprung = x.mul_add(self.stiffness[1].in_vector(vector), sprung);
-        damped = v.mul_add(self.damping[1].in_vector(vector), damped);
-        sprung = x_above.mul_add(self.stiffness[2].in_vector(vector), sprung);
-        damped = v_above.mul_add(self.damping[2].in_vector(vector), damped);
+        sprung = x.weighted(self.stiffness[1].in_vector(vector), sprung);
+        damped = v.weighted(self.damping[1].in_vector(vector), damped);
+        sprung = x_above.weighted(self.stiffness[2].in_vector(vector), sprung);
+        damped = v_above.weighted(self.damping[2].in_vector(vector), damped);
         [sprung, damped]
     }
 }
@@ -260,8 +260,8 @@ impl<N: Copy> SpringRows<N> {
     {
         let (mut sprung, mut damped) = (R::splat(0.0), R::splat(0.0));
         for spring in self.row(coordinate) {
-            sprung = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sprung);
-            damped = velocity[spring.column].mul_add(spring.damping.in_lanes(), damped);
+            sprung = displacement[spring.column].weighted(spring.stiffness.in_lanes(), sprung);
+            damped = velocity[spring.column].weighted(spring.damping.in_lanes(), damped);
         }
         [sprung, damped]
     }
@@ -274,7 +274,7 @@ impl<N: Copy> SpringRows<N> {
     {
         let mut sum = R::splat(0.0);
         for spring in self.row(coordinate) {
-            sum = displacement[spring.column].mul_add(spring.stiffness.in_lanes(), sum);
+            sum = displacement[spring.column].weighted(spring.stiffness.in_lanes(), sum);
         }
         sum
     }
@@ -356,7 +356,7 @@ impl Element {
     /// Its whole force at elongation x and rate v, from that without spring and dashpot.
     #[inline(always)]
     pub(crate) fn with_spring<R: Real>(&self, force: R, x: R, v: R) -> R {
-        x.mul_add(R::splat(self.stiffness), v.mul_add(R::splat(self.damping), force))
+        x.weighted(R::splat(self.stiffness), v.weighted(R::splat(self.damping), force))
     }
 
     /// Whether its numbers are those of an element that can be simulated.
@@ -555,7 +555,7 @@ impl Building {
     pub(crate) fn acceleration<R: Real>(&self, coordinate: usize, resisting: &[R], ground: R) -> R {
         let mut carried = ground * R::splat(-self.influence[coordinate]);
         for &(column, mobility) in self.mass_inverse.row(coordinate) {
-            carried = resisting[column].mul_add(R::splat(-mobility), carried);
+            carried = resisting[column].weighted(R::splat(-mobility), carried);
         }
         carried
     }

@@ -115,6 +115,13 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
         Self { value: a.mul_add(b, addend.value), tangents }
     }
     #[inline(always)]
+    fn weighted(self, weight: Self, addend: Self) -> Self {
+        let factor = weight.value;
+        let tangents =
+            each_tangent!(k => self.tangents[k].mul_add(factor, addend.tangents[k]), from self.tangents);
+        Self { value: self.value.mul_add(factor, addend.value), tangents }
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         self.chain(self.value.abs(), R::splat(1.0).copysign(self.value))
     }

@@ -28,6 +28,11 @@ pub trait Real:
     fn splat(value: f64) -> Self;
     /// `self * factor + addend`, rounded once.
     fn mul_add(self, factor: Self, addend: Self) -> Self;
+    /// The same for a factor without derivatives.
+    #[inline(always)]
+    fn weighted(self, weight: Self, addend: Self) -> Self {
+        self.mul_add(weight, addend)
+    }
     /// Magnitude.
     fn abs(self) -> Self;
     /// Square root; not a number below zero.

@@ -3,10 +3,10 @@
 use core::marker::PhantomData;
 
 use super::batch::Batch;
+use super::directions::Directions;
 use super::history::{HistoryRows, WriteHistory};
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
-use super::slopes::Directions;
 use crate::control::Preview;
 use crate::coupled::{Coupled, DamperDevices, Devices, Plant};
 use crate::damper::ModelVisitor;

@@ -9,6 +9,7 @@
 mod batch;
 mod block;
 mod check;
+mod directions;
 mod hardware;
 mod history;
 mod noise;
@@ -22,9 +23,10 @@ mod slopes;
 
 pub use batch::{Batch, BlockSample, OutsideLaw, Run, Shaping, n_samples};
 pub use block::{Block, LaneResult};
+pub use directions::Directions;
 pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{HISTORY_SIGNALS, HistoryRows};
 pub use quantity::{Axis, Quantity, width};
 pub use reductions::RUN_QUANTITIES;
 pub use respond::{RunResult, respond};
-pub use slopes::{Directions, respond_with_slopes};
+pub use slopes::respond_with_slopes;

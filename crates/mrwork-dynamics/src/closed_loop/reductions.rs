@@ -339,7 +339,7 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         }
         let mut shear = *self.ground_acceleration * R::splat(building.total_mass);
         for (&mass, &acceleration) in building.pushed_mass.iter().zip(acceleration) {
-            shear = acceleration.mul_add(R::splat(mass), shear);
+            shear = acceleration.weighted(R::splat(mass), shear);
         }
         into.base_shear.take(0, shear);
         let Shears { mass, pushed, elements, springs, heights, .. } = &building.shears;
@@ -347,11 +347,11 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
         for storey in (0..building.n_storeys()).rev() {
             let drift = building.storeys.dot(storey, displacement);
             into.drift.take(storey, drift);
-            let inertia = self.ground_acceleration.mul_add(R::splat(pushed[storey]), shear);
+            let inertia = self.ground_acceleration.weighted(R::splat(pushed[storey]), shear);
             shear = mass.add_dot(storey, acceleration, inertia);
             into.storey_shear[storey] = into.storey_shear[storey].max(shear.abs());
             if building.shears.has_heights {
-                moment = shear.mul_add(R::splat(heights[storey]), moment);
+                moment = shear.weighted(R::splat(heights[storey]), moment);
                 into.overturning[storey] = into.overturning[storey].max(moment.abs());
             }
             // Without elements it is in proportion to the drift, and left out here.
@@ -424,7 +424,7 @@ impl<R: Lanes> OutOfLine for BalanceEnergies<'_, '_, R> {
             let mut dissipated = R::splat(0.0);
             for &(element, share) in building.shears.yielding.row(storey) {
                 let lost = into.energies.elements[element] - self.plant.held_by(element);
-                dissipated = lost.mul_add(R::splat(share), dissipated);
+                dissipated = lost.weighted(R::splat(share), dissipated);
             }
             into.storey_energy[storey] = dissipated;
         }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::batch::{Batch, n_samples};
 use super::block::{Block, LaneResult, Respond};
+use super::directions::Directions;
 use super::history::{HistoryRows, width as history_width};
-use super::slopes::Directions;
 use crate::any_damper::Damper;
 use crate::damper::visit;
 use crate::error::DynamicsError;

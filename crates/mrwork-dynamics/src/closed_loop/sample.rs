@@ -1,9 +1,9 @@
 //! One control sample: measurement, state estimate, command.
 
 use super::batch::{Batch, BlockSample, OutsideLaw};
+use super::directions::Directions;
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
-use super::slopes::Directions;
 use crate::control::{
     ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };

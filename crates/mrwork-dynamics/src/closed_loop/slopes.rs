@@ -2,38 +2,13 @@
 //! steps and samples as they are.
 
 use super::batch::Batch;
+use super::directions::Directions;
 use super::respond::{RunResult, respond};
 use super::round::{Output, round};
 use crate::any_damper::Damper;
 use crate::dual_block::TANGENTS;
 use crate::error::{DynamicsError, Outcome};
 use crate::settings::Settings;
-
-/// Directions along which the results of runs are differentiated.
-#[derive(Clone, Copy, Debug)]
-pub struct Directions<'a> {
-    /// Directions of each candidate.
-    pub count: usize,
-    /// Change of every gain along each, shape (candidates, count, gains).
-    pub changes: &'a [f64],
-}
-
-impl Directions<'_> {
-    /// Runs in which a run is repeated, each with as many directions as a dual number has.
-    fn groups(&self) -> usize {
-        self.count.div_ceil(TANGENTS)
-    }
-
-    /// Change of a gain along a direction of a repeated run.
-    pub(super) fn change(&self, batch: &Batch<'_>, run: usize, gain: usize, tangent: usize) -> f64 {
-        let direction = run % self.groups() * TANGENTS + tangent;
-        if direction >= self.count {
-            return 0.0;
-        }
-        let row = batch.runs[run].candidate as usize * self.count + direction;
-        self.changes[row * batch.law.spec().n_gains(batch.sizes()) + gain]
-    }
-}
 
 /// Simulates a batch as [`respond`] does, and writes the derivatives of its summaries to `slopes`, shape (runs, directions,
 /// columns of a summary); they are not a number for runs that did not reach their end.

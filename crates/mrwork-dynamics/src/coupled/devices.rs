@@ -339,7 +339,7 @@ impl<M: DamperModel, R: Lanes> OutOfLine for EvaluateForces<'_, '_, M, R> {
                 } else {
                     Motion { displacement: x, velocity: v }
                 };
-                sum = M::force(p, states.staged, motion).mul_add(R::splat(states.share), sum);
+                sum = M::force(p, states.staged, motion).weighted(R::splat(states.share), sum);
                 if M::SPEC.n_states > 0 {
                     states.rate = M::rate(p, states.staged, motion);
                 }

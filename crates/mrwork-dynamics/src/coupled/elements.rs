@@ -82,7 +82,7 @@ impl<R: Lanes> OutOfLine for Evaluate<'_, '_, R> {
             own.rate = own.hysteresis.rate(own.staged, v);
             elements.velocity[index] = v;
             let yielding = own.staged * R::splat(yield_force);
-            elements.force[index] = (v.abs() * v).mul_add(R::splat(head_loss), yielding);
+            elements.force[index] = (v.abs() * v).weighted(R::splat(head_loss), yielding);
         }
     }
 }
@@ -102,12 +102,12 @@ impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
         let (weight, reach) = (R::splat(self.weight), R::splat(self.reach));
         for (index, own) in elements.loops.iter_mut().enumerate() {
             let power = elements.force[index] * elements.velocity[index];
-            energies.elements[index] = power.mul_add(weight, energies.elements[index]);
-            own.next = own.rate.mul_add(weight, own.next);
+            energies.elements[index] = power.weighted(weight, energies.elements[index]);
+            own.next = own.rate.weighted(weight, own.next);
             if self.reach == 0.0 {
                 own.now = own.next;
             }
-            own.staged = own.rate.mul_add(reach, own.now);
+            own.staged = own.rate.weighted(reach, own.now);
         }
     }
 }

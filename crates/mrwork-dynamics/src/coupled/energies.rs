@@ -29,7 +29,7 @@ impl<R: Real> Energies<R> {
     /// Adds weighted powers of the ground and of the damping.
     #[inline(always)]
     pub(crate) fn add(&mut self, [input, damping]: [R; 2], weight: f64) {
-        self.input = input.mul_add(R::splat(weight), self.input);
-        self.damping = damping.mul_add(R::splat(weight), self.damping);
+        self.input = input.weighted(R::splat(weight), self.input);
+        self.damping = damping.weighted(R::splat(weight), self.damping);
     }
 }

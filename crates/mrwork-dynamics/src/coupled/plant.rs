@@ -299,7 +299,7 @@ impl<R: Lanes> Plant<'_, R> {
                     let powers = at.resist(springs, resisting);
                     for i in 0..n {
                         let pushed = *ground * R::splat(-building.influence[i]);
-                        acceleration[i] = resisting[i].mul_add(R::splat(-per_mass[i]), pushed);
+                        acceleration[i] = resisting[i].weighted(R::splat(-per_mass[i]), pushed);
                     }
                     powers
                 }
@@ -330,7 +330,7 @@ impl<R: Lanes> Plant<'_, R> {
             let weight = R::splat(Moves::after(stage, self.step).weight);
             for (device, &force) in force.iter().enumerate() {
                 let power = force * self.rate[device];
-                energies.devices[device] = power.mul_add(weight, energies.devices[device]);
+                energies.devices[device] = power.weighted(weight, energies.devices[device]);
             }
         }
         if stage == LAST {
@@ -359,14 +359,14 @@ impl<R: Lanes> Plant<'_, R> {
         let staged_velocity = &mut self.staged_velocity[..n];
         if stage == 0 {
             for i in 0..n {
-                staged_displacement[i] = velocity[i].mul_add(reach, displacement[i]);
-                staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+                staged_displacement[i] = velocity[i].weighted(reach, displacement[i]);
+                staged_velocity[i] = acceleration[i].weighted(reach, velocity[i]);
             }
             return;
         }
         for i in 0..n {
-            staged_displacement[i] = staged_velocity[i].mul_add(reach, displacement[i]);
-            staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+            staged_displacement[i] = staged_velocity[i].weighted(reach, displacement[i]);
+            staged_velocity[i] = acceleration[i].weighted(reach, velocity[i]);
         }
     }
 
@@ -382,9 +382,9 @@ impl<R: Lanes> Plant<'_, R> {
         let (displacement, velocity) = (&mut self.displacement[..n], &mut self.velocity[..n]);
         for i in 0..n {
             let middle = second[i] + third_stage[i];
-            let drifted = velocity[i].mul_add(step, displacement[i]);
-            displacement[i] = (first[i] + middle).mul_add(square, drifted);
-            velocity[i] = middle.mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
+            let drifted = velocity[i].weighted(step, displacement[i]);
+            displacement[i] = (first[i] + middle).weighted(square, drifted);
+            velocity[i] = middle.weighted(third, (first[i] + last[i]).weighted(sixth, velocity[i]));
         }
     }
 }
@@ -395,7 +395,7 @@ fn push<R: Real>(coordinates: &mut [R], force: &[R], rows: &SparseRows, per_mass
     for (number, &force) in force.iter().enumerate() {
         for &(coordinate, reach) in rows.row(number) {
             let share = per_mass.map_or(reach, |per_mass| -reach * per_mass[coordinate]);
-            coordinates[coordinate] = force.mul_add(R::splat(share), coordinates[coordinate]);
+            coordinates[coordinate] = force.weighted(R::splat(share), coordinates[coordinate]);
         }
     }
 }
@@ -438,9 +438,9 @@ impl<R: Lanes> At<'_, R> {
                 let above = [displacement[next].vector(vector), velocity[next].vector(vector)];
                 let [of_springs, of_damping] = links[i].coupling(vector, below, own, above);
                 damping = of_damping.mul_add(own[1], damping);
-                momentum = own[1].mul_add(R::Vector::splat(pushed_mass[i]), momentum);
+                momentum = own[1].weighted(R::Vector::splat(pushed_mass[i]), momentum);
                 let pushed = ground * R::Vector::splat(-influence[i]);
-                let moved = (of_springs + of_damping).mul_add(R::Vector::splat(-per_mass[i]), pushed);
+                let moved = (of_springs + of_damping).weighted(R::Vector::splat(-per_mass[i]), pushed);
                 acceleration[i].set_vector(vector, moved);
                 (below, own) = (own, above);
             }
@@ -458,7 +458,7 @@ impl<R: Lanes> At<'_, R> {
             let [of_springs, of_damping] = springs.coupling(i, self.displacement, self.velocity);
             *resisting = of_springs + of_damping;
             damping = of_damping.mul_add(self.velocity[i], damping);
-            momentum = self.velocity[i].mul_add(R::splat(self.building.pushed_mass[i]), momentum);
+            momentum = self.velocity[i].weighted(R::splat(self.building.pushed_mass[i]), momentum);
         }
         [-(momentum * *self.ground), damping]
     }

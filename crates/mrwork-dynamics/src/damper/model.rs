@@ -72,7 +72,7 @@ impl Motion<f64> {
 
 /// The internal states of a model: an array, one entry per state.
 pub trait State<R: Real>: Copy {
-    /// `self + step * rate`.
+    /// `self + step * rate`, for a step without derivatives.
     fn advance(self, step: R, rate: Self) -> Self;
     /// The values alone, see [`Real::without_derivatives`].
     fn without_derivatives(self) -> Self;
@@ -89,7 +89,7 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
     fn advance(self, step: R, rate: Self) -> Self {
         let mut next = self;
         for i in 0..N {
-            next[i] = step.mul_add(rate[i], self[i]);
+            next[i] = rate[i].weighted(step, self[i]);
         }
         next
     }
