@@ -12,8 +12,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import json
-import os
-import platform
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import mrwork as mr
 from mrwork.report import Table, write_study_page
 from studies.common.command import Command, Findings, Say
+from studies.common.processor import processor
 from studies.leaderboard.damper_scores import DamperScore, damper_rows
 from studies.leaderboard.entries import DAMPERS, LAWS, Kind, Row, attempt, chosen, files_of, row_of
 from studies.leaderboard.law_scores import Bench, bench, measured_motions, score_law, synthetic_motions
@@ -111,7 +110,7 @@ def find(options: Namespace, say: Say) -> Findings | int:
         say("Bouc-Wen benchmark")
         benchmark = [attempt(BENCHMARK_ROW, lambda: score_benchmark(quick=options.quick))]
     board = Board(
-        processor=_processor(),
+        processor=processor(),
         dampers=rows_of_dampers,
         laws=law_rows,
         benchmark=benchmark,
@@ -171,14 +170,6 @@ def _law_rows(
             score = None if row.score is None else row.score[place]
             rows[name].append(replace(row, score=score))  # type: ignore[arg-type] # a row of one set
     return rows, {name: absent_sentence(MOTIONS) for name in sets if name not in present}
-
-
-def _processor() -> str:
-    """Name of the processor, and the number of its cores that this machine has."""
-    table = Path("/proc/cpuinfo")
-    lines = table.read_text(encoding="utf-8").splitlines() if table.is_file() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0] if names else platform.processor() or platform.machine()}, {os.cpu_count()} cores"
 
 
 def names_of(*kinds: Kind) -> list[str]:

@@ -32,6 +32,7 @@ import mrwork as mr
 from mrwork.closed_loop import LoopVariation
 from mrwork.report import Table
 from studies.common.command import Command, Findings, Say
+from studies.common.processor import processor
 from studies.common.table import table_of
 
 STUDY = """title = "Many runs"
@@ -280,7 +281,7 @@ def run(say: Say, *, quick: bool) -> dict[str, Any]:
     study = study_of(motions=8, draws=4, budget=24) if quick else study_of(motions=50, draws=4, budget=48)
     choice = partial(chosen, MODELS[:4] if quick else MODELS, TESTS)
     repeats = 1 if quick else 3
-    found: dict[str, Any] = {"processor": _processor(), "load": os.getloadavg()[0], "overhead": {}}
+    found: dict[str, Any] = {"processor": processor(), "load": os.getloadavg()[0], "overhead": {}}
     for name, work in (("runs", partial(tuned, study)), ("fits", choice)):
         say(f"overhead of {name}")
         found["overhead"] |= {f"{name}, {kind}": row for kind, row in overhead(work, repeats).items()}
@@ -333,12 +334,6 @@ def run(say: Say, *, quick: bool) -> dict[str, Any]:
         for name, (calls, client, kept) in works.items()
     }
     return found
-
-
-def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0]}, {os.cpu_count()} cores"
 
 
 def tables(found: dict[str, Any]) -> Iterator[Table | str]:

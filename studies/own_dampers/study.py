@@ -10,13 +10,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import time
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import median
-from typing import Any, TypeVar
+from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -26,16 +24,10 @@ from mrwork.records import DamperTest
 from mrwork.report import Table
 from mrwork.twins import power
 from studies.common.command import Command, Findings, Say
+from studies.common.compilation import timed_apart
 from studies.common.records import absent, damper_tests
 from studies.common.table import table_of
 
-T = TypeVar("T")
-
-# Seconds of each compilation.
-_COMPILATIONS: list[float] = []
-jax.monitoring.register_event_duration_secs_listener(
-    lambda event, seconds, **_: _COMPILATIONS.append(seconds) if "backend_compile" in event else None
-)
 _ROUNDS, _BATCH = 5, 256
 LAWS = {
     "hyperbolic_tangent_guo": {"A1": "quadratic", "A2": "linear"},
@@ -71,14 +63,6 @@ def own(model: str) -> DamperSpec:
     )
 
 
-def timed(work: Callable[[], T]) -> tuple[T, float, float]:
-    """A result, seconds without those of compilation, and these."""
-    before, began = sum(_COMPILATIONS), time.perf_counter()
-    result = work()
-    compiled = sum(_COMPILATIONS) - before
-    return result, time.perf_counter() - began - compiled, compiled
-
-
 def batch_row(model: str) -> dict[str, Any]:
     """256 candidates on one record: seconds of ours and of the lanes, and how far the forces are apart."""
     specs = own(model), damper(model)
@@ -86,9 +70,11 @@ def batch_row(model: str) -> dict[str, Any]:
     history = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity).history()
     unit = np.random.default_rng(0).uniform(0.35, 0.65, (_BATCH, len(specs[1].names)))
     theta = np.asarray(Box.of(specs[1]).theta_from_unit(unit))
-    first = timed(lambda: simulate_forces(specs[0], theta, history))
+    first = timed_apart(lambda: simulate_forces(specs[0], theta, history))
     seconds = [
-        median(timed(lambda spec=spec: simulate_forces(spec, theta, history))[1] for _ in range(_ROUNDS))
+        median(
+            timed_apart(lambda spec=spec: simulate_forces(spec, theta, history))[1] for _ in range(_ROUNDS)
+        )
         for spec in specs
     ]
     forces = [simulate_forces(spec, theta, history).force for spec in specs]
@@ -100,7 +86,7 @@ def fit_row(what: str, model: str, tests: Sequence[DamperTest], laws: dict[str, 
     """A fit of both: seconds, and how far the estimates are apart in standard errors."""
     ours, lanes = (spec.with_current_laws(laws) if laws else spec for spec in (own(model), damper(model)))
     (fit, seconds, compiled), (other, others, _) = (
-        timed(lambda spec=spec: identify(spec, tests, rng=1)) for spec in (ours, lanes)
+        timed_apart(lambda spec=spec: identify(spec, tests, rng=1)) for spec in (ours, lanes)
     )
     errors = np.array([each.standard_error or np.inf for each in other.estimates])
     apart = np.abs(np.array(fit.theta) - np.array(other.theta)) / errors

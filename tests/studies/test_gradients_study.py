@@ -1,0 +1,107 @@
+"""The study of gradients: each part in its smallest form, whose contenders agree before they are compared."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.errors import MrworkError
+from studies.gradients import hang
+from studies.gradients.fits import ENGINES
+from studies.gradients.own_loop import force_by_diffrax
+from studies.gradients.posed import near_nominal, record
+from studies.gradients.samplers import Posterior
+from studies.gradients.study import PARTS
+
+ABSENT = "is not installed; pip install 'mrwork[bench,nuts]'"
+
+
+def rows_of_quick(name: str, **settings: Any) -> list[Any]:
+    part = PARTS[name]
+    return [row for row in part.job(threads=1, **part.quick | settings) if not isinstance(row, str)]
+
+
+def text_of(name: str, rows: list[Any]) -> str:
+    return "\n".join(table.markdown() for table in PARTS[name].tables(rows))
+
+
+def test_calls_of_all_contenders_agree_and_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.speed.timing.TURN_SECONDS", 1e-4)
+    rows = rows_of_quick("calls")
+    assert {(row.what, row.order) for row in rows} == {
+        (what, order) for what in ("misfit", "force") for order in ("value", "gradient")
+    }
+    for row in rows:
+        assert 0.0 < row.apart < 1e-9
+        assert min(row.core, row.public, row.kernel, row.callback, row.twin) > 0.0
+    assert "gradient, 100 x 2" in text_of("calls", rows)
+
+
+def test_the_posterior_is_nearly_standard_normal_where_samplers_move() -> None:
+    posterior = Posterior.of("bingham", 400)
+    gradient = jax.jit(jax.grad(posterior.log_density))
+    step, zero = 1e-3, jnp.zeros(len(posterior.frame[0]))
+    assert np.abs(gradient(zero)).max() < 0.1
+    curvature = [
+        (gradient(zero + row) - gradient(zero - row)) / (2.0 * step) for row in step * np.eye(len(zero))
+    ]
+    np.testing.assert_allclose(np.array(curvature), -np.eye(len(zero)), atol=0.2)
+    (row,) = posterior.values(zero[None])
+    np.testing.assert_allclose(row[:-1], posterior.fit.theta, rtol=1e-6)
+
+
+def test_samplers_have_draws_and_rates() -> None:
+    pytest.importorskip("numpyro", reason=f"numpyro {ABSENT}")
+    nuts, ensemble = rows_of_quick("samplers")
+    assert nuts.gradients >= nuts.draws == 20
+    assert nuts.per_second > nuts.per_second_with_compilation > 0.0
+    assert nuts.z == 0.0
+    assert ensemble.gradients == ensemble.compile_seconds == 0.0
+    assert ensemble.z > 0.0
+    assert "numpyro NUTS on mr.jax | 1 |" in text_of("samplers", [nuts, ensemble])
+
+
+@pytest.mark.parametrize("library", ["optimistix", "optax"])
+def test_engines_have_the_gradient_of_the_core(library: str) -> None:
+    pytest.importorskip(library, reason=f"{library} {ABSENT}")
+    chosen = [name for name in PARTS["fits"].quick["engines"] if ENGINES[name][0] in {library, "scipy"}]
+    rows = {row.engine: row for row in rows_of_quick("fits", engines=chosen)}
+    assert rows.keys() == set(chosen)
+    assert all(row.gradient_apart < 1e-12 and row.evaluations > 0 for row in rows.values())
+    assert rows["SciPy trf on mr.objective"].arrived == 1.0
+
+
+def test_the_loop_of_a_user_has_the_force_and_the_derivatives_of_the_core() -> None:
+    pytest.importorskip("diffrax", reason=f"diffrax {ABSENT}")
+    test, theta = record("normalised_bouc_wen", 60), jnp.asarray(near_nominal("normalised_bouc_wen", 1))
+    core = mr.jax.force("normalised_bouc_wen", test, substeps=8)
+    own = force_by_diffrax(test, "heun", 8)
+    along = (theta,), (0.01 * theta,)
+    for found, expected in zip(jax.jvp(own, *along), jax.jvp(core, *along), strict=True):
+        # Heun's method is of second order, the core's of fourth.
+        assert 0.0 < np.abs(found - expected).max() < 1e-2 * np.abs(expected).max()
+
+
+def test_threads_beside_a_busy_process_change_no_bit() -> None:
+    (row,) = rows_of_quick("hang")
+    assert (row.calls, row.changed) == (200, 0)
+    assert "200 of 8 threads" in text_of("hang", [row])
+
+
+def test_threads_that_hang_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[None] = []
+
+    def sometimes() -> bytes:
+        calls.append(None)
+        time.sleep(0.0 if len(calls) < 10 else 3.0)
+        return b""
+
+    monkeypatch.setattr(hang, "_functions", lambda n_time, threads: [sometimes])
+    with pytest.raises(MrworkError, match="threads made no call for"):
+        rows_of_quick("hang", busy=0, patience=0.6)
