@@ -39,8 +39,8 @@ _STEPS = (1e-6, 1e-5, 1e-4)
 class LoopRow:
     """A score in so many settings under so many motions: seconds of a value and of both gradients, medians.
 
-    `differences` are central ones, all candidates in one call. `apart` is the largest difference from these for the best
-    step, over the largest derivative, and `apart_usual` for the longest.
+    `differences` are central ones, all candidates in one call. `apart` is the largest difference from these for the
+    best step, over the largest derivative, and `apart_usual` for the longest.
     """
 
     case: str
@@ -143,3 +143,8 @@ def tables(rows: Sequence[LoopRow]) -> Iterator[Table]:
         ((f"{row.case}, {row.settings} settings, {row.motions} motions", asdict(row)) for row in rows),
         columns,
     )
+
+
+def judged(rows: Sequence[LoopRow]) -> dict[str, float]:
+    """The largest difference from the best central differences."""
+    return {"apart": max(row.apart for row in rows)}

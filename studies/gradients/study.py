@@ -1,6 +1,6 @@
 """Gradients of the kernel for libraries of JAX: what a call costs, and what samplers and optimisers make of it.
 
-python studies/gradients/study.py [calls] [samplers] [fits] [hang] [--quick] [--json]
+python studies/gradients/study.py [calls] [samplers] [fits] [hang] [loops] [--quick] [--json]
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 from mrwork.report import Table
 from studies.common.command import Command, Findings, Say
 from studies.common.processor import processor
-from studies.gradients import calls, fits, hang, samplers
+from studies.gradients import calls, fits, hang, loops, samplers
 from studies.speed.workers import cores_for, rows_of
 
 _PEERS = ("blackjax", "diffrax", "numpyro", "optax")
@@ -100,6 +100,14 @@ PARTS = {
         tables=hang.tables,
         cores=2,
         judged=hang.judged,
+    ),
+    "loops": Part(
+        job=loops.measure,
+        whole={"cases": loops.CASES, "motions": 12, "duration": 20.0, "rounds": 5},
+        quick={"cases": loops.CASES[:1], "motions": 1, "duration": 0.5, "rounds": 1},
+        tables=loops.tables,
+        cores=2,
+        judged=loops.judged,
     ),
 }
 

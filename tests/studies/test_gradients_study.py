@@ -105,3 +105,10 @@ def test_threads_that_hang_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hang, "_functions", lambda n_time, threads: [sometimes])
     with pytest.raises(MrworkError, match="threads made no call for"):
         rows_of_quick("hang", busy=0, patience=0.6)
+
+
+def test_gradients_through_the_loop_are_those_of_differences() -> None:
+    (row,) = rows_of_quick("loops")
+    assert (row.settings, row.motions) == (10, 1)
+    assert 0.0 < row.apart < 1e-6
+    assert "one damper, 10 settings" in text_of("loops", [row])
