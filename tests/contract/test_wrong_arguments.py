@@ -42,6 +42,7 @@ REFUSED = {
         "choose_laws",
         "read_building",
         "read_system",
+        "study_score",
     ),
     *("read_study", "read_results", "read_tuning", "load", "run_study", "tune", "with_tuned_law"),
 }

@@ -154,7 +154,6 @@ OPTIMISTIX = ("--model", "bingham", "--engine", "optimistix", "--every", "20", "
     [
         ("identify", "synthetic:spencer1997", *OPTIMISTIX),
         ("respond", "clairvoyant.toml"),
-        ("tune", "gradients.toml"),
     ],
     ids=lambda words: words[0],
 )

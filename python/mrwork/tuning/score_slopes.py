@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
@@ -134,7 +134,7 @@ class ScoreSlopes:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Moved:
     """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
 

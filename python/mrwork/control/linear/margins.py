@@ -261,10 +261,11 @@ class _SampledLoop:
 
     def _transfer(self, angles: Floats, device: int) -> Complexes:
         z = np.exp(1j * angles)
+        new, old = self.pushed
+        # At a pole, to rounding, it is infinite.
         with np.errstate(divide="ignore", invalid="ignore"):
             modes = self.seen[None, :, :] / (z[:, None, None] - self.poles)
-        new, old = self.pushed
-        H = (modes @ new + modes @ old / z[:, None, None]) * (z**-self.delay)[:, None, None]
+            H = (modes @ new + modes @ old / z[:, None, None]) * (z**-self.delay)[:, None, None]
         others = [number for number in range(len(self.K)) if number != device]
         own: Complexes = H[:, device, device]
         if others:
