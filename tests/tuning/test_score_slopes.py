@@ -66,7 +66,8 @@ def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3)
 def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(tmp_path: Path, law: str) -> None:
     study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
     slopes = slopes_of(study, TuneTable(laws=(law,), settings=HELD.get(law)))
-    agree_with_differences(slopes, inside(slopes))
+    # A network is trained for every score.
+    agree_with_differences(slopes, inside(slopes), settings=1 if law == "inverse_network" else 3)
 
 
 SECOND = '\n[[damper]]\nstorey = 3\npreset = "kwok2006"\nlag = 100\n'
