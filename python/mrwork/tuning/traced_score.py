@@ -126,7 +126,7 @@ def study_score(
     -------
     TracedFunction
         Of a point, shape (n_free,), the score; infinite outside the ranges and where the settings make no law or a run
-        has no end, with derivatives of zero.
+        has no end, with derivatives of zero. A derivative is not a number where settings next to the point make no law.
 
     Raises
     ------
