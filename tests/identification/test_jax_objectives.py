@@ -121,6 +121,10 @@ def test_a_perfect_fit_has_a_gradient_of_zero() -> None:
     value, gradient = jax.value_and_grad(misfit)(jnp.array(spec.nominal))
     assert value == 0.0
     assert not np.asarray(gradient).any()
+    for power in (2.0, 4.0):
+        given = mr.objective(spec, [perfect, exact], power=power)
+        found = jax.jacfwd(mr.jax.residuals(given))(jnp.array(spec.nominal))
+        assert are_close(found, given.jacobian(np.array(spec.nominal)))
 
 
 def test_a_tie_that_leaves_its_bounds_fails() -> None:

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import own_dampers
+import pytest
 import tuning_samples
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
+from mrwork.tuning import law_tuning
 from mrwork.tuning.law_tuning import check_finish, follow_gradients
-from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
+from mrwork.tuning.problem import Bench, Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.space import objective_of, space_of
 
 LAW = "proportional_direct"
@@ -51,3 +54,28 @@ def test_scores_without_gradients_are_refused(tmp_path: Path, refused: Refused) 
         study, devices=tuple(replace(each, spec=spec, theta=spec.nominal) for each in study.devices)
     )
     refused(check_finish, learned, own)
+
+
+def test_gradients_that_are_interrupted_keep_what_the_search_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    followed = []
+
+    def interrupted(space: object, bench: Bench, *_: object) -> None:
+        followed.append(len(bench.realisations))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(law_tuning, "follow_gradients", interrupted)
+    study = mr.read_study(
+        tuning_samples.study_file(
+            tmp_path,
+            building=tuning_samples.TWO_STOREYS,
+            more="\n[uncertainty]\nrealisations = 2\nstiffness = 0.1\n",
+            tune=f"[[tune]]\nlaws = ['{LAW}']\nbudget = 8\npopulation = 5\ngradient_steps = 2\nrobust = true\n",
+        )
+    )
+    with pytest.raises(Interrupted) as stopped:
+        mr.tune(study, threads=1)
+    assert [law.law for law in stopped.value.result.laws] == [LAW]
+    # The score that is searched, with its realisations, is the one that is followed.
+    assert followed == [2]

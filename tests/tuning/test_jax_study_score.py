@@ -91,9 +91,15 @@ def test_it_goes_through_every_transformation() -> None:
 
 
 def test_points_outside_the_ranges_have_an_infinite_score_and_no_slope() -> None:
-    for point in (place() * 0.0 + 1.5, place() * jnp.nan):
-        value, gradient = jax.value_and_grad(score_of())(point)
-        assert value == math.inf
+    physical = score_of("theta")
+    beyond = jnp.array(physical.upper) * (1.0 + 1e-6)
+    for score, point in (
+        (score_of(), place() * 0.0 + 1.5),
+        (score_of(), place() * jnp.nan),
+        (physical, beyond),
+    ):
+        value, gradient = jax.value_and_grad(score)(point)
+        assert value == score(point) == math.inf
         assert not np.asarray(gradient).any()
 
 

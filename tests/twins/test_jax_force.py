@@ -198,6 +198,9 @@ def test_what_has_no_derivatives_or_device_is_said(refused: Refused) -> None:
 
 
 def test_wrong_points_records_and_settings_are_refused(refused: Refused) -> None:
+    refused(mr.jax.force(SPEC, sine()), None)
+    twin = mr.jax.twin(SPEC)
+    refused(twin.simulate, jnp.array(SPEC.nominal), twin.record(sine()), 0)
     force = mr.jax.force(SPEC, RECORD)
     refused(force, np.array(SPEC.nominal, dtype=np.float32))
     refused(force, jnp.array(SPEC.nominal, dtype=jnp.float32))

@@ -44,6 +44,15 @@ def test_a_failed_point_has_no_likelihood_and_a_gradient_of_zero() -> None:
     assert not np.asarray(jax.grad(likelihood)(failed)).any()
 
 
+def test_noise_outside_its_range_has_no_likelihood_and_a_gradient_of_zero() -> None:
+    likelihood = mr.jax.log_likelihood(MODEL, small_test(), "ar1")
+    start = jnp.asarray(likelihood.start)
+    assert np.isfinite(likelihood(start))
+    for column, value in ((-2, 0.0), (-2, -1.0), (-1, 1.0), (-1, 2.0)):
+        assert likelihood(start.at[column].set(value)) == -np.inf
+        assert not np.asarray(jax.grad(likelihood)(start.at[column].set(value))).any()
+
+
 def test_noise_and_objectives_without_a_likelihood_are_refused(refused: Refused) -> None:
     refused(mr.jax.log_likelihood, MODEL, small_test(), "arma11")
     refused(mr.jax.log_likelihood, MODEL, small_test(), "white")

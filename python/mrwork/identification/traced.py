@@ -131,7 +131,7 @@ class Residuals:
             squared = [len(parts) * jnp.sum(part**2) for part in parts]
             misfit = _mean(squared, self.power)
             parts = [
-                (_root(own) / jnp.maximum(misfit, _TINY)) ** (self.power / 2.0 - 1.0) * part
+                _power(_root(own) / jnp.maximum(misfit, _TINY), self.power / 2.0 - 1.0) * part
                 for own, part in zip(squared, parts, strict=True)
             ]
         return jnp.concatenate(parts)
@@ -169,14 +169,18 @@ def _mean(squared: Sequence[Array], power: float) -> Array:
     """Power mean of NRMSE from their squares, with a derivative of zero where it is zero."""
     if power == _ROOT_MEAN_SQUARE:
         return _root(jnp.mean(jnp.stack(squared)))
-    total = jnp.mean(jnp.stack([_root(each) ** power for each in squared]))
-    positive = total > 0.0
-    return jnp.where(positive, jnp.where(positive, total, 1.0) ** (1.0 / power), 0.0)
+    return _power(jnp.mean(jnp.stack([_power(_root(each), power) for each in squared])), 1.0 / power)
 
 
 def _root(value: Array) -> Array:
+    return _power(value, 0.5)
+
+
+def _power(value: Array, exponent: float) -> Array:
+    """A power with a derivative of zero at zero."""
     positive = value > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+    known = jnp.where(positive, value, 1.0)
+    return jnp.where(positive, jnp.sqrt(known) if exponent == 0.5 else known**exponent, 0.0)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

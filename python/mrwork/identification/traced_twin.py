@@ -13,7 +13,7 @@ from mrwork.base.arguments import AnyArray, checked
 from mrwork.base.summary import Summarised
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SimulationError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
 from mrwork.twins.models import begin, parameters_at, simulate, twin_of
@@ -55,6 +55,8 @@ class DamperTwin(Summarised):
 
     def simulate(self, theta: Array, record: RecordArrays, substeps: int) -> Array:
         """Force of a record from rest [N], shape (n_time,), with a number of sub-steps per sample, see `substeps`."""
+        if not (isinstance(substeps, int) and substeps > 0):
+            raise SettingError(f"`substeps` is {substeps}; give a whole number, see `substeps` of the twin")
         command = record.command
         steady = command.shape[-1] == 1
         return simulate(

@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +40,6 @@ from mrwork.tuning.results import (
 )
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import PENALTY, LawCandidate, SettingSpace, TuningObjective
-
-if TYPE_CHECKING:
-    pass
 
 
 def check_finish(table: TuneTable, study: Study) -> None:
@@ -212,7 +209,12 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         if search.best_misfit < least:
             chosen, origin = plan.space.candidate(search.best_unit), _ENDS.get(search.stop_reason, "search")
         if table.gradient_steps:
-            last, misfit, gradients = _finish(plan, bench, benches, chosen)
+            try:
+                last, misfit, gradients = _finish(plan, bench, chosen)
+            except KeyboardInterrupt as interrupt:
+                raise Interrupted(
+                    result(judgement_of_objective(trace[-1].least), None), "tuning"
+                ) from interrupt
             trace.append(TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, misfit)))
             if misfit < min(least, search.best_misfit):
                 chosen, origin = last, f"search, then {gradients} gradients"
@@ -220,9 +222,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))
 
 
-def _finish(
-    plan: LawPlan, bench: Bench, benches: Benches, chosen: LawCandidate
-) -> tuple[LawCandidate, float, int]:
+def _finish(plan: LawPlan, bench: Bench, chosen: LawCandidate) -> tuple[LawCandidate, float, int]:
     """The candidate that gradients reach from the chosen one, its misfit in the loop, and how many there were."""
     start = plan.space.unit(chosen)
     if start is None:
@@ -232,9 +232,7 @@ def _finish(
         "gradients",
         digest_of(plan.label, chosen),
         Finish,
-        lambda: follow_gradients(
-            plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
-        ),
+        lambda: follow_gradients(plan.space, bench, plan.objective, start, plan.table.gradient_steps),
         agrees=lambda finish: finish.unit.shape == start.shape,
     )
     candidate = plan.space.candidate(point.unit)

@@ -24,8 +24,9 @@ from mrwork.study.study import Study
 from mrwork.tuning.problem import Bench, score_candidates, scores_of
 from mrwork.tuning.space import LARGEST, SHAPING_SPANS, FreeSetting, SettingSpace, TuningObjective
 
-# Step of the differences of designs: a change of a value by half a per cent, or of a place in its range.
-_STEP = 5e-3
+# Step of the differences of designs, of a value or of a place in its range: far above rounding, and short, because
+# designs have kinks where another limit binds.
+_STEP = 2e-4
 _NODES = np.arange(-2.0, 3.0)
 # How far results are moved, in the unit of a range: far above rounding, far below what turns the order of two peaks.
 _REACH = 1e-5
@@ -39,7 +40,7 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     smooth = ", ".join(each.name for each in control_laws() if not each.switches)
     for excluded, sentence in (
         (jumping, f"{jumping} switches, so its score jumps and has no gradient; those of {smooth} have one"),
-        (shaped, f"gradients are those of commands without a free {shaped}; hold it"),
+        (shaped, f"gradients are those of commands without a free {shaped}; leave it out of free"),
         (counted, f"{counted} is a count, which has no gradient; limit command_travel instead"),
         (
             any(resolution for _, resolution in study.hardware.sensors),

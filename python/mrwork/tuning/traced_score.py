@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.values import Floats
@@ -23,6 +24,8 @@ from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import LARGEST
 from mrwork.twins.models import begin
 from mrwork.twins.traced_function import TracedFunction
+
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -37,36 +40,40 @@ class _StudyScore:
     def values(self, settings: Floats) -> Floats:
         """Scores of settings, (..., n_free), shape (...)."""
         given = np.asarray(settings)
-        units = self._units(given)
-        inside = np.isfinite(units).all(axis=1)
+        units, _, inside = self._places(given)
         values = np.full(len(units), math.inf)
-        values[inside] = self.slopes.values(units[inside])
+        if inside.any():
+            values[inside] = self.slopes.values(units[inside])
         return values.reshape(given.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
         """Scores of settings, (..., n_free), and their derivatives."""
         given = np.asarray(settings)
-        units = self._units(given)
+        units, rates, inside = self._places(given)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
-        for row in np.flatnonzero(np.isfinite(units).all(axis=1)):
+        for row in np.flatnonzero(inside):
             values[row], slopes[row] = self.slopes.at(units[row])
-        # The derivative of a value in its place is that of an exponential or of a line.
-        spreads = [
-            math.log(each.upper / each.lower) if each.scale == "log" else each.upper - each.lower
-            for each in self.slopes.space.free
-        ]
-        log = np.array([each.scale == "log" for each in self.slopes.space.free])
-        per_value = slopes / spreads / np.where(log, given.reshape(units.shape), 1.0)
-        return values.reshape(given.shape[:-1]), np.where(slopes == 0.0, 0.0, per_value).reshape(given.shape)
+            slopes[row] *= rates[row]
+        return values.reshape(given.shape[:-1]), slopes.reshape(given.shape)
 
-    def _units(self, settings: Floats) -> Floats:
-        """Places of settings in their ranges, (n, n_free); NaN outside."""
+    def _places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
         free = self.slopes.space.free
-        places = [
-            [each.unit(value) for each, value in zip(free, row, strict=True)]
-            for row in settings.reshape(-1, len(free)).tolist()
-        ]
-        return np.array(places, dtype=np.float64).reshape(-1, len(free))
+        rows = settings.reshape(-1, len(free))
+        lower, upper = (np.array([getattr(each, end) for each in free]) for end in ("lower", "upper"))
+        # Rounding of a range that is logarithmic leaves its ends.
+        known = np.clip(rows, lower, upper)
+        inside: NDArray[np.bool_] = np.all(np.isclose(rows, known, rtol=_ROUNDING, atol=0.0), axis=1)
+        places, slopes = np.empty(rows.shape), np.empty(rows.shape)
+        for column, each in enumerate(free):
+            if each.scale == "log":
+                ratio = math.log(each.upper / each.lower)
+                places[:, column] = np.log(known[:, column] / each.lower) / ratio
+                slopes[:, column] = 1.0 / (known[:, column] * ratio)
+            else:
+                places[:, column] = (known[:, column] - each.lower) / (each.upper - each.lower)
+                slopes[:, column] = 1.0 / (each.upper - each.lower)
+        return np.clip(places, 0.0, 1.0), slopes, inside
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:

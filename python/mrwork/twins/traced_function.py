@@ -17,6 +17,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
+from mrwork.twins.models import begin
 
 _ROUNDING = 1e-12
 
@@ -84,12 +85,15 @@ class TracedFunction(Summarised):
 
     def __call__(self, point: Any, data: Any = None) -> Array:
         """Value at a point, of these `data` instead of its own if they are given."""
+        begin()
         given = self.data if data is None else data
         value: Array = _evaluate(self.compute, self.box, self.coordinates, self._checked(point), given)
         return value
 
     def _checked(self, point: Any) -> Array:
         given = point if isinstance(point, Array) else np.asarray(point)
+        if given.dtype.kind not in "iuf":
+            raise SettingError(f"the point is {type(point).__name__}; give ({len(self.names)},) numbers")
         values: Array = jnp.asarray(given, dtype=jnp.float64 if given.dtype.kind in "iu" else None)
         if values.dtype != jnp.float64:
             raise SettingError(

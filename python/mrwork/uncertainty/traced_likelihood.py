@@ -27,6 +27,8 @@ from mrwork.twins.traced_function import TracedFunction
 from mrwork.uncertainty.noise import NOISES, Noise, names_in_words, noise_model
 from mrwork.uncertainty.posterior.target import with_noise
 
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogLikelihood:
@@ -51,10 +53,13 @@ class LogLikelihood:
         )
 
     def __call__(self, values: Array, tests: Sequence[ComparedArrays]) -> Array:
-        """Sum over all samples that are compared; -inf where a simulation failed, or a density is not finite."""
+        """Sum over all samples that are compared; -inf where a simulation failed, or the noise leaves its range."""
         n_params = len(self.residuals.kernel.spec.parameters)
-        theta, noise = values[:n_params], values[n_params:]
-        total, failures = jnp.zeros(()), []
+        theta, given = values[:n_params], values[n_params:]
+        lower, upper = jnp.array([(each.lower, each.upper) for each in self.noise.parameters]).T
+        inside = jnp.isclose(given, jnp.clip(given, lower, upper), rtol=_ROUNDING, atol=0.0)
+        noise = jnp.where(inside, given, upper)
+        total, failures = jnp.zeros(()), [~jnp.all(inside)]
         for test, deviation, (newtons, failed) in zip(
             tests, self.deviations, self.residuals.newtons(theta, tests), strict=True
         ):
@@ -94,8 +99,8 @@ def log_likelihood(
     Returns
     -------
     TracedFunction
-        Of a point, shape (n_free + n_noise,), with the noise last, the log-likelihood; -inf where a simulation fails,
-        with a derivative of zero.
+        Of a point, shape (n_free + n_noise,), with the noise last, the log-likelihood; -inf where a simulation fails or
+        the noise is outside its range, with a derivative of zero.
 
     Raises
     ------
