@@ -22,7 +22,6 @@ ANSWERS = {
     "gradient of the misfit in JAX": ("guides/gradients_and_jax",),
     "numpyro": ("guides/gradients_and_jax", "tutorials/gradients_in_jax"),
     "optax": ("guides/gradients_and_jax",),
-    "differentiable damper model": ("guides/gradients_and_jax",),
     "jax.jit": ("guides/gradients_and_jax",),
     "drift ratio": ("guides/frame_that_yields", "guides/write_a_study"),
     "own axes": ("gallery",),
