@@ -33,6 +33,7 @@ class _StudyScore:
     """The score as a function of settings; the simulation is called back from the program of JAX."""
 
     slopes: ScoreSlopes
+    box: Box
 
     def __call__(self, settings: Array, _: Any) -> Array:
         return _score(self, settings)
@@ -58,22 +59,15 @@ class _StudyScore:
 
     def _places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
-        free = self.slopes.space.free
-        rows = settings.reshape(-1, len(free))
-        lower, upper = (np.array([getattr(each, end) for each in free]) for end in ("lower", "upper"))
+        rows, free = settings.reshape(-1, len(self.box.names)), list(self.box.free)
         # Rounding of a range that is logarithmic leaves its ends.
-        known = np.clip(rows, lower, upper)
+        known = np.clip(rows, self.box.lower, self.box.upper)
         inside: NDArray[np.bool_] = np.all(np.isclose(rows, known, rtol=_ROUNDING, atol=0.0), axis=1)
-        places, slopes = np.empty(rows.shape), np.empty(rows.shape)
-        for column, each in enumerate(free):
-            if each.scale == "log":
-                ratio = math.log(each.upper / each.lower)
-                places[:, column] = np.log(known[:, column] / each.lower) / ratio
-                slopes[:, column] = 1.0 / (known[:, column] * ratio)
-            else:
-                places[:, column] = (known[:, column] - each.lower) / (each.upper - each.lower)
-                slopes[:, column] = 1.0 / (each.upper - each.lower)
-        return np.clip(places, 0.0, 1.0), slopes, inside
+        known[~inside] = self.box.upper
+        places, slopes = np.zeros(rows.shape), np.zeros(rows.shape)
+        places[:, free] = np.clip(self.box.unit_from_theta(known), 0.0, 1.0)
+        slopes[:, free] = 1.0 / self.box.unit_slope(known)
+        return places, slopes, inside
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:
@@ -166,15 +160,16 @@ def study_score(
     )
     slopes.check()
     free = space.free
+    box = Box(
+        names=tuple(each.label for each in free),
+        lower=tuple(each.lower for each in free),
+        upper=tuple(each.upper for each in free),
+        log=tuple(each.scale == "log" for each in free),
+    )
     return TracedFunction.of(
         f"Score of {plan.law} in {study.title}",
-        _StudyScore(slopes=slopes),
-        box=Box(
-            names=tuple(each.label for each in free),
-            lower=tuple(each.lower for each in free),
-            upper=tuple(each.upper for each in free),
-            log=tuple(each.scale == "log" for each in free),
-        ),
+        _StudyScore(slopes=slopes, box=box),
+        box=box,
         units=("",) * len(free),
         coordinates=coordinates,
         start=np.array([each.value(each.start, exact=True) for each in free]),
