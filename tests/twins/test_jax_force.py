@@ -109,6 +109,13 @@ def test_an_empty_batch_has_an_empty_force() -> None:
     assert jax.vmap(jax.jacfwd(force))(none).shape == (0, 120, len(SPEC.names))
 
 
+def test_the_shortest_record_has_the_bits_of_the_core() -> None:
+    record, theta = sine(n_time=4), np.array([SPEC.nominal])
+    force, core = mr.jax.force(SPEC, record), mr.sensitivities(SPEC, theta, record)
+    assert np.array_equal(force(theta), core.force)
+    assert np.array_equal(jax.jacfwd(force)(jnp.asarray(theta[0])), core.jacobian[0])
+
+
 def test_a_point_that_fails_is_infinite_with_derivatives_of_zero_and_leaves_others_alone() -> None:
     force, theta = mr.jax.force(SPEC, RECORD), spread(SPEC, 3)
     stiff = theta.at[1, SPEC.names.index("rho")].set(1e9).at[2, 0].set(jnp.nan)
