@@ -19,10 +19,7 @@ from sentences import MEANT, TESTS, WRITES, Refused, golden, write
 
 # A test compiles a function to run it a few times: without optimisation that takes a third of the time.
 # A flag that is set already comes last, so it decides.
-_QUICK_COMPILATION = (
-    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-    " --xla_cpu_parallel_codegen_split_count=1"
-)
+_QUICK_COMPILATION = "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
 os.environ["XLA_FLAGS"] = f"{_QUICK_COMPILATION} {os.environ.get('XLA_FLAGS', '')}".strip()
 
 # The matrices are small: a second thread of the linear algebra would wait for the first one, and count as work.

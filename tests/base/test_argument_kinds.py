@@ -6,17 +6,18 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal, NewType, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 from sentences import Refused
+from typing_extensions import TypeAliasType
 
 from mrwork.base.arguments import AnyArray, May, Positive, Rows, Shape, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import closest
-from mrwork.errors import ArgumentError
+from mrwork.errors import ArgumentError, MrworkError
 
 
 @checked
@@ -103,6 +104,69 @@ def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
     given = np.zeros(3)
     assert taken(strict=given)["strict"] is given
     assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type] # a list for a tuple, on purpose
+
+
+FloatT = TypeVar("FloatT", bound=np.generic)
+Force = TypeAliasType("Force", NDArray[np.float64])
+Row = TypeAliasType("Row", np.ndarray[Any, np.dtype[FloatT]], type_params=(FloatT,))
+Listed = TypeAliasType("Listed", Sequence[float] | None)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        NDArray[np.float64],
+        Force,
+        Row[np.float64],  # type: ignore[misc] # what a checker says of an alias made at run time
+        Annotated[Force, Within(least=0.0)],
+        Force | None,
+        Force | Part,
+    ],
+)
+def test_an_alias_declares_what_it_stands_for(form: Any) -> None:
+    def take(force: Any) -> Any:
+        return force
+
+    take.__annotations__["force"] = form
+    checking = checked(take)
+    assert checking([1, 2]).dtype == np.float64
+    with pytest.raises(ArgumentError, match="`force` of take"):
+        checking("abc")
+
+
+def test_unions_and_aliases_within_a_union_are_its_members() -> None:
+    def take(numbers: Any, loose: Any = None) -> Any:
+        return numbers, loose
+
+    take.__annotations__.update(numbers=Listed | Literal["none"], loose=ArrayLike | None)
+    checking = checked(take)
+    for given in ("none", None, [1.0, 2.0]):
+        assert checking(given) == (given, None)
+    assert checking(None, np.arange(2))[1].tolist() == [0, 1]
+    for wrong in ({"numbers": "all"}, {"numbers": None, "loose": "x"}):
+        with pytest.raises(MrworkError):
+            checking(**wrong)
+
+
+@pytest.mark.parametrize(
+    "form", [NewType("Newtons", float), ParamSpec("P"), "Force[", 3, list[NewType("X", int)]]
+)
+def test_an_annotation_of_an_unknown_form_is_an_error_when_the_function_is_defined(form: Any) -> None:
+    def take(force: Any) -> Any:
+        return force
+
+    take.__annotations__["force"] = form
+    with pytest.raises((TypeError, SyntaxError)):
+        checked(take)
+
+
+def test_a_name_that_is_defined_later_is_known_at_the_first_call_or_is_an_error_then() -> None:
+    def take(part: Later) -> Any:  # type: ignore[name-defined] # noqa: F821
+        return part
+
+    checking = checked(take)
+    with pytest.raises(NameError, match="Later"):
+        checking(1.0)
 
 
 def test_a_value_of_another_kind_is_refused_in_a_sentence(refused: Refused) -> None:

@@ -96,12 +96,12 @@ def test_a_record_too_short_to_tell_is_left_alone() -> None:
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 @pytest.mark.parametrize("window", [5, 7, 21, 101, 301])
 def test_it_is_the_filter_of_scipy(window: int, derivative: int) -> None:
-    # 1/300 s gives weights whose halves differ by more than rounding, and are then summed in another order. The bits
-    # agree with the same LAPACK; another one may change the last digits.
+    # 1/300 s gives weights whose halves differ by more than rounding, and are then summed in another order. SciPy 1.18
+    # solves for the weights in another way than SciPy before: of 301 samples they differ by 1e-12 of the largest.
     for step in (1.0, 1e-3, 1.0 / 300.0):
         expected = savgol_coeffs(window, 3, deriv=derivative, delta=step)
         found = weights(window, 3, derivative=derivative, step=step)
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
         for n_time in (window, window + 1, 1000):
             signal = 1e-3 * np.cumsum(np.random.default_rng(n_time).standard_normal(n_time))
             expected = savgol_filter(signal, window, 3, deriv=derivative, delta=step)

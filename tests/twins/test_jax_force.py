@@ -220,19 +220,21 @@ def test_wrong_points_records_and_settings_are_refused(refused: Refused) -> None
     refused(mr.jax.twin(SPEC).substeps, np.array(SPEC.nominal) * np.nan, RECORD)
 
 
-@pytest.mark.parametrize("installed", ["0.9.2", "0.6.0"])
-def test_an_older_jaxlib_gets_a_sentence(
-    installed: str, monkeypatch: pytest.MonkeyPatch, refused: Refused
-) -> None:
-    monkeypatch.setattr(kernel, "package_version", lambda _: installed)
-    refused(kernel._register.__wrapped__)
+def test_the_interface_is_that_of_the_installed_xla() -> None:
+    assert (0, 3) <= kernel._interface() <= kernel._TESTED
 
 
-def test_a_newer_jaxlib_gets_a_warning_and_one_that_refuses_a_sentence(
-    monkeypatch: pytest.MonkeyPatch, refused: Refused
+def test_an_older_interface_gets_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel, "_interface", lambda: (0, 2))
+    with pytest.raises(mr.errors.LibraryError, match="an older one; install jax"):
+        kernel._register.__wrapped__()
+
+
+def test_an_interface_that_was_not_tested_gets_a_warning_and_one_that_refuses_a_sentence(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(kernel, "package_version", lambda _: "0.12.1")
-    with pytest.warns(mr.errors.MrworkWarning, match=r"tested with jaxlib 0\.10; this is 0\.12\.1"):
+    monkeypatch.setattr(kernel, "_interface", lambda: (0, 6))
+    with pytest.warns(mr.errors.MrworkWarning, match=r"tested with 0\.5; jaxlib .* has 0\.6"):
         kernel._register.__wrapped__()
 
     class Refusing:
@@ -242,9 +244,10 @@ def test_a_newer_jaxlib_gets_a_warning_and_one_that_refuses_a_sentence(
         def register_ffi_target(*_: object, **__: object) -> None:
             raise RuntimeError("unsupported API version 0.3\nand more")
 
-    monkeypatch.setattr(kernel, "package_version", lambda _: "0.10.2")
+    monkeypatch.setattr(kernel, "_interface", lambda: (0, 3))
     monkeypatch.setattr(kernel, "_ffi", Refusing)
-    refused(kernel._register.__wrapped__)
+    with pytest.raises(mr.errors.LibraryError, match=r"refuses \(unsupported API version 0\.3\); install"):
+        kernel._register.__wrapped__()
 
 
 def test_a_wrong_call_is_an_error_of_xla_and_not_a_crash() -> None:

@@ -4,8 +4,8 @@
 array is finite unless its default is infinite or NaN, or its annotation says otherwise, as
 `Annotated[ArrayLike, May.BE_NAN]`; a range is written `Annotated[float, Within(above=0.0)]`, or declared by the `key`
 of a field. What must be above zero is at least 1e-100, so that its inverse and its square are finite; other numbers are
-taken as they are. Lists become tuples, and numbers become arrays, where the annotation says so. An annotation that
-cannot be checked, such as `Any` or a type of a library that is loaded late, takes everything.
+taken as they are. Lists become tuples, and numbers become arrays, where the annotation says so. `Any` takes everything;
+an annotation of an unknown form is an error when the function is defined.
 A class says in `_made_by` how a user gets one of its objects.
 
 Each annotation becomes a `Kind`: how a message calls such a value, and the check that accepts or refuses one.
@@ -17,6 +17,7 @@ import inspect
 import operator
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
 from functools import partial, wraps
 from itertools import chain, repeat
@@ -109,9 +110,17 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
         for parameter in parameters
         if parameter.default is parameter.empty and parameter.kind not in variadic
     )
-    # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
     shapes: dict[str, Shape] = {}
+
+    def read_annotations() -> None:
+        nodes = nodes_of(function, signature, owner)
+        kinds.update({name: kind_of(node) for name, node in nodes.items()})
+        shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
+
+    # An annotation may name what is defined after the function; the first call reads it then.
+    with suppress(NameError):
+        read_annotations()
 
     def accept(parameter: str, value: Any) -> Any:
         if parameter not in kinds:
@@ -124,9 +133,7 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
         if not kinds:
-            nodes = nodes_of(function, signature, owner)
-            kinds.update({name: kind_of(node) for name, node in nodes.items()})
-            shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
+            read_annotations()
         if not (takes_any or given.keys() <= known):
             raise _unknown_argument(name, next(word for word in given if word not in known), signature)
         if len(args) > len(positional) and not rest:

@@ -2,17 +2,28 @@
 
 Checks of arguments, readers of tables and readers of stored JSON all walk these trees, each with sentences of its own;
 no other module takes an annotation apart. The notes of an annotation, such as `Annotated[float, Within(above=0.0)]`,
-hold for all numbers in it.
+hold for all numbers in it. An annotation of a form that is not known here is a `TypeError`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, TypeAlias, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,19 +163,44 @@ class Instance(Node):
 
 
 _SCALARS = frozenset({float, int, bool, str, NoneType})
-_ARRAY_LIKE = frozenset(get_args(ArrayLike))
+
+
+def resolved(hint: Any) -> Any:
+    """The annotation that an alias of PEP 695 stands for, with its arguments; others as they are."""
+    alias, arguments = get_origin(hint) or hint, get_args(hint)
+    if not hasattr(alias, "__value__"):
+        return hint
+    return resolved(alias.__value__[arguments] if arguments else alias.__value__)
+
+
+def _members(hint: Any) -> Iterator[Any]:
+    """Members of a union and of the unions and aliases among them."""
+    hint = resolved(hint)
+    if get_origin(hint) in (Union, UnionType):
+        for member in get_args(hint):
+            yield from _members(member)
+    else:
+        yield hint
+
+
+# An alias or a union, which changes with the version of NumPy.
+_ARRAY_LIKE = frozenset(_members(ArrayLike))
 
 
 def node_of(hint: Any, notes: Notes = ()) -> Node:
     """What an annotation declares, with the notes of those around it."""
+    hint = resolved(hint)
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return node_of(inner[0], (*notes, *inner[1:]))
     if origin in (Union, UnionType):
-        several = {*inner} - {NoneType} - (_ARRAY_LIKE if {*inner} >= _ARRAY_LIKE else frozenset())
-        members = tuple(node_of(each, notes) for each in inner if each in several)
-        arrays = (Array(None, (), notes),) if {*inner} >= _ARRAY_LIKE else ()
-        return Either(NoneType if NoneType in inner else object, (*members, *arrays), notes)
+        members = dict.fromkeys(_members(hint))
+        takes_arrays = members.keys() >= _ARRAY_LIKE
+        several = [
+            each for each in members if each is not NoneType and not (takes_arrays and each in _ARRAY_LIKE)
+        ]
+        parts = [node_of(each, notes) for each in several] + [Array(None, (), notes)] * takes_arrays
+        return Either(NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
         return Enumerated(inner, (), notes)
     if origin is np.ndarray:
@@ -175,8 +211,14 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
     if hint is Any and May.BE_TRACED in notes:
         return Array(None, (), notes)
     kind: Any = origin or hint
-    if kind in (Any, object) or not isinstance(kind, type):
+    if kind in (Any, object):
         return Node(notes=notes)
+    if isinstance(kind, TypeVar):
+        return node_of(kind.__bound__ or object, notes)
+    if not isinstance(kind, type):
+        raise TypeError(
+            f"the annotation {hint!r} is of a form that `node_of` does not know; add the form, or use Any"
+        )
     if is_dataclass(kind):
         return Record(kind, (), notes)
     if kind is Callable:
@@ -232,9 +274,6 @@ def hints_of(kind: type) -> dict[str, Any]:
 
 
 def hint_in(names: dict[str, Any], annotation: Any) -> Any:
-    """An annotation in a module of these names; `Any` where it names what is not loaded."""
+    """An annotation in a module of these names."""
     alone = SimpleNamespace(__annotations__={"annotation": annotation})
-    try:
-        return get_type_hints(alone, names, include_extras=True)["annotation"]
-    except NameError:
-        return Any
+    return get_type_hints(alone, names, include_extras=True)["annotation"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
 
 import numpy as np
 import scipy
@@ -22,6 +22,9 @@ from mrwork.files.matrices import read_matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
+else:
+    # python-control is loaded late, so that an argument of its class is not checked by the annotation.
+    StateSpace = Any
 
 
 @checked

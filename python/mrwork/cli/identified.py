@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
-import sys
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,9 +31,6 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice.ranking import Ranking
 
 Result = TypeVar("Result")
-
-# Time after which a thread that loads modules lets the search go on [s].
-_SWITCH_SECONDS = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,12 +60,7 @@ class Identification:
         self, search: Callable[[ProgressLine[Any]], Result], described: Callable[[Any], str], *, before: str
     ) -> tuple[Result | None, int]:
         """The result of a search, and the exit status; `before` says what has not happened when Ctrl-C leaves none."""
-
-        def compute(line: ProgressLine[Any]) -> Result:
-            threading.Thread(target=_load_for_the_end, name="mrwork-load", daemon=True).start()
-            return search(line)
-
-        result, status = self.frame.compute(compute, described)
+        result, status = self.frame.compute(search, described)
         if result is None:
             note(f"interrupted before {before}; run the same command with --resume to continue")
         return result, status
@@ -143,20 +132,6 @@ class Identification:
         elif status == 0:
             show(f"\nReport: {folder / REPORT}")
         return status
-
-
-def _load_for_the_end() -> None:
-    """Load what is needed after a search and slow to load, meanwhile; what fails is loaded, and said, where needed."""
-    before = sys.getswitchinterval()
-    # Else the search waits this long after each simulation, 5 ms by default.
-    sys.setswitchinterval(_SWITCH_SECONDS)
-    try:
-        for name in ("mrwork.uncertainty.identifiability.verdicts", "mrwork.report.fit.page"):
-            importlib.import_module(name)
-    except Exception:  # raised again where it is needed
-        pass
-    finally:
-        sys.setswitchinterval(before)
 
 
 _PAGE = (

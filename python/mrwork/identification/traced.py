@@ -29,6 +29,7 @@ from mrwork.identification.ties import Ties
 from mrwork.identification.traced_observation import observe
 from mrwork.records import AS_IT_IS, DamperTest, Observation
 from mrwork.twins.kernel import Kernel
+from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays
 from mrwork.twins.traced_function import TracedFunction
 
@@ -203,6 +204,7 @@ def _without_nuisance(force: Array, residuals: Array, names: tuple[NuisanceName,
     return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
+@on_processor()
 def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
     """The tests of an objective as arrays."""
     return tuple(

@@ -16,7 +16,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
-from mrwork.twins.models import begin, parameters_at, simulate, twin_of
+from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, simulate, twin_of
 from mrwork.twins.record_arrays import RecordArrays
 
 
@@ -57,15 +57,13 @@ class DamperTwin(Summarised):
         """Force of a record from rest [N], shape (n_time,), with a number of sub-steps per sample, see `substeps`."""
         if not (isinstance(substeps, int) and substeps > 0):
             raise SettingError(f"`substeps` is {substeps}; give a whole number, see `substeps` of the twin")
-        command = record.command
-        steady = command.shape[-1] == 1
-        return simulate(
-            self.spec,
-            jnp.asarray(theta),
-            record.stages(substeps),
-            record.facts[0],
-            command[0] if steady else command,
-        )
+
+        def force(theta: Array, record: RecordArrays) -> Array:
+            command = record.command
+            held = command[0] if command.shape[-1] == 1 else command
+            return simulate(self.spec, theta, record.stages(substeps), record.facts[0], held)
+
+        return evaluate_on_processor(force, jnp.asarray(theta), record)
 
     @checked
     def substeps(self, theta: AnyArray, record: DamperTest | Loading) -> int:

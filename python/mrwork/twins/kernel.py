@@ -6,9 +6,11 @@ record, with its splines, is an operand like the parameters, so a compiled progr
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 from warnings import warn
 
@@ -35,8 +37,8 @@ _ffi: Any = jax.ffi
 _interpreters: Any = jax.interpreters
 
 _TARGET = "mrwork_damper_force"
-# Versions of jaxlib that the tests have run with: the first, and the first of those after them.
-_TESTED = ((0, 10), (0, 11))
+# The latest version of XLA's interface that the tests have run with, which is that of jaxlib 0.12.
+_TESTED = (0, 5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,16 +83,16 @@ class Kernel:
 @cache
 def _register() -> None:
     """Register the operation; a version of jaxlib that does not take it raises a LibraryError."""
-    address, version = _rust.xla_handler()
-    installed = package_version("jaxlib")
-    found = tuple(int(part) for part in installed.split(".")[:2])
-    spoken = f"mr.jax speaks XLA's interface {version[0]}.{version[1]}"
-    if found < _TESTED[0]:
-        raise LibraryError(f"{spoken}, and jaxlib {installed} is older; install jax 0.10 or later")
-    if found >= _TESTED[1]:
+    address, spoken = _rust.xla_handler()
+    found = _interface()
+    said = f"mr.jax speaks XLA's interface {spoken[0]}.{spoken[1]}"
+    installed = f"jaxlib {package_version('jaxlib')}"
+    if found < tuple(spoken):
+        raise LibraryError(f"{said}, and {installed} an older one; install jax 0.10 or later")
+    if found > _TESTED:
         warn(
-            f"{spoken} and was tested with jaxlib 0.10; this is {installed}, so compare a force with "
-            "mr.simulate first",
+            f"{said} and was tested with {_TESTED[0]}.{_TESTED[1]}; {installed} has {found[0]}.{found[1]}, so "
+            "compare a force with mr.simulate first",
             MrworkWarning,
             stacklevel=2,
         )
@@ -98,9 +100,14 @@ def _register() -> None:
         _ffi.register_ffi_target(_TARGET, _ffi.pycapsule(address), platform="cpu")
     except Exception as error:
         reason = str(error).partition("\n")[0]
-        raise LibraryError(
-            f"{spoken}, which jaxlib {installed} refuses ({reason}); install jax 0.10"
-        ) from None
+        raise LibraryError(f"{said}, which {installed} refuses ({reason}); install jax 0.12") from None
+
+
+def _interface() -> tuple[int, int]:
+    """The version of the foreign function interface of the XLA that is installed, as its header states it."""
+    header = (Path(_ffi.include_dir()) / "xla" / "ffi" / "api" / "c_api.h").read_text()
+    stated = dict(re.findall(r"define XLA_FFI_API_(MAJOR|MINOR) (\d+)", header))
+    return int(stated["MAJOR"]), int(stated["MINOR"])
 
 
 # An identity that has no program but on the processor, so that a program for another device is refused by a sentence.

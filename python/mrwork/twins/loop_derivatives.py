@@ -34,7 +34,7 @@ from mrwork.twins.loop_stepping import (
     pulls_of,
     step,
 )
-from mrwork.twins.models import begin
+from mrwork.twins.models import on_processor
 
 
 class PlacedDamper(Protocol):
@@ -138,6 +138,7 @@ class PrescribedLoop:
     scales: CriteriaAtRest
     stretches: tuple[tuple[StepGround, Array], ...]
 
+    @on_processor()
     def ratios(self, commands: Floats) -> Floats:
         """Criteria of a run over those at i = 0; `commands` (n_intervals, n_devices), the coils start at the first."""
         sums = self._carries(self._fix(2.0), commands)[-1].sums
@@ -145,6 +146,7 @@ class PrescribedLoop:
         rms = [float(np.sqrt(np.max(np.asarray(each)) / self.places.size)) for each in squares]
         return np.array([float(sums.drift_peak), float(sums.acceleration_peak), *rms])
 
+    @on_processor()
     def score_and_gradient(self, commands: Floats, power: float) -> tuple[float, Floats]:
         """Smooth score, and its derivatives with respect to the commands, in their shape."""
         fixed = self._fix(power)
@@ -187,6 +189,7 @@ class PrescribedLoop:
         return carries
 
 
+@on_processor()
 def prescribed_loop(
     *,
     matrices: Mapping[str, Floats],
@@ -200,7 +203,6 @@ def prescribed_loop(
     scales: CriteriaAtRest,
 ) -> PrescribedLoop:
     """The loop under a ground motion [m/s^2] every `dt` [s], from NumPy arrays; the first command has no delay [s]."""
-    begin()
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
     times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
     halves = half_steps(acceleration, dt, step_time, n_steps)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import os
 import platform
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +38,7 @@ class Parameters(Protocol):
     def __getattr__(self, name: str) -> Array: ...
 
 
+T = TypeVar("T")
 Equation = Callable[[Parameters, Array, Array, Array], Array]
 
 EQUATIONS: dict[str, tuple[Equation, Equation]] = {}
@@ -424,7 +426,7 @@ def begin() -> None:
     global _process  # one JAX for each process
     if _process is None:
         try:
-            jax.devices()
+            _processor()
         except RuntimeError as error:
             reason = str(error).partition("\n")[0]
             raise LibraryError(
@@ -437,6 +439,50 @@ def begin() -> None:
             "this process was forked from one that has used JAX, where no computation with JAX can end; start "
             'processes by multiprocessing.get_context("spawn")'
         )
+
+
+@cache
+def _processor() -> Any:
+    """The device of JAX on which the package computes: its programs are loops over time, for which others are slow."""
+    return jax.local_devices(backend="cpu")[0]
+
+
+@contextmanager
+def on_processor() -> Iterator[None]:
+    """Prepare JAX, and compute on the processor in the block, whatever JAX's default device is.
+
+    The default device is one of each thread.
+    """
+    begin()
+    with jax.default_device(_processor()):
+        yield
+
+
+def evaluate_on_processor(function: Callable[..., T], point: Array, *operands: Any) -> T:
+    """Value of a function of arrays, computed on the processor and given back on the device of `point`.
+
+    In a program of the caller, and for a point that lies on several devices, JAX decides where to compute.
+    """
+    home = _device_of(point)
+    if home is None:
+        begin()
+        return function(point, *operands)
+    with on_processor():
+        if home == _processor():
+            return function(point, *operands)
+        moved = jax.device_put(point, _processor(), src=home)
+        value: T = jax.device_put(
+            function(moved, *jax.device_put(operands, _processor())), home, src=_processor()
+        )
+        return value
+
+
+def _device_of(point: Any) -> Any:
+    """The device of an array, also where it is differentiated or batched; `None` for several, or within a program."""
+    while isinstance(point, jax.core.Tracer):
+        point = getattr(point, "primal", getattr(point, "val", None))
+    devices = point.devices() if isinstance(point, Array) else set()
+    return devices.pop() if len(devices) == 1 else None
 
 
 @cache

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.models import begin, twin_of
+from mrwork.twins.models import on_processor, twin_of
 from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, force_and_bound
 from mrwork.twins.record_arrays import RecordArrays
 
@@ -36,6 +36,7 @@ _MOST_COUNTS = 2000
 _MOST_NUMBERS = 3e7
 
 
+@on_processor()
 def stiffness(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, *, most: int) -> Floats:
     """Sub-steps that each row of `theta`, shape (n_batch, n_params), wants, not rounded; infinite beyond `most`."""
     if twin_of(spec).relaxation is not None or not spec.n_states:
@@ -44,6 +45,7 @@ def stiffness(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, *,
     return wanted
 
 
+@on_processor()
 def forces(
     spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, factor: int, *, most: int
 ) -> tuple[Floats, Counts]:
@@ -57,6 +59,7 @@ def forces(
     return force, substeps
 
 
+@on_processor()
 def sensitivities(
     spec: DamperSpec,
     theta: Floats,
@@ -147,7 +150,6 @@ def _run(
     bounded: bool = False,
 ) -> tuple[Floats, Floats]:
     """Forces of rows, and their derivatives in these directions, or the bound of each row [1/s], zero if not wanted."""
-    begin()
     n_kept = power_of_two(history.n_time, _FEWEST_SAMPLES)
     record = _record(history, n_kept)
     each = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
@@ -173,7 +175,6 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
     """Sub-steps that the relaxation of the user wants, shape (n_batch,); zero for a damper without states."""
     if not spec.n_states:
         return np.zeros(len(theta))
-    begin()
     record = _record(history, power_of_two(history.n_time, _FEWEST_SAMPLES))
     padding = power_of_two(len(theta), _FEWEST_ROWS) - len(theta)
     padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
@@ -217,8 +218,9 @@ def interruptible(call: Callable[[], T]) -> T:
 
     def end() -> None:
         try:
-            # What is still computed by XLA would be waited for elsewhere.
-            done: T = jax.block_until_ready(call())  # type: ignore[no-untyped-call] # jax leaves it unannotated
+            with on_processor():
+                # What is still computed by XLA would be waited for elsewhere.
+                done: T = jax.block_until_ready(call())  # type: ignore[no-untyped-call] # jax leaves it unannotated
             ended.append((done, None))
         except BaseException as error:
             ended.append((None, error))

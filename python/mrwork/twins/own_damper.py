@@ -25,7 +25,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.store.function_text import function_text
 from mrwork.store.user_python import code_of, in_words, place_of, place_raised
-from mrwork.twins.models import Twin, begin, twin_of, twin_with
+from mrwork.twins.models import Twin, on_processor, twin_of, twin_with
 from mrwork.twins.own_batches import interruptible
 
 _Given = ParamSpec | tuple[str, float, float, float]
@@ -40,6 +40,7 @@ _TRACED = (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionE
 
 
 @checked
+@on_processor()
 def own_damper(
     name: str,
     *,
@@ -104,7 +105,6 @@ def own_damper(
     >>> mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.1, displacement=[0.0, 0.01, 0.0, -0.01, 0.0])).shape
     (5,)
     """
-    begin()
     given = tuple(_parameter(key, value) for key, value in parameters.items())
     if (rate is None) != (states == 0):
         raise SettingError(

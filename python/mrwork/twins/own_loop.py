@@ -47,7 +47,7 @@ from mrwork.twins.loop_stepping import (
     step,
     times,
 )
-from mrwork.twins.models import begin, twin_of
+from mrwork.twins.models import on_processor, twin_of
 from mrwork.twins.own_batches import interruptible, power_of_two
 from mrwork.twins.own_stepping import FINER, RESOLUTION, radius_of
 
@@ -111,6 +111,7 @@ class _Inputs(NamedTuple):
     delay: Array
 
 
+@on_processor()
 def respond(
     loop: OwnLoop,
     runs: NDArray[np.uint32],
@@ -125,7 +126,6 @@ def respond(
     `gains` by name, shape (n_candidates, ...); `shaping` (n_candidates, 2), dead zone and slope; `theta`
     (n_draws, n_devices, n_columns).
     """
-    begin()
     plants = [
         LoopPlant.of(**{**loop.matrices, "damping": damping, "stiffness": stiffness})
         for damping, stiffness in loop.varied or [(loop.matrices["damping"], loop.matrices["stiffness"])]

@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 
 from mrwork import _rust
+from mrwork.twins.models import on_processor
 
 
 class RecordArrays(NamedTuple):
@@ -24,6 +25,7 @@ class RecordArrays(NamedTuple):
     command: Array
 
     @classmethod
+    @on_processor()
     def of(cls, history: _rust.LoadingHistory) -> RecordArrays:
         """The arrays of a history."""
         splines, facts = history.parts

@@ -17,7 +17,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
-from mrwork.twins.models import begin
+from mrwork.twins.models import evaluate_on_processor
 
 _ROUNDING = 1e-12
 
@@ -85,10 +85,8 @@ class TracedFunction(Summarised):
 
     def __call__(self, point: Any, data: Any = None) -> Array:
         """Value at a point, of these `data` instead of its own if they are given."""
-        begin()
-        given = self.data if data is None else data
-        value: Array = _evaluate(self.compute, self.box, self.coordinates, self._checked(point), given)
-        return value
+        evaluate: Callable[[Array, Any], Array] = partial(_evaluate, self.compute, self.box, self.coordinates)
+        return evaluate_on_processor(evaluate, self._checked(point), self.data if data is None else data)
 
     def _checked(self, point: Any) -> Array:
         given = point if isinstance(point, Array) else np.asarray(point)

@@ -23,6 +23,7 @@ from mrwork.identification.minimise.levenberg_marquardt import (
 )
 from mrwork.identification.objective import Objective
 from mrwork.identification.traced import Residuals, arrays_of
+from mrwork.twins.models import on_processor
 
 # The minimisation has converged when this number of steps together lowers the squared misfit by less than this share.
 _PATIENCE = 6
@@ -33,6 +34,7 @@ OnStep = Callable[[int, float], None]
 
 
 @on_one_blas_thread
+@on_processor()
 def find_minimum_by_optimistix(
     objective: Objective, box: Box, start: Floats, *, on_step: OnStep | None = None
 ) -> LocalMinimum:

@@ -16,6 +16,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.identification.traced import Residuals, arrays_of
+from mrwork.twins.models import on_processor
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
 from mrwork.uncertainty.traced_likelihood import LogLikelihood
@@ -115,6 +116,7 @@ def sample_nuts(
     return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
 
 
+@on_processor()
 def nuts_of(
     target: Target, start: Floats, *, warmup: Count, draws: Count, chains: Count
 ) -> Callable[[int], NutsDraws]:
@@ -135,6 +137,7 @@ def nuts_of(
     )
     mapped = jax.jit(jax.vmap(jax.vmap(trajectories.position)))
 
+    @on_processor()
     def sample(rng: int) -> NutsDraws:
         points = np.random.default_rng(rng).standard_normal((chains, len(trajectories.origin)))
         first = jnp.asarray(points if chains > 1 else points[0])
