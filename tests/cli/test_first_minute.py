@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shlex
 import signal
 import sys
@@ -30,6 +31,8 @@ PREPARED = (
     "mrwork init study study.toml",
     "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig --quiet",
 )
+# How often the demo is run with nothing compiled.
+COLD_RUNS = int(os.environ.get("MRWORK_COLD_RUNS", "1"))
 # Seconds each, and the code of the other example or of another test.
 PARSED_ONLY = {
     "mrwork characterise rig --model normalised_bouc_wen --json --out out/one-model",
@@ -102,6 +105,16 @@ def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Pa
     found = json.loads((tmp_path / "again" / "fit.json").read_text())
     assert found["estimates"] == demo["estimates"]
     assert json.loads(again.stdout)["fit_percent"] > 99.0
+
+
+def test_the_first_run_with_nothing_compiled_ends_beside_busy_processors(tmp_path: Path) -> None:
+    busy = (sys.executable, "-c", "while True: pass")
+    with started(*busy), started(*busy):
+        for index in range(COLD_RUNS):
+            place = tmp_path / str(index)
+            env = os.environ | {"PYTHONPYCACHEPREFIX": str(place / "compiled"), "MPLCONFIGDIR": str(place)}
+            ended = ran(*COMMAND, "demo", "--out", place / "demo", env=env)
+            assert ended.returncode == 0, ended.stderr
 
 
 def test_an_interrupted_demo_is_resumed_to_the_same_result(folder: Path, tmp_path: Path) -> None:
