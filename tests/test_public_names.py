@@ -36,11 +36,12 @@ NAMESPACES = (
     "tuning",
     "report",
     "plots",
+    "twins",
 )
 # Namespaces within a namespace.
 INNER_NAMESPACES = ("dampers.design",)
-# Modules of one public purpose; `twins` needs JAX.
-OWN_PATHS = ("errors", "twins")
+# A module of one public purpose.
+OWN_PATHS = ("errors",)
 
 # Dataclasses that are no results: their few numbers fit on a line, so they keep the `repr` that can be evaluated.
 SMALL_VALUES = {
@@ -163,9 +164,18 @@ def test_users_scripts_are_typed(tmp_path: Path) -> None:
     assert users
     for path in users:
         (tmp_path / path.name).write_text(path.read_text())
+    (tmp_path / "written.py").write_text("\n".join(["import mrwork as mr", *written_names()]))
     (tmp_path / "mypy.ini").write_text(MYPY)
     done = ran(
-        *(sys.executable, "-m", "mypy", "--config-file=mypy.ini", "--cache-dir=cache", "script.py"),
+        *(
+            sys.executable,
+            "-m",
+            "mypy",
+            "--config-file=mypy.ini",
+            "--cache-dir=cache",
+            "script.py",
+            "written.py",
+        ),
         *(path.name for path in users),
         env={"PATH": "/usr/bin:/bin", "MYPYPATH": str(Path(mr.__file__).parents[1])},
         cwd=tmp_path,
@@ -174,6 +184,38 @@ def test_users_scripts_are_typed(tmp_path: Path) -> None:
     wrong = re.findall(r"(\w+)\.py:(\d+): error", done.stdout)
     last = USER_SCRIPT.count("\n")
     assert wrong == [("script", str(last - 1)), ("script", str(last))], done.stdout
+
+
+def written_names() -> list[str]:
+    """Every `mr.a.b` of the README, of the pages by hand and of the docstrings."""
+    root = measured_data.ROOT
+    pages = [root / "README.md", *root.glob("docs/**/*.md"), *root.glob("python/mrwork/**/*.py")]
+    found = {
+        name
+        for path in pages
+        for name in re.findall(r"(?<![\w./])mr(?:\.[A-Za-z_]\w*)+", path.read_text(encoding="utf-8"))
+    }
+    return sorted(found)
+
+
+RESOLVED = """
+import sys
+from types import ModuleType
+import mrwork as mr
+
+for name in sys.stdin.read().split():
+    value = mr
+    for part in name.split(".")[1:]:
+        # By the stub alone: what another name has loaded is an attribute of its package, too.
+        value = value.__getattr__(part) if isinstance(value, ModuleType) else getattr(value, part)
+"""
+
+
+def test_every_name_that_the_docs_write_works_alone() -> None:
+    names = written_names()
+    assert {"mr.twins.power", "mr.jax.force", "mr.Journal"} <= set(names)
+    done = ran(sys.executable, "-c", RESOLVED, input="\n".join(names))
+    assert done.stderr == ""
 
 
 def sources() -> list[tuple[str, str]]:
@@ -344,7 +386,7 @@ def test_every_public_dataclass_is_summarised_or_a_small_value() -> None:
 
 def test_no_public_name_is_that_of_a_module() -> None:
     # An import of the module would put it in the place of the name, unless the module is the value itself.
-    for name in (None, *NAMESPACES, *INNER_NAMESPACES, "twins"):
+    for name in (None, *NAMESPACES, *INNER_NAMESPACES):
         namespace = mr if name is None else importlib.import_module(f"mrwork.{name}")
         folder = Path(str(namespace.__file__)).parent
         modules = {path.stem for path in folder.glob("*.py")} | {

@@ -12,6 +12,7 @@ from . import report as report
 from . import search as search
 from . import study as study
 from . import tuning as tuning
+from . import twins as twins
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
 from .base.progress import show_progress as show_progress

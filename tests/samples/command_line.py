@@ -48,12 +48,23 @@ def printed(*arguments: object, status: int = 0) -> str:
 
 
 def ran(
-    *command: object, env: Mapping[str, str] | None = None, cwd: Path | None = None, check: bool = False
+    *command: object,
+    env: Mapping[str, str] | None = None,
+    cwd: Path | None = None,
+    check: bool = False,
+    input: str | None = None,
 ) -> subprocess.CompletedProcess[str]:
     """A process of its own that has ended, with what it printed."""
     words = [str(each) for each in command]
     return subprocess.run(
-        words, capture_output=True, text=True, env=env, cwd=cwd, check=check, timeout=PATIENCE
+        words,
+        capture_output=True,
+        text=True,
+        env=env,
+        cwd=cwd,
+        check=check,
+        input=input,
+        timeout=PATIENCE,
     )
 
 
