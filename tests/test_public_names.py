@@ -139,7 +139,9 @@ frame: mr.Building = mr.buildings.building("uts")
 noise = mr.uncertainty.noise_model("iid")
 law = mr.control.control_law("clipped_optimal")
 score: float = mr.closed_loop.STANDARD_GRAVITY
-axes = fit.plot.loops(over="velocity")
+axes = fit.plot.loops(over="velocity", legend=False)
+axes.no_such_thing
+mr.predict(fit, test).plot.residuals().no_such_thing
 fit.plot.loops(oven="velocity")
 motion: mr.motions.GroundMotion = mr.motions.synthetic_motion
 """
@@ -180,10 +182,11 @@ def test_users_scripts_are_typed(tmp_path: Path) -> None:
         env={"PATH": "/usr/bin:/bin", "MYPYPATH": str(Path(mr.__file__).parents[1])},
         cwd=tmp_path,
     )
-    # The last two lines of the first script are wrong on purpose: names without types would let them pass.
+    # Four lines of the first script are wrong on purpose: names without types would let them pass.
     wrong = re.findall(r"(\w+)\.py:(\d+): error", done.stdout)
-    last = USER_SCRIPT.count("\n")
-    assert wrong == [("script", str(last - 1)), ("script", str(last))], done.stdout
+    lines = USER_SCRIPT.splitlines()
+    on_purpose = [n for n, line in enumerate(lines, 1) if re.search("no_such|oven|motion:", line)]
+    assert wrong == [("script", str(number)) for number in on_purpose], done.stdout
 
 
 def written_names() -> list[str]:

@@ -55,6 +55,7 @@ from .runs.compare import compare_runs as compare_runs
 from .runs.export import export as export
 from .runs.load import StoredRun as StoredRun
 from .runs.load import load as load
+from .runs.load import save as save
 from .runs.study import read_study as read_study
 from .runs.study import study_of as study_of
 from .store.journal import Journal as Journal

@@ -202,7 +202,7 @@ def test_an_array_of_another_shape_than_its_axes_is_refused() -> None:
 def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:
     fit, found = small_fit(), draws()
     place = tmp_path / "run"
-    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, report_html="", manifest={}, journal=os.devnull)
+    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, manifest={}, journal=os.devnull)
     contents = {
         DRAWS: draws_content(found, fit),
         PROFILES: addition_content(asdict(profiles()), fit),

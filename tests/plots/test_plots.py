@@ -198,6 +198,8 @@ def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_table(case
             axis=1,
         )
         assert any(has_points(each, flat[np.isfinite(flat).all(axis=1)]) for each in shown), (across, up)
+    bare = panels(figure(result, axes_of(case), legend=False, **options))
+    assert all(each.get_legend() is None for each in bare)
     short = getattr(result.plot, case.figure)(data=True, **options)
     assert short.equals(table)
     assert table.attrs["units"] or case.figure == "fronts"

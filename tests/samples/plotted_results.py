@@ -115,7 +115,7 @@ def run() -> mr.StoredRun:
         fit = mr.identify(MODEL, reading.tests(), search=_QUICK, rng=1)
     fit = fit.with_command("mrwork identify", reading)
     place = folder / "run"
-    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, report_html="", manifest={}, journal=os.devnull)
+    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, manifest={}, journal=os.devnull)
     bands = StoredBands(calibration=calibration(), coverage=(), predictions=predictions())
     return replace(mr.load(place), draws=draws(), profiles=profiles(), bands=bands)
 

@@ -124,6 +124,7 @@ def uncertainty_calls(folder: Path) -> Calls:
     fit, test = small_fit(), small_test()
     yield call(mr.show_progress, patience=1.0)
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
+    yield call(mr.save, result=fit, folder=folder / "saved")
     yield call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",))
     yield call(
         uncertainty.predict_left_out,

@@ -263,7 +263,7 @@ def loop_calls(_: Path) -> Calls:
     }
     commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
     assert run.histories is not None
-    yield call(mr.Device, **device, differential=True)
+    yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
     yield call(
         loop[0].demand,

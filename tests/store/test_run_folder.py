@@ -44,6 +44,7 @@ from mrwork.store.run_folder import (
     PREDICTIONS,
     PROFILES,
     RANKING,
+    REPORT,
 )
 from mrwork.store.run_folder import FIT as FIT_FILE
 from mrwork.uncertainty.bands.calibration_files import read_predictions
@@ -65,19 +66,18 @@ def write(
     place: Path,
     described: Fit = FIT,
     *,
-    report_html: str = "<p>report</p>",
+    text: str = "report",
     manifest: dict[str, Any] | None = None,
     documents: dict[str, object] | None = None,
     replace: bool = False,
 ) -> Path:
-    """A run with a small page."""
+    """A run with a small document."""
     write_run(
         to(place, replace=replace),
         fit=described,
-        report_html=report_html,
         manifest={"command": "identify"} if manifest is None else manifest,
         journal=STEPS,
-        documents=documents,
+        documents={REPORT: text} if documents is None else documents,
     )
     return place
 
@@ -93,14 +93,14 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -> None:
     described = fit(comparison(), comparison("second", synthetic=True))
     place = tmp_path / "out" / "run"
-    write(place, described, report_html="<p>ü</p>", manifest={"a": 1})
+    write(place, described, text="ü", manifest={"a": 1})
     assert sorted(path.name for path in place.iterdir()) == [
         "fit.json",
         "journal.jsonl",
         "manifest.json",
         "report.html",
     ]
-    assert (place / "report.html").read_text(encoding="utf-8") == "<p>ü</p>"
+    assert json.loads((place / REPORT).read_text(encoding="utf-8")) == "ü"
     assert read_fit(place) == described
     assert [path.name for path in place.parent.iterdir()] == ["run"]
 
@@ -131,12 +131,12 @@ def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_pa
 
 
 def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path: Path) -> None:
-    place = write(tmp_path / "run", report_html="first")
+    place = write(tmp_path / "run", text="first")
     (place / "notes.txt").write_text("oil was warm")
     (place / "photos").mkdir()
     (place / "photos" / "rig.txt").write_text("a photo")
-    write(place, report_html="second")
-    assert (place / "report.html").read_text() == "second"
+    write(place, text="second")
+    assert json.loads((place / REPORT).read_text()) == "second"
     assert (place / "notes.txt").read_text() == "oil was warm"
     assert (place / "photos" / "rig.txt").read_text() == "a photo"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
@@ -158,9 +158,9 @@ def test_an_empty_folder_and_a_link_may_be_written_to(tmp_path: Path) -> None:
     assert read_fit(write(tmp_path / "empty")) == FIT
     link = tmp_path / "latest"
     link.symlink_to(tmp_path / "empty")
-    write(link, report_html="through the link")
+    write(link, text="through the link")
     assert link.is_symlink()
-    assert (tmp_path / "empty" / "report.html").read_text() == "through the link"
+    assert json.loads((tmp_path / "empty" / REPORT).read_text()) == "through the link"
 
 
 def test_others_may_read_a_run_as_far_as_the_umask_allows(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ elif failure:
     sys.addaudithook(fail_the_first_rename_into_place)
 try:
     written = Destination(path=place, kind=FIT_RUN)
-    write_run(written, fit=fit(comparison()), report_html="x" * size, manifest={}, journal=os.devnull)
+    write_run(written, fit=fit(comparison()), documents={"report.html": "x" * size}, manifest={}, journal=os.devnull)
 except (OSError, KeyboardInterrupt) as reason:
     print(f"{type(reason).__name__}: {reason}")
 else:

@@ -371,3 +371,25 @@ def test_laws_that_motions_do_not_tell_apart_are_named() -> None:
     assert "C" not in sentence
     assert ties_in_words("A", one, {"C": worse}) == ()
     assert ties_in_words("A", one[:1], {"B": other[:1]}) == ()
+
+
+def test_a_resumed_tuning_tells_the_share_of_the_candidates_that_are_done(
+    study: mr.Study, tmp_path: Path
+) -> None:
+    path, told = tmp_path / "journal.jsonl", list[Any]()
+
+    def stop(progress: Any) -> None:
+        told.append(progress)
+        if progress.share > 0.85:
+            raise KeyboardInterrupt
+
+    with closing(mr.Journal(path)) as journal, pytest.raises(Interrupted):
+        tune(study, threads=1, journal=journal, on_progress=stop)
+    before = told[-1].share
+    assert before == told[-1].candidates / told[-1].budget < 1.0
+    told.clear()
+    with closing(mr.Journal(path, resume=True)) as journal:
+        tune(study, threads=1, journal=journal, on_progress=told.append)
+    shares = [each.share for each in told]
+    assert before in shares
+    assert shares == sorted(shares)

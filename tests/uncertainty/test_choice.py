@@ -125,8 +125,15 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         missing = interrupted.value.result.ranking.missing
         assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
         assert all(each.elpd is None for each in interrupted.value.result.ranking.standings)
+    told: list[ChoiceProgress] = []
     with closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=True)) as journals:
-        resumed = choose_model(two, compared, settings=FEW, threads=1, journal_of=journals)
+        resumed = choose_model(
+            two, compared, settings=FEW, threads=1, journal_of=journals, on_progress=told.append
+        )
+    shares = [each.share or 0.0 for each in told if each.task != "leave-one-out"]
+    assert shares == sorted(shares)
+    # Of three fits to each model, those to all tests and without the first were done.
+    assert task != "left out 1" or 0.1 < next(each for each in shares if each) < 0.9
     assert standings(resumed) == standings(whole)
     assert resumed.ranking.sentence == whole.ranking.sentence
     assert [fit.theta for fit in resumed.fits] == [fit.theta for fit in whole.fits]

@@ -104,7 +104,6 @@ def _readers_of_a_fit(folder: Path) -> list[Reader]:
     write_run(
         Destination(path=place, kind=FIT_RUN),
         fit=fit,
-        report_html="",
         manifest=manifest_of(fit, fit.status),
         journal=beginning,
     )

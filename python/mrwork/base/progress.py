@@ -63,11 +63,6 @@ class ProgressReport(ABC):
         return None
 
 
-def share_of_time(seconds: float, left: float | None) -> float | None:
-    """Share of the time that has passed after so many `seconds`; `None` where what is `left` is not known."""
-    return None if left is None else seconds / max(seconds + left, 1e-9)
-
-
 @runtime_checkable
 class Timed(Protocol):
     """A report that stays true while no other comes."""

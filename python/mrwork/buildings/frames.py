@@ -36,7 +36,7 @@ def check_storeys(count: int) -> None:
 @checked
 def shear_building(
     *,
-    name: str,
+    name: str = "building",
     masses: Sequence[float],
     stiffnesses: Sequence[Positive],
     storey_damping: Sequence[NotNegative] = (),

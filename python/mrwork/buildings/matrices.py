@@ -706,12 +706,17 @@ class Device(Summarised):
         Damper model and its parameters, shape (n_params,), or one row per draw.
     row
         Elongation = row @ q, shape (n,): a row of `building.storeys`.
+    largest_command
+        Largest command of the driver [A or V]; a passive model, which follows no command, needs none.
     count
         Number of dampers in parallel.
     differential
         Whether as many dampers act in the opposite direction, so that constant forces cancel.
     tested
         Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
+    lag
+        Rate of a first-order lag of the driver [1/s], instead of that of `theta` or of none. It becomes the last
+        parameter of `spec` and `theta`.
     """
 
     _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
@@ -720,12 +725,20 @@ class Device(Summarised):
     spec: DamperSpec
     theta: ArrayLike
     row: ArrayLike
-    largest_command: float
+    largest_command: float = 0.0
     count: float = 1.0
     differential: bool = False
     tested: OperatingRange | None = None
+    lag: Positive | None = None
 
     def __post_init__(self) -> None:
+        if not self.spec.follows_command:
+            if self.lag is not None:
+                raise SettingError(f"{self.name}: a passive damper takes no command; leave `lag` out")
+            # Nothing follows it.
+            object.__setattr__(self, "largest_command", self.largest_command or 1.0)
+        elif self.lag is not None:
+            self._take_lag(self.lag)
         keep_arrays(self, "theta", "row")
         n_params = len(self.spec.parameters)
         if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
@@ -743,6 +756,20 @@ class Device(Summarised):
             )
         if not self.count > 0.0:
             raise SettingError(f"{self.name}: {self.count} dampers in parallel; give a positive number")
+
+    def _take_lag(self, lag: float) -> None:
+        """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""
+        spec, current = self.spec, self.spec.current
+        assert current is not None  # it follows a command
+        theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
+        if current.lagged:
+            theta = theta[..., :-1]
+        else:
+            laws = dict(zip(spec.without_laws.names, current.laws, strict=True))
+            lagged = spec.without_laws.with_current_laws(laws, unit=current.unit, lagged=True)
+            object.__setattr__(self, "spec", lagged)
+        object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
+        object.__setattr__(self, "lag", None)
 
     @property
     def draws(self) -> Floats:

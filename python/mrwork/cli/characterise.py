@@ -20,7 +20,7 @@ from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet, named, print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import RecordError, escape_text
+from mrwork.errors import OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import read_fit
 from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
@@ -35,8 +35,8 @@ from mrwork.records.rig_table import (
 )
 from mrwork.store.input_file import is_folder
 from mrwork.store.output_folder import Destination, check_destination
-from mrwork.store.run_folder import CALIBRATION, FIT_RUN, HELD_OUT
-from mrwork.store.unfinished import is_complete
+from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
+from mrwork.store.unfinished import is_complete, nothing_to_resume
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
@@ -101,7 +101,14 @@ def run(options: argparse.Namespace) -> int:
     """Do every step that is not done yet; print the verdict and where everything is."""
     place = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
-    check_destination(Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume))
+    destination = Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume)
+    check_destination(destination)
+    begun = (place / FIT).exists() and not (place / SUMMARY).exists()
+    if begun and not (options.resume or options.replace) and is_complete(place):
+        raise OutputError(
+            f"{place} has a fit, and steps after it are not done; run the same command with --resume to go on with it, "
+            "or with --replace to begin anew"
+        )
     for name in options.model.split(","):
         damper(name)
     rows, asked = _table(options.folder)
@@ -121,7 +128,8 @@ def run(options: argparse.Namespace) -> int:
         note(
             f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
-    fitted = options.resume and is_complete(place)
+    # A run that was begun in place of a complete one is resumed.
+    fitted = destination.continues and is_complete(place)
     steps.left, several = (_PAGE, False) if fitted else _expected(options, rows)
     common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
     threads = ["--threads", str(options.threads)]
@@ -138,6 +146,9 @@ def run(options: argparse.Namespace) -> int:
         _check_same(place, rows)
         steps.total -= 1
     later = _LATER * steps.left
+    wanted = {CALIBRATION: uses["calibration"], HELD_OUT: uses["test"], SUMMARY: True}
+    if fitted and all((place / name).is_file() for name, use in wanted.items() if use):
+        note(nothing_to_resume(place))
     if uses["calibration"] and not (options.resume and (place / CALIBRATION).is_file()):
         given = [str(place), table, *threads, *common]
         if status := steps.step("calibrating the bands", lambda: _verb("calibrate", given), later):
@@ -155,7 +166,7 @@ def run(options: argparse.Namespace) -> int:
 def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: _Steps) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
-    from mrwork.store.run_folder import REPORT, SUMMARY
+    from mrwork.store.run_folder import REPORT
 
     opened, compared = open_run(place)
     fit, said = opened.fit, verdict_of(opened, compared)

@@ -14,9 +14,10 @@ from mrwork.base.progress import ProgressLine
 from mrwork.cli.output import in_words, is_quiet, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
+from mrwork.store.journal import Journal
 from mrwork.store.output_folder import Destination, check_destination
-from mrwork.store.run_folder import RunKind
-from mrwork.store.unfinished import is_complete
+from mrwork.store.run_folder import JOURNAL, RunKind
+from mrwork.store.unfinished import is_complete, is_copy, nothing_to_resume
 
 Result = TypeVar("Result")
 
@@ -65,6 +66,11 @@ class Frame:
                 return compute(line), 0
         except Interrupted as interrupt:
             return interrupt.result, 130
+
+    def note_complete(self, journal: Journal) -> None:
+        """Say where a run that was resumed has done nothing, since it was complete."""
+        if is_complete(self.folder) and is_copy(self.destination.place / JOURNAL, journal):
+            note(nothing_to_resume(self.folder))
 
     def is_to_write(self, status: int) -> bool:
         """Whether the folder is written: after Ctrl-C not in place of a complete run."""

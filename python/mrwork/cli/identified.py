@@ -12,18 +12,27 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mrwork.base.progress import ProgressLine
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.options import read_tests
-from mrwork.cli.output import as_plain, drawing, named, print_json, result_lines, task_line
+from mrwork.cli.output import (
+    as_plain,
+    drawing,
+    named,
+    print_json,
+    print_result,
+    renew_page,
+    result_lines,
+    task_line,
+)
 from mrwork.cli.terminal import note, show
-from mrwork.errors import escape_text
+from mrwork.errors import RecordError, escape_text
 from mrwork.identification.fit import Estimate, Fit, step_in_words
-from mrwork.identification.fit_file import manifest_of, write_run
+from mrwork.identification.fit_file import manifest_of, read_fit, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
 from mrwork.records.reading import Reading
 from mrwork.store.run_folder import FIT_RUN, REPORT
-from mrwork.store.unfinished import INTERRUPTED
+from mrwork.store.unfinished import INTERRUPTED, is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -80,6 +89,23 @@ class Identification:
         """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
         return fit.with_command(command_line(), self.reading)
 
+    def end_complete(self, table: str) -> int | None:
+        """Show the fit of a complete comparison of these tests, which has the `table`, and draw its page.
+
+        Return the exit status, `None` where there is no such comparison or it is not to be resumed.
+        """
+        destination, options = self.frame.destination, self.frame.options
+        folder = destination.path
+        if not (destination.continues and is_complete(folder) and (destination.place / table).is_file()):
+            return None
+        fit = read_fit(folder)
+        if {test.sha256 for test in self.tests} != {*fit.provenance.inputs.values()}:
+            raise RecordError(f"{folder} is of other tests; give the same, or --replace instead of --resume")
+        note(nothing_to_resume(folder))
+        status = renew_page(folder, quiet=self.frame.is_quiet)
+        print_result(options, summary_of(fit, self.tests, folder), text_of(fit, self.tests))
+        return status
+
     def end(
         self,
         fit: Fit,
@@ -103,7 +129,6 @@ class Identification:
             write_run(
                 self.frame.destination,
                 fit=fit,
-                report_html=_NOT_DRAWN if finished else _INTERRUPTED,
                 manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
                 journal=journal,
                 documents=documents,
@@ -132,21 +157,6 @@ class Identification:
         elif status == 0:
             show(f"\nReport: {folder / REPORT}")
         return status
-
-
-_PAGE = (
-    "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: {title}</title><p>{text}</p></html>\n"
-)
-_INTERRUPTED = _PAGE.format(
-    title="interrupted",
-    text="This identification was interrupted. The best parameters found so far are in fit.json; "
-    "run the same command with <code>--resume</code> to continue and to write the full report.",
-)
-_NOT_DRAWN = _PAGE.format(
-    title="page not drawn",
-    text="This identification is complete, and its result is in fit.json. Its page was not drawn; "
-    "<code>mrwork report RUN</code>, with this folder as RUN, draws it.",
-)
 
 
 def spread_of(fit: Fit) -> FitSpread:

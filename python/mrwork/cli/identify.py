@@ -220,6 +220,7 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
             before="any candidate was simulated",
         )
         journal.finish()
+        verb.frame.note_complete(journal)
         if fit is None:
             return status
         fit = verb.described_fit(fit, status)
@@ -281,6 +282,8 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
     from mrwork.uncertainty.choice.choose import choose_model
 
     verb = Identification.of(options, settings, "models", kept="what was identified")
+    if (status := verb.end_complete(RANKING)) is not None:
+        return status
     with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(
             lambda line: choose_model(
@@ -338,6 +341,8 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
     from mrwork.uncertainty.choice.laws import choose_laws
 
     verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+    if (status := verb.end_complete(LAWS)) is not None:
+        return status
     with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
         choice, status = verb.search(
             lambda line: choose_laws(

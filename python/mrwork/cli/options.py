@@ -143,8 +143,9 @@ def add_out(parser: CommandParser, what: str) -> None:
     output.add_argument(
         "--replace",
         action="store_true",
-        help="replace the run in the folder also where it is of another verb, where other verbs have added to it, or "
-        "where a file has been changed; otherwise it is refused. Files that no verb has written are kept",
+        help="replace the run in the folder also where it is unfinished or of another verb, where other verbs have "
+        "added to it, or where a file has been changed; otherwise it is refused. Files that no verb has written are "
+        "kept",
     )
 
 

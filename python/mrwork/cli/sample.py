@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.base.numbers import duration_in_words
-from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import TEMPERING, Range, add_number
 from mrwork.cli.options import add_repeated, add_run, add_seed, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
@@ -28,7 +28,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
-from mrwork.store.unfinished import addition_journal, keep_addition
+from mrwork.store.unfinished import addition_journal, is_copy, keep_addition, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
 
@@ -86,6 +86,9 @@ def add_options(parser: CommandParser) -> None:
     )
     add_seed(parser, "the walkers")
     add_threads(parser)
+    parser.group(OUTPUT).add_argument(
+        "--replace", action="store_true", help="begin a new chain in place of an unfinished one"
+    )
     end_parser(parser, run, resume=f"continue {CHAIN}; only --steps and --threads may differ")
 
 
@@ -100,10 +103,12 @@ def run(options: argparse.Namespace) -> int:
     kept = opened.place / CHAIN
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
     profiles = read_profiles(opened.place, opened.fit)
-    with addition_journal(kept, resume=options.resume, note=note) as journal:
+    with addition_journal(kept, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, priors, journal, options)
         if draws is None:
             return 130
+        if options.resume and is_copy(kept, journal):
+            note(nothing_to_resume(options.run_folder / CHAIN))
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 

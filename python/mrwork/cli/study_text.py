@@ -135,6 +135,7 @@ def run_on_study(
                 results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
         finally:
             journal.finish()
+        frame.note_complete(journal)
         assert results is not None  # an interrupted study has the runs so far
         written, page = frame.is_to_write(status), None
         if written:

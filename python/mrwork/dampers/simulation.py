@@ -244,7 +244,9 @@ def simulate_sensitivities(
 def simulate_force(
     spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
 ) -> Floats:
-    """Simulate one damper from rest and return its force [N], shape (n_time,).
+    """Simulate one damper and return its force [N], shape (n_time,).
+
+    Its states begin at zero, and the current in its coil at the first command.
 
     Raises
     ------

@@ -52,9 +52,10 @@ Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]
 def simulate(
     model: DamperSpec | str, theta: AnyArrayLike, record: DamperTest | Loading, *, threads: Threads = 0
 ) -> Floats:
-    """Forces [N] of candidates of a damper model under the motion and command of a record, from rest.
+    """Forces [N] of candidates of a damper model under the motion and command of a record.
 
-    The force is that of the damper; `predict` also applies the observation model of a test.
+    The states of the damper begin at zero, and the current in the coil at the first command. The force is that of the
+    damper; `predict` also applies the observation model of a test.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, parse_document, read_document, record_from_json, record_of
 from mrwork.store.input_file import is_there, make_stored_kind, text_of
 from mrwork.store.output_folder import Destination, write_folder
-from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, NEAR_SETS, REPORT, check_manifest, read_kind
+from mrwork.store.run_folder import FIT, FIT_RUN, JOURNAL, NEAR_SETS, check_manifest, read_kind
 from mrwork.store.unfinished import INTERRUPTED
 
 if TYPE_CHECKING:
@@ -29,24 +29,22 @@ def write_run(
     destination: Destination,
     *,
     fit: Fit,
-    report_html: str,
     manifest: Mapping[str, Any],
-    journal: str | Path,
+    journal: str | Path | None = None,
     documents: Mapping[str, object] | None = None,
     flush: bool = True,
 ) -> None:
     """Write the run folder of a fit; it replaces an earlier run of the same name, and keeps files of the user.
 
-    `report_html` stands in `report.html` until the page is drawn, `manifest` are facts about the run, `journal` is
-    copied, `documents` are further JSON documents by path inside the folder. `flush`: wait until the files are on the
-    disk, unless the fit was interrupted.
+    `manifest` are facts about the run, `journal` is copied if there is one, `documents` are further JSON documents by
+    path inside the folder. `flush`: wait until the files are on the disk, unless the fit was interrupted.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
     write_folder(
         destination,
-        contents | {FIT: fit_content(fit), REPORT: report_html.encode()},
+        contents | {FIT: fit_content(fit)},
         manifest=manifest,
-        copied={JOURNAL: Path(journal)},
+        copied={} if journal is None else {JOURNAL: Path(journal)},
         # After Ctrl-C the command must return at once; the operating system flushes the files later.
         flush=flush and fit.status != "interrupted",
     )

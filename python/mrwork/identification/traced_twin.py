@@ -54,7 +54,7 @@ class DamperTwin(Summarised):
         return RecordArrays.of(loading_for(record, self.spec).history())
 
     def simulate(self, theta: Array, record: RecordArrays, substeps: int) -> Array:
-        """Force of a record from rest [N], shape (n_time,), with a number of sub-steps per sample, see `substeps`."""
+        """Force of a record [N], shape (n_time,), with a number of sub-steps per sample, see `substeps`."""
         if not (isinstance(substeps, int) and substeps > 0):
             raise SettingError(f"`substeps` is {substeps}; give a whole number, see `substeps` of the twin")
 

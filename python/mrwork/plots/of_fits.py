@@ -25,6 +25,7 @@ from mrwork.plots.sheet import (
     axes_for,
     chosen,
     figure,
+    figure_of_panels,
     finished,
     motion_table,
     panels_for,
@@ -47,7 +48,7 @@ T = TypeVar("T")
 _LEVEL = 0.95
 
 
-@figure
+@figure_of_panels
 def laws(
     result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
 ) -> Panels | DataFrame:
@@ -101,7 +102,7 @@ def laws(
     return panels
 
 
-@figure
+@figure_of_panels
 def profiles(
     result: Profiles | Profile | StoredRun,
     ax: GivenAxes = None,
@@ -150,7 +151,7 @@ def profiles(
     return panels
 
 
-@figure
+@figure_of_panels
 def posterior(
     result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
 ) -> Panels | DataFrame:

@@ -52,6 +52,7 @@ from mrwork.plots.sheet import (
     axes_for,
     chosen,
     figure,
+    figure_of_panels,
     finished,
     panels_for,
     short,
@@ -496,7 +497,7 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
 _MOST_PANELS = 6
 
 
-@figure
+@figure_of_panels
 def ida(
     result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] = (), data: bool = False
 ) -> Panels | DataFrame:

@@ -70,7 +70,8 @@ def histories(
     result
         What is drawn.
     ax
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default those of a new figure. The legend stands above them, where a title would; with
+        `legend=False` there is none.
     test
         Name or number of the test of a fit, by default the first.
     signal

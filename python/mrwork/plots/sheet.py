@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
@@ -45,18 +46,45 @@ _SHOWN = {
 }
 
 
+_WITH_KEY = ContextVar("_WITH_KEY", default=True)
+
+
 class Drawing(Protocol[P, DrawnT_co]):
-    """A figure as a function: returns the axes, or with `data` the table behind them."""
+    """A figure as a function: returns the axes, or with `data` the table behind them.
+
+    With `legend=False` there is no legend above the axes, where a title of their owner may stand.
+    """
 
     @overload
     def __call__(self, *args: Any, data: Literal[True], **named: Any) -> DataFrame: ...
     @overload
     def __call__(self, *args: P.args, **named: P.kwargs) -> DrawnT_co: ...
+    @overload
+    def __call__(self, *args: Any, legend: bool, **named: Any) -> DrawnT_co: ...
 
 
-def figure(function: Callable[P, DrawnT_co | DataFrame]) -> Drawing[P, DrawnT_co]:
+def figure(function: Callable[P, Axes | DataFrame]) -> Drawing[P, Axes]:
     """A function of `mr.plots`: its arguments are checked, and it draws in the style of the package."""
-    return cast("Drawing[P, DrawnT_co]", checked(style.drawn_in_style()(function)))
+    return cast("Drawing[P, Axes]", _drawing(function))
+
+
+def figure_of_panels(function: Callable[P, Panels | DataFrame]) -> Drawing[P, Panels]:
+    """The same of a figure with several axes; checkers of types, to which a table may be anything, tell them so."""
+    return cast("Drawing[P, Panels]", _drawing(function))
+
+
+def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
+    drawn = checked(style.drawn_in_style()(function))
+
+    @wraps(drawn)
+    def draw(*args: Any, legend: bool = True, **named: Any) -> Any:
+        token = _WITH_KEY.set(legend)
+        try:
+            return drawn(*args, **named)
+        finally:
+            _WITH_KEY.reset(token)
+
+    return draw
 
 
 class Plots:
@@ -162,7 +190,7 @@ def finished(axes: Axes, abscissa: str, ordinate: str) -> Axes:
 def add_key(axes: Axes) -> None:
     """A legend above the axes, where there is something to tell apart."""
     labels = axes.get_legend_handles_labels()[1]
-    if len(labels) > 1:
+    if len(labels) > 1 and _WITH_KEY.get():
         axes.legend(
             loc="lower right",
             bbox_to_anchor=(1.0, 1.0),

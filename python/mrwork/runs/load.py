@@ -1,4 +1,4 @@
-"""Run folders read back: `mr.load` for all of them, and that of a fit as one value with what later verbs have added."""
+"""Run folders read back by `mr.load`, that of a fit with what later verbs have added; `mr.save` writes one of a fit."""
 
 from __future__ import annotations
 
@@ -9,12 +9,21 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 from mrwork.base.arguments import checked
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
-from mrwork.errors import RecordError, escape_text
+from mrwork.errors import OutputError, RecordError, escape_text
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit, Intervals
-from mrwork.identification.fit_file import read_addition, read_fit, read_others
+from mrwork.identification.fit_file import (
+    fit_content,
+    manifest_of,
+    read_addition,
+    read_fit,
+    read_others,
+    write_run,
+)
 from mrwork.store.codec import read_document
-from mrwork.store.run_folder import FIT, FIT_RUN, LAWS, PLAN, PROFILES, RANKING, STUDY_RUN, read_kind
+from mrwork.store.output_file import write_files
+from mrwork.store.output_folder import Destination, adding, check_destination, replacing_run
+from mrwork.store.run_folder import DRAWS, FIT, FIT_RUN, LAWS, PLAN, PROFILES, RANKING, STUDY_RUN, read_kind
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.held_out import HeldOutTests, read_held_out
@@ -22,7 +31,7 @@ from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning import CheckedPlan
-from mrwork.uncertainty.posterior.draws import Draws, read_draws
+from mrwork.uncertainty.posterior.draws import Draws, draws_content, read_draws
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import RunPlots
@@ -134,6 +143,62 @@ def load(
             "one, or leave `kind` out"
         )
     return held
+
+
+@checked
+def save(result: Fit | Draws, folder: str | Path) -> Path:
+    """Save a fit, or draws beside their fit, as a run folder that `load` and every verb take as that of a verb.
+
+    Verbs that need the tests again take a folder whose tests were read from files by `mrwork identify`; there is no
+    page.
+
+    Parameters
+    ----------
+    result
+        What `identify` or `sample` returned.
+    folder
+        Of a fit a folder without a run, of draws that of their fit without draws.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    OutputError
+        Where there is a run, or draws, already: nothing is replaced.
+    RecordError
+        Where draws are of another fit than that of the folder.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))
+    >>> mr.load(mr.save(fit, "out/bingham"), mr.StoredRun).fit.model  # doctest: +SKIP
+    'bingham'
+    """
+    place = Path(folder)
+    if isinstance(result, Fit):
+        destination = Destination(path=place, kind=FIT_RUN)
+        check_destination(destination)
+        with replacing_run(destination):
+            if destination.run() is not None:
+                raise OutputError(f"{place} has a run, which is not replaced; choose another folder")
+            write_run(destination, fit=result, manifest=manifest_of(result, result.status))
+        return place
+    with adding(place, DRAWS):
+        fit = read_fit(place)
+        made_of = result.provenance and result.provenance.inputs
+        if (result.model, result.names, made_of) != (fit.model, fit.spec.names, fit.provenance.inputs):
+            raise RecordError(
+                f"{place} has another fit than that of the draws; save their fit in a folder, then them"
+            )
+        if (place / DRAWS).exists():
+            raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
+        judged = judged_by_additions(place, fit, draws=result)
+        write_files(place, {DRAWS: draws_content(result, fit), FIT: fit_content(judged)})
+    return place
 
 
 def read_run(place: Path) -> Fit | StudyResults | TuningResults:

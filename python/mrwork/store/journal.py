@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 from mrwork.base.arguments import checked
+from mrwork.base.numbers import counted
 from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import differences, plain, rebuilt
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
@@ -56,16 +57,19 @@ class Journal:
     Parameters
     ----------
     path
-        The file; its folder must exist. The first line that is written replaces an existing journal.
+        The file; its folder must exist.
     resume
         Whether to continue an existing file.
+    replace
+        Whether the first line that is written may replace a journal that has recorded steps.
     note
         Called with a sentence if the end of the file is damaged and ignored.
 
     Raises
     ------
     JournalError
-        If the file is there and no journal. On resuming: if there is no such file, or if it is damaged before its end.
+        If the file is there and no journal, or has recorded steps and neither `resume` nor `replace` is given. On
+        resuming: if there is no such file, or if it is damaged before its end.
         On resuming or at the first step, unless `lock` was called before: if another writer holds the file.
     OutputError
         If a line cannot be written, or the file is a link or belongs to a run.
@@ -73,7 +77,12 @@ class Journal:
 
     @checked
     def __init__(
-        self, path: str | Path, *, resume: bool = False, note: Callable[[str], None] | None = None
+        self,
+        path: str | Path,
+        *,
+        resume: bool = False,
+        replace: bool = False,
+        note: Callable[[str], None] | None = None,
     ) -> None:
         self.path = Path(path)
         self._recorded: list[dict[str, Any]] = []
@@ -96,6 +105,11 @@ class Journal:
             refuse_place_in_run(self.path)
             if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
                 raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
+        if not (resume or replace) and (steps := n_steps(self.path)):
+            raise JournalError(
+                f"{self.path} has {counted(steps, 'step')} of an earlier run; continue it with resume=True, or begin "
+                "anew with replace=True"
+            )
         self._began = time.perf_counter() - self.seconds_before
 
     @property
@@ -136,7 +150,7 @@ class Journal:
             more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
                 f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
-                "resume with the same inputs and settings as before, or run again without --resume"
+                "resume with the same inputs and settings as before, or run again with --replace, not --resume"
             )
 
     @checked
@@ -158,7 +172,7 @@ class Journal:
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
             raise JournalError(
                 f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
-                f"({type(reason).__name__}: {reason}); run again without --resume"
+                f"({type(reason).__name__}: {reason}); run again with --replace, not --resume"
             ) from reason
 
     @checked
@@ -250,7 +264,7 @@ class Journal:
     def _mismatch(self, recorded: Mapping[str, Any], step: str) -> JournalError:
         return JournalError(
             f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
-            f"{step}: the program or the machine has changed since; run again without --resume"
+            f"{step}: the program or the machine has changed since; run again with --replace, not --resume"
         )
 
     def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
@@ -333,6 +347,14 @@ def is_journal(path: Path) -> bool:
     return start in (_START, b"")
 
 
+def n_steps(path: Path) -> int:
+    """Number of recorded steps in a journal of any format, of which the header is none; 0 where there is no file."""
+    if not is_there(path, JOURNAL_FILE):
+        return 0
+    entries = map(_entry_of, bytes_of(path, JOURNAL_FILE).splitlines(keepends=True))
+    return sum(entry is not None and "result" in entry for entry in entries)
+
+
 def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     """The entries of a journal, and the number of bytes that they occupy.
 
@@ -346,22 +368,23 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     sound = entries.index(None) if None in entries else len(entries)
     if any(entry is not None for entry in entries[sound:]):
         raise JournalError(
-            f"{path} is damaged in line {sound + 1}, with sound lines after it; run again without --resume"
+            f"{path} is damaged in line {sound + 1}, with sound lines after it; run again with --replace, not --resume"
         )
     if not sound and len(lines) > 1:
         raise JournalError(
-            f"{path} is not a journal that this version can resume; run again without --resume"
+            f"{path} is not a journal that this version can resume; run again with --replace, not --resume"
         )
     kept = [entry for entry in entries[:sound] if entry is not None]
     if kept and kept[0].get("format") != FORMAT:
         raise JournalError(
-            f"{path} has format {kept[0].get('format')}, this version reads {FORMAT}; run again without --resume"
+            f"{path} has format {kept[0].get('format')}, this version reads {FORMAT}; run again with --replace, "
+            "not --resume"
         )
     for number, entry in enumerate(kept, start=1):
         if entry.get("line") != number:
             raise JournalError(
                 f"{path} lacks a line before its line {number}, which says it is line {entry.get('line')}; "
-                "run again without --resume"
+                "run again with --replace, not --resume"
             )
     return kept, sum(len(line) for line in lines[:sound])
 

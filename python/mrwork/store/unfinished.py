@@ -8,15 +8,16 @@ worker. After an error of the inputs, which would come again, it is removed.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from filecmp import cmp
 from pathlib import Path
 from types import TracebackType
 
+from mrwork.base.numbers import counted
 from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError, WorkerError
 from mrwork.store.input_file import bytes_of
-from mrwork.store.journal import JOURNAL_FILE, Journal
+from mrwork.store.journal import JOURNAL_FILE, Journal, n_steps
 from mrwork.store.output_file import (
     Lock,
     check_own,
@@ -54,23 +55,54 @@ def is_complete(path: str | Path) -> bool:
     return manifest.exists() and read_manifest_if_whole(manifest).get("status") != INTERRUPTED
 
 
+def nothing_to_resume(path: Path) -> str:
+    """What is said where --resume is given for what is complete; its result is shown, and its page drawn again."""
+    return f"{path} is complete; nothing to resume"
+
+
 @contextmanager
 def run_journal(destination: Destination, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
     """The journal of a run, begun or resumed; it and the run folder are locked until the end of the block."""
     path = destination.path
     with replacing_run(destination):
+        if not resume:
+            _refuse_unfinished(destination, [part_of(path) / JOURNAL])
         journal = resume_journal(path, note=note) if resume else begin_journal(path)
         with _outliving(journal, real_place(path) / JOURNAL, resume=resume):
             yield journal
 
 
 @contextmanager
-def addition_journal(kept: Path, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
+def addition_journal(
+    kept: Path, *, resume: bool, replace: bool, note: Callable[[str], None]
+) -> Iterator[Journal]:
     """The journal of an addition, begun or resumed, that the block moves to `kept`; both are locked until its end."""
     with adding(kept.parent, kept.name):
+        if not (resume or replace):
+            _refuse_steps(kept, [name_unfinished(kept)])
         journal = resume_addition(kept, note=note) if resume else begin_addition(kept)
         with _outliving(journal, kept, resume=resume):
             yield journal
+
+
+def _refuse_unfinished(destination: Destination, journals: Iterable[Path]) -> None:
+    """Refuse to begin a run where an unfinished one has steps, in `journals` or in the folder of an interrupted run."""
+    if not destination.replace:
+        place = destination.place
+        interrupted = (place / MANIFEST).exists() and not is_complete(place)
+        _refuse_steps(destination.path, [*journals, *([place / JOURNAL] if interrupted else [])])
+
+
+def _refuse_steps(path: Path, journals: Iterable[Path]) -> None:
+    steps = 0
+    for journal in journals:
+        check_own(journal)
+        steps += n_steps(journal)
+    if steps:
+        raise JournalError(
+            f"{path} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to continue "
+            "it, or with --replace to begin anew"
+        )
 
 
 @contextmanager
@@ -96,7 +128,7 @@ def _comes_again(error: BaseException, *, resume: bool) -> bool:
 
 def begin_journal(path: str | Path) -> Journal:
     """Begin a journal for the run folder at `path`, locked; an earlier run there does not change."""
-    return _lock(Journal(_folder(path) / JOURNAL))
+    return _lock(Journal(_folder(path) / JOURNAL, replace=True))
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
@@ -132,7 +164,7 @@ def is_copy(kept: Path, journal: Journal) -> bool:
 
 def begin_addition(kept: Path) -> Journal:
     """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before."""
-    return _lock(Journal(name_unfinished(kept)))
+    return _lock(Journal(name_unfinished(kept), replace=True))
 
 
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
@@ -190,7 +222,7 @@ class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
     Leaving a `with` block closes them, and removes them after an error of the inputs. Existing ones are continued with
-    `resume`, else removed.
+    `resume`, else removed; those that have recorded steps only where the destination may be replaced.
     """
 
     def __init__(
@@ -207,6 +239,8 @@ class StepJournals:
             )
         with explain_failure(f"make {self._folder}", "choose another folder"), ExitStack() as locked:
             locked.enter_context(replacing_run(destination))
+            if not resume:
+                _refuse_unfinished(destination, self._folder.rglob(f"*{_STEP_SUFFIX}"))
             self._folder.parent.mkdir(exist_ok=True)
             if not resume:
                 if self._folder.exists():

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from mrwork.base.numbers import duration_in_words, of_unit
-from mrwork.base.progress import ProgressReport, share_of_time
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -49,7 +49,7 @@ class StudyProgress(ProgressReport):
     """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s].
 
     `left` is the time that is left [s], `None` where it is not known. `reasons` say, in every report that has it, why
-    a study takes long.
+    a study takes long. `recalled` is the share of the runs that a journal had.
     """
 
     done: int
@@ -58,6 +58,7 @@ class StudyProgress(ProgressReport):
     seconds: float
     left: float | None = None
     reasons: tuple[str, ...] = ()
+    recalled: float = 0.0
 
     @property
     def in_words(self) -> str:
@@ -69,8 +70,10 @@ class StudyProgress(ProgressReport):
 
     @property
     def share(self) -> float | None:
-        """Share of the time that has passed, `None` where it is not known."""
-        return share_of_time(self.seconds, self.left)
+        """Share that was recalled, and of the time for the rest the part that has passed; `None` if unknown."""
+        if self.left is None:
+            return None
+        return self.recalled + (1.0 - self.recalled) * self.seconds / max(self.seconds + self.left, 1e-9)
 
     def later(self, seconds: float) -> StudyProgress:
         """The same after some time without a report [s]; what takes longer than expected has no time left to tell."""
@@ -111,7 +114,7 @@ class Course:
         self._present: PartKey | None = None
         # Number of parts that have begun.
         self._begun = 0
-        self._label, self._done = "", 0
+        self._label, self._done, self._recalled = "", 0, 0.0
         # Of the finished parts: what they took, and what was expected [s].
         self._took = self._promised = 0.0
 
@@ -124,6 +127,7 @@ class Course:
         if key is not None:
             self._begun = [*self._parts].index(key) + 1
         if self._expected is None and key is not None and not recalling:
+            self._recalled = done / self._total
             self._report(None)
             self._why = self._try_parts()
         self._part_began = time.perf_counter()
@@ -144,6 +148,7 @@ class Course:
                 seconds=time.perf_counter() - self._began,
                 left=left,
                 reasons=() if left is None else self._why,
+                recalled=self._recalled,
             )
         )
 

@@ -516,7 +516,7 @@ def _choose_best_constant(
     if journal is not None and best.command not in _levels(arrangement):
         raise JournalError(
             f"{journal.path} has a best constant command of {best.command:g} {study.command_unit}, which is "
-            "none of those that are tried; run again without --resume"
+            "none of those that are tried; run again with --replace, not --resume"
         )
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
     with_command = replace(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -81,8 +81,8 @@ def follow_gradients(
     return Finish(unit=np.asarray(minimum.x), gradients=count)
 
 
-Report = Callable[[int, float], None]
-"""Called with the number of candidates of the law so far, and their least penalised objective."""
+Report = Callable[[int, int, float], None]
+"""Called with the candidates of the law so far, the most that there may be, and their least penalised objective."""
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
@@ -98,7 +98,10 @@ _ENDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningProgress(ProgressReport):
-    """Progress of a tuning: the present law, its candidates, its least objective, laws done and in total, seconds."""
+    """Progress of a tuning: the present law, its candidates and most of them, its least objective, laws done.
+
+    `share` is that of all candidates that are done, also before a tuning was resumed; `seconds` are of this process.
+    """
 
     label: str
     candidates: int
@@ -107,19 +110,15 @@ class TuningProgress(ProgressReport):
     done: int
     total: int
     seconds: float
+    share: float = field()
 
     @property
     def in_words(self) -> str:
         """Progress in one line: the present law, its candidates, its least objective, laws done."""
         return (
-            f"{self.label}: {self.candidates} candidates, least objective {self.least:.4f}, "
+            f"{self.label}: {self.candidates} of {self.budget} candidates, least objective {self.least:.4f}, "
             f"{self.done} of {self.total} laws done, {duration_in_words(self.seconds)}"
         )
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return self.done / self.total if self.total else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,7 +162,8 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     best, least = scores.best, float(scores.penalised_scores[scores.best])
     chosen, origin = firsts[best].candidate, firsts[best].origin
     trace = [TracePoint(candidates=len(candidates), least=least)]
-    report(len(candidates), least)
+    most = len(candidates) + (table.budget if plan.space.continuous else 0)
+    report(len(candidates), most, least)
 
     def result(
         train: TuningJudgement,
@@ -198,7 +198,7 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
                     least=min(trace[-1].least, event.best_misfit),
                 )
             )
-            report(trace[-1].candidates, trace[-1].least)
+            report(trace[-1].candidates, most, trace[-1].least)
 
         try:
             search = _search(plan, bench, candidates, scores, rng, on_generation)
@@ -326,7 +326,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
         rng=rng + table.seed,
         starts=np.array(starts).reshape(-1, len(space.free)),
         journal=bench.journal,
-        on_generation=lambda evaluations: report(evaluations, float("nan")),
+        on_generation=lambda evaluations: report(evaluations, table.budget, float("nan")),
     )
     candidates = list(distinct([space.candidate(unit) for unit in result.units]))
     train = _evaluate(bench, plan, parts, candidates)

@@ -146,18 +146,22 @@ def tune(
         references.extend(islice(found, None if plans else 3))
         if any(each.relative_to == "best_passive" for each in objectives):
             benches = benches.with_constant(best_constant(references))
+        searches = sum(1 + bool(plan.table.objectives) for plan in plans)
         for number, plan in enumerate(plans):
 
-            def report(candidates: int, least: float, plan: LawPlan = plan, done: int = number) -> None:
+            def report(
+                candidates: int, most: int, least: float, plan: LawPlan = plan, done: int = number
+            ) -> None:
                 on_progress(
                     TuningProgress(
                         label=f"{plan.label}{by_whom()}",
                         candidates=candidates,
-                        budget=plan.table.budget,
+                        budget=most,
                         least=least,
                         done=done,
                         total=len(plans),
                         seconds=time.perf_counter() - clock.began,
+                        share=(len(tuned) + len(fronts) + min(candidates / most, 1.0)) / searches,
                     )
                 )
 

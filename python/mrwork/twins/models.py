@@ -339,7 +339,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
 def simulate(
     spec: DamperSpec, theta: Array, stages: Array, dt: Array | float, command: Array | float = 0.0
 ) -> Array:
-    """Simulate the force of a damper from rest, with the stepping rule of the Rust core.
+    """Simulate the force of a damper with states that begin at zero, by the stepping rule of the Rust core.
 
     Parameters
     ----------
@@ -351,7 +351,8 @@ def simulate(
     dt
         Sampling step [s].
     command
-        Command [A or V], one number, or shape (n_time,) with each sample held until the next. The lag starts settled.
+        Command [A or V], one number, or shape (n_time,) with each sample held until the next. The current in
+        the coil begins at the first command.
 
     Returns
     -------

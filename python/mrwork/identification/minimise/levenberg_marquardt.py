@@ -193,7 +193,7 @@ def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
     _check_recalled(theta, start)
     if not (np.array_equal(theta, start) or box.contains(theta)):
         raise JournalError(
-            "the journal holds a minimum outside of the bounds of the search; run again without --resume"
+            "the journal holds a minimum outside of the bounds of the search; run again with --replace, not --resume"
         )
 
 
@@ -403,7 +403,7 @@ def _check_recalled(recalled: Floats, expected: Floats) -> None:
     if recalled.shape != expected.shape:
         raise JournalError(
             f"the journal holds a minimum of the shape {recalled.shape} where {expected.shape} was expected; "
-            "run again without --resume"
+            "run again with --replace, not --resume"
         )
 
 

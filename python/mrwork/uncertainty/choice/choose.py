@@ -20,7 +20,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.numbers import duration_in_words
-from mrwork.base.progress import ProgressReport, share_of_time
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.parameters import LawName
@@ -187,6 +187,7 @@ class Choice(WithAxes, Summarised):
 class ChoiceProgress(ProgressReport):
     """Progress of a choice of model or of laws, with that of the current fit; `seconds_left` is `None` if unknown.
 
+    `share` is that of the fits that are done, `None` where their number is not known.
     Where laws are chosen, `n_tried` sets are done, and the best of them has the left-out fit `left_out_percent`.
     """
 
@@ -199,6 +200,7 @@ class ChoiceProgress(ProgressReport):
     within: Progress | None = None
     n_tried: int = 0
     left_out_percent: float = np.nan
+    share: float | None = field(default=None)
 
     @property
     def in_words(self) -> str:
@@ -213,11 +215,6 @@ class ChoiceProgress(ProgressReport):
         if self.seconds_left is not None:
             parts.append(f"about {duration_in_words(self.seconds_left)} left")
         return ", ".join(parts)
-
-    @property
-    def share(self) -> float | None:
-        """Share of the time that has passed, `None` where it is not known."""
-        return share_of_time(self.seconds, self.seconds_left)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -261,6 +258,7 @@ class Steps:
         seconds_left: float | None = None,
         n_tried: int = 0,
         left_out_percent: float = np.nan,
+        share: float | None = None,
     ) -> None:
         """Report that a model is at a task."""
         if self.on_progress is not None:
@@ -275,6 +273,7 @@ class Steps:
                     within=within,
                     n_tried=n_tried,
                     left_out_percent=left_out_percent,
+                    share=share,
                 )
             )
 
@@ -459,7 +458,7 @@ class RunningComparison:
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
         # Workers tell the time that is left themselves.
         left = left if present_workers() is None else None
-        self.steps.report(model, task, within, seconds_left=left)
+        self.steps.report(model, task, within, seconds_left=left, share=self._done / total)
 
 
 @checked

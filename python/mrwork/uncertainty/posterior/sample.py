@@ -479,7 +479,7 @@ def sample(
     if journal is not None and not np.isfinite(ensemble.densities[0]).all():
         # Walkers start where it is.
         raise JournalError(
-            f"{journal.path} begins with densities that are not finite; run again without --resume"
+            f"{journal.path} begins with densities that are not finite; run again with --replace, not --resume"
         )
     monitor = _Monitor(most_steps=most_steps, began=began, on_progress=on_progress, journal=journal)
     try:

@@ -1,0 +1,70 @@
+"""`mr.save` writes what Python has made as the folder of a verb, which `mr.load` reads back to the bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from report_samples import comparison
+from report_samples import fit as sample_fit
+
+import mrwork as mr
+from mrwork.errors import OutputError, RecordError
+from mrwork.store.output_folder import Destination
+from mrwork.store.run_folder import FIT_RUN
+
+
+@pytest.fixture(scope="module")
+def test() -> mr.DamperTest:
+    return mr.synthetic_test("spencer1997")
+
+
+@pytest.fixture(scope="module")
+def fit(test: mr.DamperTest) -> mr.Fit:
+    return mr.identify("bingham", test, rng=0)
+
+
+@pytest.fixture(scope="module")
+def draws(fit: mr.Fit, test: mr.DamperTest) -> mr.Draws:
+    return mr.sample(fit, test, walkers=16, most_steps=40, threads=1)
+
+
+def test_a_fit_and_its_draws_come_back_and_verbs_take_them(
+    fit: mr.Fit, draws: mr.Draws, tmp_path: Path
+) -> None:
+    place = mr.save(fit, tmp_path / "run")
+    read = mr.load(place, mr.StoredRun).fit
+    assert (read.theta, read.fingerprint) == (fit.theta, fit.fingerprint)
+    mr.save(draws, place)
+    stored = mr.load(place, mr.StoredRun).draws
+    assert stored is not None
+    assert np.array_equal(stored.chains, draws.chains)
+    assert mrwork("predict", place, "synthetic:spencer1997_slow", "--quiet").returncode == 0
+    # With digest and kind as of a verb: unchanged, it is one of `mrwork identify`, with additions.
+    run = Destination(path=place, kind=FIT_RUN).run()
+    assert run is not None
+    assert run.kind is FIT_RUN
+    assert "posterior.nc" in run.additions()
+
+
+def test_nothing_is_replaced_and_draws_belong_to_their_fit(
+    fit: mr.Fit, draws: mr.Draws, test: mr.DamperTest, tmp_path: Path
+) -> None:
+    place = mr.save(fit, tmp_path / "run")
+    with pytest.raises(OutputError, match="has a run"):
+        mr.save(fit, place)
+    mr.save(draws, place)
+    with pytest.raises(OutputError, match="has draws"):
+        mr.save(draws, place)
+    with pytest.raises(RecordError, match="does not exist"):
+        mr.save(draws, tmp_path / "none")
+    other = mr.save(mr.identify("viscous_dahl", test, rng=0), tmp_path / "other")
+    with pytest.raises(RecordError, match="another fit"):
+        mr.save(draws, other)
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="not a run folder"):
+        mr.save(fit, tmp_path / "files")
+    mr.save(sample_fit(comparison()), tmp_path / "described")
