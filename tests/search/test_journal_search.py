@@ -94,7 +94,7 @@ def test_thresholds_leave_the_same_journal(tmp_path):
 def test_another_search_is_refused_by_name(tmp_path, refused: Refused):
     for changed in ({"rng": 6}, {"replicates": (0, 4)}):
         path = tmp_path / "journal.jsonl"
-        searched(shortened("genetic"), Journal(path))
+        searched(shortened("genetic"), Journal(path, replace=True))
         refused(searched, shortened("genetic"), Journal(path, resume=True), **changed)
 
 

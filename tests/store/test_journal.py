@@ -190,7 +190,7 @@ def test_lines_with_a_right_checksum_and_a_wrong_content_are_refused(path: Path)
 
 def test_a_fresh_journal_takes_the_place_of_an_earlier_one_when_it_writes(path: Path) -> None:
     before = path.read_bytes()
-    journal = Journal(path)
+    journal = Journal(path, replace=True)
     assert path.read_bytes() == before
     journal.agree("run", {"seed": 7})
     journal.close()
@@ -200,7 +200,7 @@ def test_a_fresh_journal_takes_the_place_of_an_earlier_one_when_it_writes(path: 
 def test_one_process_at_a_time_writes(path: Path, refused: Refused) -> None:
     first = Journal(path, resume=True)
     refused(Journal, path, resume=True)
-    refused(Journal(path).agree, "run", FACTS)
+    refused(Journal(path, replace=True).agree, "run", FACTS)
     first.close()
     Journal(path, resume=True).close()
 

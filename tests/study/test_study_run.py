@@ -276,6 +276,7 @@ def test_a_best_constant_command_that_was_not_tried_is_refused(
 ) -> None:
     for command in (-5.0, 1e9, math.nan, 0.01):
         path = tmp_path / "study.jsonl"
+        path.unlink(missing_ok=True)
         ran(study, path)
         entries, _ = read_lines(path.read_bytes(), path)
         number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")

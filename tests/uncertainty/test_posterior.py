@@ -204,7 +204,7 @@ def test_a_forged_density_is_refused(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "chain.jsonl"
 
     def sampled(*, resume: bool) -> Draws:
-        with closing(Journal(path, resume=resume)) as journal:
+        with closing(Journal(path, resume=resume, replace=True)) as journal:
             return sample(small_fit(), small_test(), walkers=16, most_steps=3, threads=1, journal=journal)
 
     for line, density in ((3, np.nan), (3, np.inf), (2, -np.inf)):
