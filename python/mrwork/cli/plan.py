@@ -155,8 +155,7 @@ def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path
         for value in (plan.deviation, best.deviation)
     ]
     lines = [
-        f"Of {len(plan.gains)} tests this one narrows the band of {plan.band} most: "
-        f"{best.candidate.in_words(unit)}",
+        plan.sentence(unit),
         f"The standard deviation of the band is {deviations[0]} now and {deviations[1]} after this test, if the "
         "model is valid there.",
         "",

@@ -19,11 +19,11 @@ _AT_END, _BEYOND = 0.95, 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetsApart:
-    """How far sets of laws that predict nearly as well are apart where the tests end.
+    """How far sets of laws that predict nearly as well are apart where the tests end, and between their commands.
 
     `percent` is the root mean square over these samples of the largest minus the least force of the `n_sets`, per that
     of the force of the chosen set there; `velocity` [m/s] is their peak. A sample is where the tests end if its
-    velocity or its displacement from the middle reaches 95 % of the tested peak, or its command is outside the tested
+    velocity or its displacement from the middle reaches 95 % of the tested peak, or its command is off all tested
     ones by 5 % of the largest.
     """
 
@@ -50,9 +50,9 @@ def sets_apart(
     away = np.abs(displacement - 0.5 * (displacement.max() + displacement.min()))
     ends = (np.abs(velocity) >= _AT_END * tested.velocity) | (away >= _AT_END * tested.stroke)
     if command is not None and tested.command is not None:
-        lowest, highest = tested.command
-        most = 0.5 * (highest - lowest) + _BEYOND * abs(highest)
-        ends |= np.abs(np.asarray(command) - 0.5 * (lowest + highest)) > most
+        sent = np.asarray(command, dtype=np.float64)[..., None]
+        known = np.array(tested.levels) if tested.levels else np.clip(sent, *tested.command)
+        ends |= np.abs(sent - known).min(axis=-1) > _BEYOND * abs(tested.command[1])
     scale = float(np.linalg.norm(forces[0, ends]))
     if len(forces) < 2 or scale == 0.0:
         return None

@@ -319,6 +319,13 @@ def _at_nodes(law: LawName, by_values: LawName, commands: Sequence[float]) -> La
     return law_at(by_values, sorted(nodes))
 
 
+def other_form(law: CurrentLaw, parameter: ParamSpec) -> LawName:
+    """The law through the same values of a positive parameter, direct or in logarithms; empty where there is none."""
+    if not law.nodes or parameter.scale != "log" or len(law.nodes) > len(polynomial_laws()):
+        return ""
+    return law_at(polynomial_laws()[len(law.nodes) - 1] if law.takes_logarithms else _VALUES, law.nodes)
+
+
 @cache
 def current_laws() -> Mapping[LawName, CurrentLaw]:
     """The current laws that have a name of their own; polynomials in order of their degree."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from mrwork import _rust
 from mrwork.base.arguments import checked
+from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
@@ -21,6 +22,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import (
+    CurrentLaw,
     CurrentLaws,
     LawName,
     ParamSpec,
@@ -28,6 +30,7 @@ from mrwork.dampers.parameters import (
     law_equations,
     law_named,
     laws_in_order,
+    other_form,
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
@@ -423,6 +426,85 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                 )
             )
     return tuple(limits)
+
+
+# Share of the larger of a law's values at two neighbouring commands by which it may pass both between them.
+_OVERSHOOT = 0.05
+_PER_GAP = 41
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HiddenExtremum:
+    """An extremum of a law, `value` at `command`, `between` two tested commands.
+
+    `instead` is the other form of the law through the same values, if that has none.
+    """
+
+    parameter: str
+    unit: str
+    value: float
+    command: float
+    between: tuple[float, float]
+    command_unit: CommandUnit
+    instead: LawName
+
+    @property
+    def in_words(self) -> str:
+        """The extremum, and what to do."""
+        value = of_unit(self.value, "" if self.unit == "1" else self.unit, 3)
+        low, high = (f"{each:.3g}" for each in self.between)
+        law = f"give {self.parameter}={self.instead} as its law" if self.instead else "choose another law"
+        return (
+            f"the law of {self.parameter} has an extremum between the tested commands {low} and {high} "
+            f"{self.command_unit}, {value} at {of_unit(self.command, self.command_unit, 3)}, that no test shows: test "
+            f"there, or {law}"
+        )
+
+
+def hidden_extrema(
+    spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]
+) -> tuple[HiddenExtremum, ...]:
+    """For each parameter the largest extremum of its law between neighbouring tested commands, lowest first.
+
+    There the law passes its values at both commands by more than 5 % of the larger of them.
+    """
+    if spec.current is None or len(levels) < 2:
+        return ()
+    command = np.linspace(levels[:-1], levels[1:], _PER_GAP)
+
+    def largest(law: CurrentLaw, parameter: ParamSpec, own: Floats) -> tuple[float, int, Floats]:
+        value = law.values(own, command.ravel(), log=parameter.scale == "log").reshape(command.shape)
+        ends = value[[0, -1]]
+        beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
+        share = beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST)
+        return float(share.max()), int(np.argmax(share)), value
+
+    found = []
+    coefficients = by_parameter(spec, np.asarray(theta, dtype=np.float64))
+    for parameter, name, own in zip(spec.plain, spec.current.laws, coefficients, strict=False):
+        law = law_named(name)
+        share, most, value = largest(law, parameter, own)
+        if share <= _OVERSHOOT:
+            continue
+        instead = other_form(law, parameter)
+        if instead:
+            share, _, values = largest(law_named(instead), parameter, own)
+            least = max(parameter.lower, _VANISHED * values.max())
+            if share > _OVERSHOOT or values.min() < least or values.max() > parameter.upper:
+                instead = ""
+        gap = most % command.shape[1]
+        found.append(
+            HiddenExtremum(
+                parameter=parameter.name,
+                unit=parameter.unit,
+                value=float(value.flat[most]),
+                command=float(command.flat[most]),
+                between=(levels[gap], levels[gap + 1]),
+                command_unit=spec.current.unit,
+                instead=instead,
+            )
+        )
+    return tuple(found)
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import inf, isfinite
 from typing import ClassVar, Literal, get_args
 
@@ -31,6 +32,8 @@ _PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
 
 # Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
 _TOLERANCE = 0.05
+# A gap between tested commands is wide if it is this share of their range and this factor wider than any other.
+_WIDE, _WIDER = 0.25, 1.9
 # Cycles of a motion differ in length, and half cycles in amplitude, by more than that.
 _CYCLE_TOLERANCE = 0.1
 # Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
@@ -51,7 +54,8 @@ _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 class Exceedance(Summarised):
     """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
 
-    `extrapolated` are the parameters whose laws are used at a command that was not tested.
+    A command between `lowest` and `highest` is in a gap of the tested ones. `extrapolated` are the parameters whose laws
+    are used at a command that was not tested.
     """
 
     quantity: OperatingQuantity
@@ -65,6 +69,11 @@ class Exceedance(Summarised):
     def below(self) -> bool:
         """Whether the demand is below the tested range, and not above."""
         return self.demanded < self.lowest
+
+    @property
+    def between(self) -> bool:
+        """Whether the demand is in a gap of the tested commands."""
+        return self.quantity == "command" and self.lowest < self.demanded < self.highest
 
     @property
     def rank(self) -> tuple[bool, int]:
@@ -99,12 +108,16 @@ class Exceedance(Summarised):
         if self.quantity in ("frequency", "command"):
             single = _is_single(self.lowest, self.highest)
             tested = f"at {highest}" if single else f"from {lowest} to {highest}"
-        times = f" ({self.times:.2g} times)" if not self.below and isfinite(self.times) else ""
+        if self.between:
+            tested = f"up to {lowest} {unit} and from {highest}"
+        known = self.between or self.below or not isfinite(self.times)
+        times = "" if known else f" ({self.times:.2g} times)"
         name = _NAMES.get(self.quantity, self.quantity)
         laws = ""
         if self.extrapolated:
             plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
-            laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} extrapolated"
+            how = "interpolated, and no test shows by which form" if self.between else "extrapolated"
+            laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} {how}"
         return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
 
     def _summary(self) -> Summary:
@@ -120,7 +133,8 @@ class OperatingRange(Summarised, Related):
     [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
     `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
     `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command`, in
-    `command_unit`, is the lowest and the highest, `None` if unknown.
+    `command_unit`, is the lowest and the highest, `None` if unknown, and `levels` are those at which it stays, lowest
+    first, empty if unknown.
     """
 
     stroke: NotNegative
@@ -131,6 +145,7 @@ class OperatingRange(Summarised, Related):
     force: NotNegative
     power: NotNegative
     least_stroke: NotNegative | None = None
+    levels: tuple[float, ...] = ()
 
     def disagreement(self) -> str:
         """First contradiction: ends of a range that are not in order, or a command without unit."""
@@ -139,11 +154,24 @@ class OperatingRange(Summarised, Related):
                 return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
         return "the command has no unit" if self.command is not None and self.command_unit is None else ""
 
+    @property
+    def gap(self) -> tuple[float, float] | None:
+        """Neighbouring levels of the command between which no test is, where every other gap is far narrower."""
+        gaps = sorted(pairwise(self.levels), key=lambda gap: gap[1] - gap[0])
+        if len(gaps) < 2:
+            return None
+        low, high = gaps[-1]
+        span, second = self.levels[-1] - self.levels[0], gaps[-2][1] - gaps[-2][0]
+        # Levels that noise sets apart are one.
+        is_wide = second > _TOLERANCE * span and high - low >= max(_WIDER * second, _WIDE * span)
+        return (low, high) if is_wide else None
+
     @checked
     def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
         """Quantities in which a demand is outside these ranges by more than 5 %, frequency and least stroke 10 %.
 
-        Half cycles below the least tested stroke count where they make a fifth of the travel of the demand.
+        Half cycles below the least tested stroke count where they make a fifth of the travel of the demand. A command
+        in a `gap` of the tested ones is outside, too: a level of the demand, or an end of its range.
         """
         exceedances = [
             _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
@@ -162,6 +190,8 @@ class OperatingRange(Summarised, Related):
             exceedances.append(
                 _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
             )
+            if self.gap is not None and not exceedances[-1]:
+                exceedances.append(_in_gap(unit, self.gap, demand.levels or demand.command))
         return tuple(sorted(filter(None, exceedances), key=lambda each: each.rank))
 
     @property
@@ -183,6 +213,9 @@ class OperatingRange(Summarised, Related):
             span = f"to {shown[0]}"
             if len(shown) == 2:
                 span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
+            if quantity == "command" and self.gap is not None:
+                (low, high), _ = _format_values(quantity, self.gap, unit)
+                unit += f" without tests between {low} and {high} {unit}"
             rows.append((_NAMES.get(quantity, quantity), f"{span} {unit}"))
         return rows
 
@@ -263,6 +296,7 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
         frequency=_hull(each.frequency for each in ranges),
         command=_hull(each.command for each in ranges),
         command_unit=units[0] if units else None,
+        levels=tuple(sorted({level for each in ranges for level in each.levels})),
         force=max(each.force for each in ranges),
         power=max(each.power for each in ranges),
         least_stroke=min(
@@ -272,10 +306,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 
 
 def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
-    """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
-    groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
+    """For each quantity, above, below and in a gap of its range: the worst exceedance, its label, and how many there are."""
+    groups: dict[tuple[str, bool, bool], list[tuple[str, Exceedance]]] = {}
     for label, each in exceedances:
-        groups.setdefault((each.quantity, each.below), []).append((label, each))
+        groups.setdefault((each.quantity, each.below, each.between), []).append((label, each))
     worst = []
     for members in groups.values():
         label, exceedance = max(members, key=lambda member: member[1].severity)
@@ -303,6 +337,14 @@ def _exceedance(
     else:
         return None
     return Exceedance(quantity=quantity, demanded=demanded, lowest=lowest, highest=highest, unit=unit)
+
+
+def _in_gap(unit: str, gap: tuple[float, float], demanded: Sequence[float]) -> Exceedance | None:
+    """The demanded command that is deepest in a gap of the tested ones."""
+    depth, command = max((min(each - gap[0], gap[1] - each), each) for each in demanded)
+    if depth <= _TOLERANCE * (gap[1] - gap[0]):
+        return None
+    return Exceedance(quantity="command", demanded=command, lowest=gap[0], highest=gap[1], unit=unit)
 
 
 # Reversals of less than this fraction of the peak-to-peak displacement are noise.

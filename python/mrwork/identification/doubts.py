@@ -18,7 +18,7 @@ import numpy as np
 
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import law_at, law_named, polynomial_laws
+from mrwork.dampers.parameters import law_named, other_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -134,11 +134,10 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     spec = objective.spec
     if spec.current is None:
         return ()
-    polynomials = polynomial_laws()
     through = {
-        parameter.name: law_at(polynomials[len(law.nodes) - 1], law.nodes)
+        parameter.name: form
         for parameter, law in zip(spec.plain, map(law_named, spec.current.laws), strict=True)
-        if law.takes_logarithms and parameter.scale == "log" and len(law.nodes) <= len(polynomials)
+        if law.takes_logarithms and (form := other_form(law, parameter))
     }
     if not through:
         return ()

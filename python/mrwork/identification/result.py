@@ -21,7 +21,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.dampers.simulation import MOST_SUBSTEPS, stiffness_shares
-from mrwork.dampers.spec import DamperSpec, law_limits
+from mrwork.dampers.spec import DamperSpec, hidden_extrema, law_limits
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
@@ -281,19 +281,23 @@ _NEAR = 1.25
 
 
 def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tuple[str, ...]:
-    """A sentence for each law that leaves its admissible range, or vanishes, within or near the tested commands."""
+    """A sentence for each law that leaves its admissible range, or vanishes, within or near the tested commands.
+
+    And for each that has an extremum between them.
+    """
     if tested.command is None:
         return ()
     lowest, highest = tested.command
     within = {each.parameter: each for each in law_limits(spec, theta, tested.command)}
     near = law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest))
     span = f"{lowest:g} to {highest:g} {tested.command_unit}"
-    return tuple(
+    limits = (
         f"{within[each.parameter].in_words}; that is within the tested commands, {span}: choose another law"
         if each.parameter in within
         else f"{each.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose another law"
         for each in near
     )
+    return (*limits, *(each.in_words for each in hidden_extrema(spec, theta, tested.levels)))
 
 
 def rms(values: Sequence[float] | Floats) -> float:

@@ -22,7 +22,7 @@ from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
-from mrwork.dampers.command import Command, CommandValues
+from mrwork.dampers.command import Command, CommandValues, command_level, levels_of_command
 from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import Exceedance as Exceedance
@@ -524,10 +524,15 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
         frequency=_frequencies(test),
         command=None if command is None else (float(np.min(command)), float(np.max(command))),
         command_unit=None if command is None else unit,
+        levels=() if command is None or unit is None else _levels(command, unit),
         force=float(np.abs(load).max()),
         power=max(0.0, float(np.mean(load * test.velocity))),
         least_stroke=least_stroke(test.displacement),
     )
+
+
+def _levels(command: CommandValues, unit: CommandUnit) -> tuple[float, ...]:
+    return tuple(sorted({command_level(each, unit) for each in levels_of_command(command)}))
 
 
 def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:

@@ -17,7 +17,7 @@ from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import as_tests
+from mrwork.records.damper_test import as_tests, range_of_tests
 from mrwork.records.motion import spectrum
 from mrwork.store.input_file import CANDIDATES, text_of
 
@@ -109,7 +109,7 @@ def candidate_grid(
     """All combinations of amplitude, frequency and command within the limits of the rig.
 
     Default amplitudes and frequencies range from half the least tested value to twice the largest; default commands are
-    the tested ones. Where either grid is a default, the default limit of velocity is 1.5 times the largest tested one.
+    the tested ones, and the middle of a wide gap between them. Where either grid is a default, the default limit of velocity is 1.5 times the largest tested one.
     """
     if commands and spec.current is None:
         raise SettingError(
@@ -132,10 +132,11 @@ def candidate_grid(
     frequencies = frequencies or _about([each.frequency for each in tested])
     levels: Sequence[float | None] = [None]
     if spec.current is not None:
-        known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
-        levels = commands or sorted(
-            {level for command in known for level in _ends(command, spec.current.unit)}
-        )
+        unit = spec.current.unit
+        known = [command for test in tests for command, own in test.commands if own == unit]
+        gap = range_of_tests(tests, unit).gap
+        middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
+        levels = commands or sorted({*middle, *(level for command in known for level in _ends(command, unit))})
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate

@@ -62,7 +62,10 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plan(Summarised, Related):
-    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before."""
+    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before.
+
+    First are those within the `gap` of the tested commands: there no gain counts what the form of the laws leaves open.
+    """
 
     model: str
     band: str
@@ -70,6 +73,19 @@ class Plan(Summarised, Related):
     deviation: NotNegative
     gains: tuple[Gain, ...]
     left_out: tuple[Candidate, ...]
+    gap: tuple[float, float] | None = None
+
+    def sentence(self, unit: CommandUnit | None) -> str:
+        """The first candidate, and why it is that; commands in `unit`."""
+        best = self.gains[0].candidate
+        most = f"this one narrows the band of {self.band} most: {best.in_words(unit)}."
+        if self.gap is None or not _is_within(self.gap, best):
+            return f"Of {len(self.gains)} tests {most}"
+        low, high = self.gap
+        return (
+            f"No test shows the laws between {low:g} and {high:g} {unit}, and no band has the error of their form: test "
+            f"there first. Of {sum(_is_within(self.gap, each.candidate) for each in self.gains)} tests there {most}"
+        )
 
     def disagreement(self) -> str:
         """First contradiction: a plan without candidates."""
@@ -98,6 +114,10 @@ class Plan(Summarised, Related):
             ],
             notes=[f"{len(self.left_out)} candidates could not be simulated" if self.left_out else ""],
         )
+
+
+def _is_within(gap: tuple[float, float] | None, candidate: Candidate) -> bool:
+    return gap is not None and candidate.command is not None and gap[0] < candidate.command < gap[1]
 
 
 @array_dataclass()
@@ -180,7 +200,8 @@ def plan(
     parameter at the scales of the records, and the information of the tests for their effective samples. A candidate
     adds the information of its own derivative, at the mean relative error and effective number of samples of the tests.
     In this approximation the variance does not depend on the result of the test, so the gain is known beforehand,
-    provided that the model is correct.
+    provided that the model is correct. Candidates in a wide gap between the tested commands come first: how the laws run
+    there is not known, and no variance counts it.
 
     Parameters
     ----------
@@ -229,7 +250,10 @@ def plan(
         band=band,
         unit=unit,
         deviation=float(np.sqrt(variance_now)),
-        gains=tuple(sorted(gains, key=lambda each: -each.gain)),
+        gains=tuple(
+            sorted(gains, key=lambda each: (not _is_within(fit.tested.gap, each.candidate), -each.gain))
+        ),
+        gap=fit.tested.gap,
         left_out=tuple(each for each in candidates if each not in simulated),
     )
 

@@ -175,11 +175,11 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="next-test",
         title="Next test",
-        summary=f"{name} narrows the band of {plan.band} most of {len(plan.gains)} candidates.",
+        summary=plan.sentence(unit),
         groups=(
             Group(
                 prose=(
-                    f"Of {len(plan.gains)} candidates, {name} is expected to reduce the variance of the band of "
+                    f"{name[:1].upper()}{name[1:]} is expected to reduce the variance of the band of "
                     f"{plan.band} by {numbers.format_fixed(100 * best.gain, 1)} %. This assumes that the model is "
                     "valid there; a test in which it is not shows the error of the model instead.",
                     agreement,

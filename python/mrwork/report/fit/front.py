@@ -300,6 +300,11 @@ def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Compari
 def _advice(run: StoredRun) -> tuple[str, ...]:
     """What to do next, the most useful first."""
     said = []
+    if (gap := run.fit.tested.gap) is not None:
+        said.append(
+            f"Test at a command between {gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}: no test shows the laws "
+            "there."
+        )
     if run.bands is None:
         said.append(
             "`mrwork calibrate RUN TESTS` with tests of other motions: the error on tests that it has not seen, and "

@@ -20,7 +20,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, Scale, law_named, law_through, polynomial_laws
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, hidden_extrema
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.fit import NEGLIGIBLE, Fit
@@ -98,6 +98,11 @@ class FittedLaws:
     tried: TriedLaws
 
     @property
+    def start(self) -> Start:
+        """The fit to all tests as the start of another."""
+        return dict(zip(self.spec.names, self.fit.theta[0].tolist(), strict=True))
+
+    @property
     def score(self) -> float:
         """Mean error of the predictions."""
         return float(np.mean(self.tried.left_out))
@@ -156,11 +161,31 @@ class LawSearch:
             often = 1 if self._is_best_sound() else _EXPANDED
             left = [each for each in self.frontier() if expanded.count(each.laws) < often]
             if not left:
-                return
+                break
             current = min(left, key=lambda each: expanded.count(each.laws))
             expanded.append(current.laws)
             for laws in self._proposals(current):
                 self._move_to(current, laws)
+        self.fitted = [self._without_extrema(each) for each in self.fitted]
+
+    def _without_extrema(self, fitted: FittedLaws) -> FittedLaws:
+        """The same with another form of each law that has an extremum between the commands which that form has not."""
+        found = hidden_extrema(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
+        return self.in_other_form(fitted, [each.parameter for each in found if each.instead])
+
+    def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
+        """The same with laws of these positive parameters interpolated the other way, direct or in logarithms.
+
+        Of laws with a value at every command, whose force in the tests is the same by both.
+        """
+        laws = fitted.laws
+        for name in names:
+            degree = _degree(own := laws.get(name, ""))
+            if degree == len(self.commands) - 1:
+                laws = self._with_law(laws, name, degree, direct=":" not in own)
+        spec, box = self.model(laws)
+        tried = replace(fitted.tried, laws=self.given | laws)
+        return replace(fitted, spec=spec, box=box, laws=laws, tried=tried)
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
@@ -216,10 +241,9 @@ class LawSearch:
                 return False
         return True
 
-    def make_start(self, tried: TriedLaws) -> tuple[FittedLaws, Start]:
-        """The candidate of these laws, and the start that its fit to all tests is."""
-        candidate = next(each for each in self.fitted if each.tried.laws == tried.laws)
-        return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
+    def candidate(self, tried: TriedLaws) -> FittedLaws:
+        """The candidate of these laws."""
+        return next(each for each in self.fitted if each.tried.laws == tried.laws)
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.

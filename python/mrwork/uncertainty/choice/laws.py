@@ -42,7 +42,8 @@ from mrwork.uncertainty.choice.choose import (
     select_known,
 )
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
-from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws, judge_laws, sentence_on
+from mrwork.uncertainty.choice.law_table import LawTable, judge_laws, sentence_on
+from mrwork.uncertainty.choice.objections import dying_laws
 
 # Most sets of laws beside the chosen one that are fitted to the whole tests, and by how much the forces of any two
 # differ at least, per standard deviation of the tests, under motions of the tests that are enlarged by a factor.
@@ -160,9 +161,8 @@ class RunningLawChoice:
         """The choice with the fits of other sets that predict nearly as well, without those that fail."""
         others, done = self._choose_others(choice.table), list[Fit]()
         try:
-            for number, (search, tried) in enumerate(others, start=1):
-                candidate, start = search.make_start(tried)
-                settings = replace(search.settings, starts=(start,))
+            for number, (search, candidate) in enumerate(others, start=1):
+                settings = replace(search.settings, starts=(candidate.start,))
                 refit = partial(
                     self._final_fit, search, candidate, settings, other=f"{number} of {len(others)}"
                 )
@@ -173,10 +173,11 @@ class RunningLawChoice:
             raise Interrupted(so_far, "choice of laws") from interrupt
         return replace(choice, others=tuple(done), seconds=self.steps.seconds)
 
-    def _choose_others(self, table: LawTable) -> list[tuple[LawSearch, TriedLaws]]:
+    def _choose_others(self, table: LawTable) -> list[tuple[LawSearch, FittedLaws]]:
         """Of the sets that predict nearly as well, those whose forces differ most beyond the tests, best first.
 
-        They are compared under the fastest motion at each command, enlarged.
+        They are compared under the fastest motion at each command, enlarged, and halfway to the next command. One of
+        them has the laws of the chosen one through the same values in their other form, which no test tells apart.
         """
         chosen = table.chosen_laws
         near = [
@@ -185,25 +186,38 @@ class RunningLawChoice:
             if each.verdict not in ("chosen", "unusable")
             and each.left_out_percent >= chosen.left_out_percent - NEARLY_AS_WELL
         ]
-        sets, rows = list[tuple[LawSearch, TriedLaws]](), list[Floats]()
-        for tried in (chosen, *near):
-            search = next(each for each in self.compared if each.name == tried.model)
-            candidate, _ = search.make_start(tried)
+        searches = {each.name: each for each in self.compared}
+        first, *others = [
+            (search := searches[tried.model], search.candidate(tried)) for tried in (chosen, *near)
+        ]
+        sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
+        for search, candidate in (first, *self._other_form(*first), *others):
             tests = sorted(search.tests, key=lambda test: float(np.abs(test.velocity).max()))
             forces = []
-            for test in {test.command_in(search.unit): test for test in tests}.values():
+            fastest = {test.command_in(search.unit): test for test in tests}.values()
+            between = 0.5 * (search.commands[:-1] + search.commands[1:])
+            for test, at in [*((test, None) for test in fastest), *((tests[-1], at) for at in between)]:
+                loading = loading_of(test, candidate.spec)
                 beyond = replace(
-                    loading_of(test, candidate.spec),
+                    loading,
                     displacement=_BEYOND * test.displacement,
                     velocity=_BEYOND * test.velocity,
+                    command=loading.command if at is None else float(at),
                 )
                 run = simulate_forces(candidate.spec, candidate.fit.theta[:1], beyond.history())
                 forces.append(run.force[0] / np.std(test.force))
             row = np.concatenate(forces)
-            if np.isfinite(row).all() or tried is chosen:
-                sets.append((search, tried))
+            if np.isfinite(row).all() or not sets:
+                sets.append((search, candidate))
                 rows.append(np.nan_to_num(row))
         return [sets[row] for row in sorted(farthest_apart(np.array(rows), _MOST_OTHERS, _LEAST_APART))]
+
+    def _other_form(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
+        """The chosen laws in their other form, without those that die in it; empty where there are none."""
+        other = search.in_other_form(chosen, [each.name for each in chosen.spec.plain if each.scale == "log"])
+        dying = {each.parameter for each in dying_laws(other.spec, chosen.fit.theta[0], self.tests)}
+        other = search.in_other_form(other, [*dying])
+        return [(search, other)] if other.laws != chosen.laws else []
 
     def _final_fit(
         self,
@@ -252,8 +266,8 @@ class RunningLawChoice:
     def _choose_start(self, table: LawTable) -> tuple[LawSearch, FittedLaws, FitSettings]:
         """The search of the chosen laws, their candidate, and the settings of the fit that starts there."""
         search = next(own for own in self.compared if own.name == table.model)
-        candidate, start = search.make_start(table.chosen_laws)
-        return search, candidate, replace(search.settings, starts=(start,))
+        candidate = search.candidate(table.chosen_laws)
+        return search, candidate, replace(search.settings, starts=(candidate.start,))
 
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         scores = [laws.score for laws in self.fitted_laws]
