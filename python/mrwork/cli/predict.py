@@ -39,11 +39,9 @@ from mrwork.store.run_folder import HELD_OUT
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
-from mrwork.uncertainty.bands.held_out import HeldOutTest, write_held_out
+from mrwork.uncertainty.bands.held_out import HeldOutTest, HeldOutTests, write_held_out
 from mrwork.uncertainty.bands.prediction import Prediction, with_others
 
-# Level of the band whose coverage is kept with a test.
-_STORED_LEVEL = 0.9
 _AS_FITTED = "as in the identification"
 
 _COLUMNS = (
@@ -110,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     others = read_others(Path(options.run_folder), fit) or ()
     apart: list[tuple[str, SetsApart]] = []
-    held_out: list[tuple[HeldOutTest, Prediction]] = []
+    held_out = HeldOutTests(tests=())
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     _, tests = read_tests(options, "test", fit)
@@ -145,11 +143,9 @@ def run(options: argparse.Namespace) -> int:
         known += [] if seen is None else [seen]
         conditions += [] if condition is None else [condition]
         used = None if calibrated is None else calibrated.knows(test)
-        inside = None
         if calibration is not None:
             band = calibration.band(prediction, options.level)
             scored = score(band, test.force[test.counted])
-            inside = scored.coverage if options.level == _STORED_LEVEL else None
             calibrated_on += [] if used is None else [used]
             rows[-1] |= {
                 "coverage_percent": 100.0 * scored.coverage,
@@ -165,8 +161,8 @@ def run(options: argparse.Namespace) -> int:
             }
         if seen is None and used is None:
             numbers = named(quality, "fit_percent", "rmse_n")
-            own = HeldOutTest(name=test.name, **numbers, outside=outside.names, inside=inside)
-            held_out.append((own, prediction))
+            own = HeldOutTest(name=test.name, **numbers, outside=outside.names)
+            held_out = held_out.add(HeldOutTests(tests=(own,), predictions=(prediction,)))
     warnings = [
         *missing_warnings(fit.nuisances, nuisances),
         *prediction_warning(spec, tests),
@@ -216,14 +212,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _store(options: argparse.Namespace, fit: Fit, held_out: list[tuple[HeldOutTest, Prediction]]) -> bool:
+def _store(options: argparse.Namespace, fit: Fit, held_out: HeldOutTests) -> bool:
     """Keep what the fit predicts of tests that it has not seen, for its page; whether it was kept."""
     place = options.run_folder
-    if not held_out or not os.access(place, os.W_OK):
+    if not held_out.tests or not os.access(place, os.W_OK):
         return False
-    tests, predictions = zip(*held_out, strict=True)
     with adding(place, HELD_OUT):
-        write_held_out(place, fit, tests, predictions)
+        write_held_out(place, fit, held_out)
     renew_page(place, quiet=is_quiet(options))
     return True
 

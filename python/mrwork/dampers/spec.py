@@ -461,9 +461,7 @@ class HiddenExtremum:
         )
 
 
-def hidden_extrema(
-    spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]
-) -> tuple[HiddenExtremum, ...]:
+def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> tuple[HiddenExtremum, ...]:
     """For each parameter the largest extremum of its law between neighbouring tested commands, lowest first.
 
     There the law passes its values at both commands by more than 5 % of the larger of them.

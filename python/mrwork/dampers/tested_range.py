@@ -54,8 +54,8 @@ _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 class Exceedance(Summarised):
     """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
 
-    A command between `lowest` and `highest` is in a gap of the tested ones. `extrapolated` are the parameters whose laws
-    are used at a command that was not tested.
+    A command between `lowest` and `highest` is in a gap of the tested ones. `extrapolated` are the parameters whose
+    laws are used at a command that was not tested.
     """
 
     quantity: OperatingQuantity
@@ -306,7 +306,7 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 
 
 def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
-    """For each quantity, above, below and in a gap of its range: the worst exceedance, its label, and how many there are."""
+    """For each quantity, above, below and in a gap of its range: the worst exceedance, its label, and their number."""
     groups: dict[tuple[str, bool, bool], list[tuple[str, Exceedance]]] = {}
     for label, each in exceedances:
         groups.setdefault((each.quantity, each.below, each.between), []).append((label, each))

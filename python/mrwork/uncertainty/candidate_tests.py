@@ -109,7 +109,8 @@ def candidate_grid(
     """All combinations of amplitude, frequency and command within the limits of the rig.
 
     Default amplitudes and frequencies range from half the least tested value to twice the largest; default commands are
-    the tested ones, and the middle of a wide gap between them. Where either grid is a default, the default limit of velocity is 1.5 times the largest tested one.
+    the tested ones, and the middle of a wide gap between them. Where either grid is a default, the default limit of
+    velocity is 1.5 times the largest tested one.
     """
     if commands and spec.current is None:
         raise SettingError(
@@ -136,7 +137,9 @@ def candidate_grid(
         known = [command for test in tests for command, own in test.commands if own == unit]
         gap = range_of_tests(tests, unit).gap
         middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
-        levels = commands or sorted({*middle, *(level for command in known for level in _ends(command, unit))})
+        levels = commands or sorted(
+            {*middle, *(level for command in known for level in _ends(command, unit))}
+        )
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate

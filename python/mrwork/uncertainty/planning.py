@@ -82,9 +82,10 @@ class Plan(Summarised, Related):
         if self.gap is None or not _is_within(self.gap, best):
             return f"Of {len(self.gains)} tests {most}"
         low, high = self.gap
+        count = sum(_is_within(self.gap, each.candidate) for each in self.gains)
         return (
-            f"No test shows the laws between {low:g} and {high:g} {unit}, and no band has the error of their form: test "
-            f"there first. Of {sum(_is_within(self.gap, each.candidate) for each in self.gains)} tests there {most}"
+            f"No test shows the laws between {low:g} and {high:g} {unit}, and no band has the error of their form: "
+            f"test there first. Of {count} tests there {most}"
         )
 
     def disagreement(self) -> str:
@@ -200,8 +201,8 @@ def plan(
     parameter at the scales of the records, and the information of the tests for their effective samples. A candidate
     adds the information of its own derivative, at the mean relative error and effective number of samples of the tests.
     In this approximation the variance does not depend on the result of the test, so the gain is known beforehand,
-    provided that the model is correct. Candidates in a wide gap between the tested commands come first: how the laws run
-    there is not known, and no variance counts it.
+    provided that the model is correct. Candidates in a wide gap between the tested commands come first: how the laws
+    run there is not known, and no variance counts it.
 
     Parameters
     ----------

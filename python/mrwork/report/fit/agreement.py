@@ -26,6 +26,8 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
+from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.held_out import HeldOutTest
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
@@ -363,3 +365,42 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
 
 AMPLITUDES = SectionKind(make=lambda _, comparisons: amplitude_section(comparisons))
 """The errors by amplitude."""
+
+
+def _covered(test: HeldOutTest) -> str:
+    return numbers.format_fixed(None if test.inside is None else 100.0 * test.inside, 1)
+
+
+def _held_out_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """A table of the held-out tests of every prediction; `None` where there are none."""
+    held_out = run.held_out
+    if held_out is None:
+        return None
+    table = page_table(
+        "Predictions of held-out tests",
+        (
+            TableColumn(heading="test", cell=lambda each: each.name),
+            TableColumn(heading="fit", unit="%", cell=lambda each: numbers.format_fixed(each.fit_percent, 2)),
+            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.significant(each.rmse_n, 3)),
+            TableColumn(heading="in 90 % band", unit="%", cell=_covered),
+            TableColumn(heading="outside the tested ranges in", cell=lambda each: ", ".join(each.outside)),
+        ),
+        held_out.tests,
+        note="Neither the fit nor its calibration has seen these tests. `mrwork predict RUN TESTS` adds further ones; "
+        "a test that is predicted again counts once.",
+    )
+    return Section(
+        anchor="held-out",
+        title="Held-out tests",
+        summary=f"{held_out.spread.in_words}.",
+        groups=(Group(table=table),),
+    )
+
+
+HELD_OUT = SectionKind(
+    make=_held_out_section,
+    title="Held-out tests",
+    command="mrwork predict RUN TESTS",
+    description="predicts tests that the fit has not seen: the evidence of how well it predicts.",
+)
+"""The tests that were kept for test."""

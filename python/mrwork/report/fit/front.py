@@ -86,9 +86,9 @@ def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
         return _Evidence(
             title="Kept for test",
             opening=f"Predicts {_tests(len(run.held_out.tests))} kept for test",
-            drawn=run.held_out.drawn,
+            drawn=run.held_out.predictions,
             spread=run.held_out.spread,
-            remark=f"{lying} beyond the tested ranges." if outside else "",
+            remark=f"{lying} outside the tested ranges." if outside else "",
         )
     if bands is not None and bands.predictions:
         count, held_out = _tests(len(bands.predictions)), bands.calibration.held_out
@@ -199,7 +199,6 @@ def _reason(fit: Fit) -> str:
 def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
     count = evidence.spread.n_tests
-    # Of tests kept for test only these two are stored, the worst first.
     order = np.argsort([fit_of(each) for each in evidence.drawn], kind="stable").tolist()
     chosen: list[tuple[int, str, Motion]] = [
         (order[0], "Worst", "velocity" if count > 1 else "displacement"),
@@ -302,8 +301,8 @@ def _advice(run: StoredRun) -> tuple[str, ...]:
     said = []
     if (gap := run.fit.tested.gap) is not None:
         said.append(
-            f"Test at a command between {gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}: no test shows the laws "
-            "there."
+            f"Test at a command between {gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}: no test shows the "
+            "laws there."
         )
     if run.bands is None:
         said.append(

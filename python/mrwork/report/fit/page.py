@@ -17,7 +17,7 @@ from mrwork.drawing.canvas import png_bytes, svg_bytes
 from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
-from mrwork.report.fit.agreement import AMPLITUDES, drawn_in_full, has_small_loops, tests_section
+from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
 from mrwork.report.fit.front import fit_lead
@@ -40,7 +40,17 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-SECTIONS: tuple[SectionKind, ...] = (BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
+SECTIONS: tuple[SectionKind, ...] = (
+    HELD_OUT,
+    BANDS,
+    LAWS,
+    RANKING,
+    PROFILES,
+    POSTERIOR,
+    AMPLITUDES,
+    RESIDUALS,
+    PLAN,
+)
 """The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
 
 # Entries of a setting that are shown.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mrwork.base.summary import Summarised, Summary
-from mrwork.errors import SettingError
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, read_addition
 from mrwork.identification.result import FitSpread
@@ -18,7 +19,13 @@ from mrwork.records.rig_table import Use
 from mrwork.store.codec import OrInfinite, Related, finite
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES
-from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
+from mrwork.uncertainty.bands.band import score
+from mrwork.uncertainty.bands.calibration_files import (
+    predictions_content,
+    read_predictions,
+    stored_calibration,
+)
+from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, folds_of
 
 
@@ -38,19 +45,28 @@ class HeldOutTest:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class HeldOutTests(Summarised, Related):
-    """Tests that neither a fit nor its calibration has seen, as the fit predicts them.
-
-    `drawn` are the predictions of the worst and the median test.
-    """
+    """Tests that neither a fit nor its calibration has seen, as the fit predicts them, with all `predictions`."""
 
     _made_by = "mrwork predict RUN TESTS"
 
     tests: tuple[HeldOutTest, ...]
-    drawn: tuple[Prediction, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
 
     def disagreement(self) -> str:
         """A file without tests."""
         return "" if self.tests else "it has no tests"
+
+    def add(self, later: HeldOutTests) -> HeldOutTests:
+        """These and later ones, which take the place of the same tests."""
+        kept = [
+            number
+            for number, each in enumerate(self.predictions)
+            if not any(_is_same(each.test, other.test) for other in later.predictions)
+        ]
+        return HeldOutTests(
+            tests=(*(self.tests[number] for number in kept), *later.tests),
+            predictions=(*(self.predictions[number] for number in kept), *later.predictions),
+        )
 
     @property
     def spread(self) -> FitSpread:
@@ -70,30 +86,68 @@ def median_place(count: int) -> int:
     return min(max(1, (count - 1) // 2), count - 1)
 
 
+def _is_same(one: DamperTest, other: DamperTest) -> bool:
+    """Whether two tests are of one record, whatever its name, its format and what was cut or repaired."""
+    if one.sha256 and one.sha256 == other.sha256:
+        return True
+    pairs = ((one.displacement, other.displacement), (one.force, other.force))
+    return one.n_time == other.n_time and all(
+        np.allclose(own, another, rtol=0.0, atol=_SAME * float(np.std(own))) for own, another in pairs
+    )
+
+
+# Share of the deviation of a channel within which formats round it: another run differs by its noise.
+_SAME = 1e-3
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
     tests: tuple[HeldOutTest, ...]
 
 
-def write_held_out(
-    place: Path, fit: Fit, tests: Sequence[HeldOutTest], predictions: Sequence[Prediction]
-) -> None:
-    """Write the tests, one for each of the predictions, into the run folder of a fit."""
-    order = sorted(range(len(tests)), key=lambda number: tests[number].fit_percent)
-    drawn = dict.fromkeys((order[0], order[median_place(len(order))]))
+def write_held_out(place: Path, fit: Fit, held_out: HeldOutTests) -> None:
+    """Write the tests into the run folder of a fit, beside those that it has already."""
+    earlier = None
+    with suppress(RecordError):
+        # Of another fit, or of another version.
+        earlier = read_held_out(place, fit)
+    merged = held_out if earlier is None else earlier.add(held_out)
     contents = {
-        HELD_OUT: addition_content(finite(asdict(_Document(tests=tuple(tests)))), fit),
-        HELD_OUT_FORCES: predictions_content([predictions[number] for number in drawn]),
+        HELD_OUT: addition_content(finite(asdict(_Document(tests=merged.tests))), fit),
+        HELD_OUT_FORCES: predictions_content(merged.predictions),
     }
     write_files(place, contents)
 
 
 def read_held_out(place: Path, fit: Fit) -> HeldOutTests | None:
-    """The tests of the run folder of a fit at `place`, `None` where none were predicted."""
+    """The tests of the run folder of a fit at `place`, without those of its calibration; `None` without any."""
     document = read_addition(_Document, place / HELD_OUT, fit, name="list of held-out tests", verb="predict")
     if document is None:
         return None
-    return HeldOutTests(tests=document.tests, drawn=read_predictions(place, HELD_OUT_FORCES, of="predict"))
+    predictions = read_predictions(place, HELD_OUT_FORCES, of="predict")
+    if len(predictions) != len(document.tests):
+        raise RecordError(
+            f"{place / HELD_OUT} lists {len(document.tests)} tests where {HELD_OUT_FORCES} beside it has "
+            f"{len(predictions)}; run `mrwork predict {place} TESTS` again"
+        )
+    calibration = stored_calibration(place, fit)
+    kept = [
+        (test if calibration is None else replace(test, inside=_inside(calibration, each)), each)
+        for test, each in zip(document.tests, predictions, strict=True)
+        if calibration is None or calibration.knows(each.test) is None
+    ]
+    if not kept:
+        return None
+    tests, predictions = zip(*kept, strict=True)
+    return HeldOutTests(tests=tests, predictions=predictions)
+
+
+def _inside(calibration: Calibration, prediction: Prediction) -> float:
+    return score(calibration.band(prediction, _LEVEL), prediction.measured).coverage
+
+
+# Level of the band whose coverage is told of each test.
+_LEVEL = 0.9
 
 
 def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
