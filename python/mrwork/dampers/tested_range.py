@@ -32,8 +32,9 @@ _PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
 
 # Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
 _TOLERANCE = 0.05
-# A gap between tested commands is wide if it is this share of their range and this factor wider than any other.
-_WIDE, _WIDER = 0.25, 1.9
+# A gap between tested commands is wide if it is this share of their range and this factor wider than any other; or, if
+# its upper end is this multiple of its lower one, as in no series that doubles, by the smaller factor.
+_WIDE, _FAR_WIDER, _MULTIPLE, _WIDER = 0.25, 2.5, 2.2, 1.9
 # Cycles of a motion differ in length, and half cycles in amplitude, by more than that.
 _CYCLE_TOLERANCE = 0.1
 # Share of the travel in half cycles that are smaller than the smallest tested amplitude, beyond which they matter.
@@ -162,8 +163,9 @@ class OperatingRange(Summarised, Related):
             return None
         low, high = gaps[-1]
         span, second = self.levels[-1] - self.levels[0], gaps[-2][1] - gaps[-2][0]
+        factor = _WIDER if high > _MULTIPLE * low else _FAR_WIDER
         # Levels that noise sets apart are one.
-        is_wide = second > _TOLERANCE * span and high - low >= max(_WIDER * second, _WIDE * span)
+        is_wide = second > _TOLERANCE * span and high - low >= max(factor * second, _WIDE * span)
         return (low, high) if is_wide else None
 
     @checked

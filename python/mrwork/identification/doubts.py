@@ -30,16 +30,29 @@ from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
+from mrwork.records.window import excerpt
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
-    """Warnings about a fit, computed from its tests; some fit the model again, which takes a while."""
+    """Warnings about a fit, computed from its tests; some fit the model again, which takes a while.
+
+    They do not depend on the search that led to the fit.
+    """
     objective, form = problem.objective, problem.form
-    # On the excerpts of the search: another fit to the whole tests would cost as much as the final one.
-    excerpts = objective.on(form.spec, points.objective.tests)
+    # On excerpts: another fit to the whole tests would cost as much as the final one.
+    together: tuple[str, ...] = ()
+    if form.spec.current is None:
+        excerpts = objective.on(form.spec, tuple(map(excerpt, objective.tests)))
+    else:
+        # The search of laws, which a plain model does not need, is slow to load.
+        from mrwork.identification.minimise.level_search import excerpts_of_laws, worse_together
+
+        excerpts = objective.on(form.spec, excerpts_of_laws(problem))
+        together = () if points.is_suspected else worse_together(problem, excerpts, polished.theta)
     missing = missing_lag(form.spec, objective, polished.theta)
     return (
         *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
+        *together,
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),

@@ -23,7 +23,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import LawName, law_by_values, law_through
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, plain_parameters
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import (
     Form,
@@ -116,6 +116,14 @@ def points_of_laws(
     return points_from_scaled_forces(problem, search, on_search=on_search)
 
 
+def excerpts_of_laws(problem: Problem) -> tuple[DamperTest, ...]:
+    """The parts of the tests on which laws are searched, and their fit is examined."""
+    tests = problem.objective.tests
+    if has_levels(problem.form.spec, tests):
+        return tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
+    return tuple(varied_excerpt(test) for test in tests)
+
+
 def points_from_levels(
     problem: Problem,
     search: Multistart | Optimiser[Any],
@@ -129,7 +137,7 @@ def points_from_levels(
     of a command find the minima; all of them where the others cannot be simulated at these.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
-    excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in objective.tests)
+    excerpts = excerpts_of_laws(problem)
     constant = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
     commands = np.array(sorted(constant))
     levels = {command: unlike_tests(tests, per_command or len(tests)) for command, tests in constant.items()}
@@ -218,9 +226,10 @@ def points_from_levels(
             if worse.size:
                 least = (1.0 + settings.closeness) * result.misfit[0]
                 found_again = int(np.count_nonzero(result.misfit <= least)) >= settings.found
-                nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
-                doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=found_again),)
                 suspected = not found_again
+                if suspected:
+                    nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
+                    doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=False),)
     except KeyboardInterrupt as interrupt:
         found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
         if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
@@ -293,6 +302,25 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
         least = int(np.argmin(minima.misfit))
         command[index], theta[index], nrmse[index] = fit.command, minima.theta[least], minima.misfit[least]
     return _OwnFits(command=command, theta=theta, nrmse=nrmse)
+
+
+def worse_together(problem: Problem, objective: Objective, theta: Floats) -> tuple[str, ...]:
+    """Sentence on the tests that a fit `theta`, (n_params,), describes far worse than their own fits do.
+
+    These start from the parameters of the fit at the command of each.
+    """
+    spec, tests = problem.form.spec, objective.tests
+    joint = objective.nrmse_of_tests(theta[None])[:, 0]
+    alone = np.full(len(tests), np.nan)
+    for index in far_worse(joint, np.zeros(len(tests))):
+        if command_is_constant(tests[index], spec):
+            command = float(np.mean(np.asarray(loading_of(tests[index], spec).command)))
+            level = LevelFit(command=command, minima=plain_parameters(spec, theta, command)[None])
+            alone[index] = _fit_each(problem, tests[index : index + 1], [level]).nrmse[0]
+    worse = far_worse(joint, alone)
+    if not worse.size:
+        return ()
+    return (far_worse_sentence(tests, worse, joint, alone, found_again=True),)
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:
@@ -618,7 +646,7 @@ def points_from_scaled_forces(
     """
     form = problem.form
     tests = problem.objective.tests
-    objective = problem.objective.on(form.spec, tuple(varied_excerpt(test) for test in tests))
+    objective = problem.objective.on(form.spec, excerpts_of_laws(problem))
     shortest = min(test.dt for test in objective.tests)
     objective = up_to(objective, _FIRST_SUBSTEPS / shortest)
     commands = tested_commands(form.spec, tests)
