@@ -155,7 +155,7 @@ def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path
         for value in (plan.deviation, best.deviation)
     ]
     lines = [
-        plan.sentence(unit),
+        plan.sentence,
         f"The standard deviation of the band is {deviations[0]} now and {deviations[1]} after this test, if the "
         "model is valid there.",
         "",

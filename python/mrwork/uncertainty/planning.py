@@ -74,10 +74,12 @@ class Plan(Summarised, Related):
     gains: tuple[Gain, ...]
     left_out: tuple[Candidate, ...]
     gap: tuple[float, float] | None = None
+    command_unit: CommandUnit | None = None
 
-    def sentence(self, unit: CommandUnit | None) -> str:
-        """The first candidate, and why it is that; commands in `unit`."""
-        best = self.gains[0].candidate
+    @property
+    def sentence(self) -> str:
+        """The first candidate, and why it is that."""
+        best, unit = self.gains[0].candidate, self.command_unit
         most = f"this one narrows the band of {self.band} most: {best.in_words(unit)}."
         if self.gap is None or not _is_within(self.gap, best):
             return f"Of {len(self.gains)} tests {most}"
@@ -113,7 +115,10 @@ class Plan(Summarised, Related):
                 )
                 for each in self.gains
             ],
-            notes=[f"{len(self.left_out)} candidates could not be simulated" if self.left_out else ""],
+            notes=[
+                self.sentence,
+                f"{len(self.left_out)} candidates could not be simulated" if self.left_out else "",
+            ],
         )
 
 
@@ -255,6 +260,7 @@ def plan(
             sorted(gains, key=lambda each: (not _is_within(fit.tested.gap, each.candidate), -each.gain))
         ),
         gap=fit.tested.gap,
+        command_unit=None if posterior.spec.current is None else posterior.spec.current.unit,
         left_out=tuple(each for each in candidates if each not in simulated),
     )
 

@@ -106,7 +106,7 @@ def _norm(letter: str) -> Markup:
 
 def fit_of(drawn: Simulated) -> float:
     """Fit of a test by a model [%]."""
-    return drawn.quality.fit_percent if isinstance(drawn, Comparison) else 100.0 * (1.0 - drawn.nrmse)
+    return drawn.quality.fit_percent if isinstance(drawn, Comparison) else drawn.fit_percent
 
 
 def spread_of(drawn: Sequence[Simulated]) -> FitSpread:

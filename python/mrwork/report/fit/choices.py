@@ -175,7 +175,7 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="next-test",
         title="Next test",
-        summary=plan.sentence(unit),
+        summary=plan.sentence,
         groups=(
             Group(
                 prose=(

@@ -63,9 +63,10 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
             "a better model could remove a part of them."
         )
     else:
+        constant = all(each.has_constant_variance for each in tests)
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
-            "could remove, and the standard errors in the table of parameters hold."
+            f"could remove{', and the standard errors in the table of parameters hold' if constant else ''}."
         )
     return Section(
         anchor="residuals",

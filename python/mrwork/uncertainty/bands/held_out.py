@@ -42,6 +42,11 @@ class HeldOutTest:
     outside: tuple[str, ...] = ()
     inside: float | None = None
 
+    @property
+    def nrmse(self) -> float:
+        """RMSE over the standard deviation of the measured force."""
+        return 1.0 - self.fit_percent / 100.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class HeldOutTests(Summarised, Related):

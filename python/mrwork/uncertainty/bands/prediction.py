@@ -117,6 +117,21 @@ class Prediction(WithAxes, Summarised):
         return rms(self.residual) / float(np.std(self.measured))
 
     @property
+    def fit_percent(self) -> float:
+        """Fit to the measured force [%]."""
+        return 100.0 * (1.0 - self.nrmse)
+
+    @property
+    def rmse_n(self) -> float:
+        """Root mean square of the residual [N]."""
+        return rms(self.residual)
+
+    @property
+    def largest_error_n(self) -> float:
+        """Largest magnitude of the residual [N]."""
+        return float(np.abs(self.residual).max())
+
+    @property
     def plot(self) -> PredictionPlots:
         """Figures of the prediction, see `mr.plots`."""
         return plots_of(self, "PredictionPlots")
@@ -137,10 +152,10 @@ class Prediction(WithAxes, Summarised):
         return Summary(
             title=f"Prediction of {self.test.name}",
             facts=(
-                ("fit", f"{100.0 * (1.0 - self.nrmse):.2f} %"),
+                ("fit", f"{self.fit_percent:.2f} %"),
                 (
                     "error",
-                    f"{rms(self.residual):.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N",
+                    f"{self.rmse_n:.4g} N rms, at most {self.largest_error_n:.4g} N",
                 ),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
