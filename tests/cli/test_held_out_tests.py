@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -206,3 +207,32 @@ def test_a_folder_whose_table_has_another_name_does_not_stand_for_its_records(
     assert (ended.returncode, "uses.csv" in ended.stderr) == (2, True)
     refused(mr.read_damper_tests, folder, use="fit")
     assert len(mr.read_damper_tests(folder / "uses.csv", use="fit")) == len(USES["fit"])
+
+
+def test_held_out_tests_accumulate_and_each_counts_once(fitted: Fitted, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(fitted.run, run)
+
+    def held_out(*records: Path) -> dict[str, float]:
+        printed("predict", run, *records, "--json")
+        found = mr.load(run, mr.StoredRun).held_out
+        assert found is not None
+        assert len(found.predictions) == len(found.tests)
+        return {each.name: each.fit_percent for each in found.tests}
+
+    names = [fitted.rig.folder / f"{name}.csv" for name in ("test0", "calibration0", "fit0")]
+    first = held_out(names[0])
+    assert [*first] == ["test0"]
+    # One that was fitted never counts, whatever its name.
+    copy = tmp_path / "another.csv"
+    shutil.copy(names[2], copy)
+    both = held_out(names[1], names[2], copy)
+    assert both == first | {"calibration0": both["calibration0"]}
+    shutil.copy(names[0], copy)
+    assert held_out(copy) == {"calibration0": both["calibration0"], "another": first["test0"]}
+    page = (run / "report.html").read_text()
+    assert "Predictions of held-out tests" in page
+    front = json.loads(printed("predict", run, names[0], "--json"))
+    assert front["stored"].endswith("held_out.json")
+    spread = mr.load(run, mr.StoredRun).held_out.spread
+    assert f"{spread.median_percent:.1f} % in the median" in (run / "report.html").read_text()

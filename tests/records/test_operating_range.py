@@ -207,3 +207,41 @@ def test_a_command_outside_names_the_laws_that_are_extrapolated_and_those_out_of
     assert outside_of(spec, [100.0, 900.0, 2000.0, 0.0], ranges(), ranges()).sentences == ()
     unknown = outside_of(spec, [100.0, 900.0, 2000.0, 0.0], None, ranges())
     assert (unknown.known, unknown.names) == (False, ())
+
+
+@pytest.mark.parametrize(
+    ("levels", "gap"),
+    [
+        ((0.0, 0.5, 1.5), (0.5, 1.5)),
+        ((0.0, 0.2, 0.4, 1.0), (0.4, 1.0)),
+        ((0.0, 1.5, 2.0, 2.5), (0.0, 1.5)),
+        # Even, doubled, few or one to rounding.
+        ((0.0, 0.25, 0.5, 0.75, 1.0), None),
+        ((0.0, 1.0, 2.0), None),
+        ((0.25, 0.5, 1.0, 2.0), None),
+        ((0.0, 1.0), None),
+        ((0.0, 0.01, 1.5), None),
+        ((), None),
+    ],
+)
+def test_a_gap_between_commands_is_far_wider_than_every_other(
+    levels: tuple[float, ...], gap: tuple[float, float] | None
+) -> None:
+    assert ranges(levels=levels).gap == gap
+
+
+def test_a_command_in_a_gap_of_the_tested_ones_is_outside() -> None:
+    tested = range_of_tests([a_test(0.01, 1.0, current) for current in (0.0, 0.5, 1.5)])
+    assert tested.levels == (0.0, 0.5, 1.5)
+    assert dict(tested.rows())["command"] == "0 to 1.5 A without tests between 0.5 and 1.5 A"
+    assert all(
+        tested.exceeded_by(range_of_test(a_test(0.01, 1.0, current), "A")) == ()
+        for current in (*tested.levels, 0.25)
+    )
+    (found,) = tested.exceeded_by(range_of_test(a_test(0.01, 1.0, 1.0), "A"))
+    assert (found.quantity, found.between) == ("command", True)
+    assert found.in_words == "command 1 A, tested up to 0.5 A and from 1.5 A"
+    # Of a building only the ends of the command are known.
+    assert tested.exceeded_by(replace(tested, levels=())) == ()
+    (found,) = tested.exceeded_by(replace(tested, levels=(), command=(0.0, 1.0)))
+    assert found.demanded == 1.0

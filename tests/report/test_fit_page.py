@@ -27,12 +27,15 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.report.fit.agreement import amplitude_section
+from mrwork.report.fit.bands import _verdict
 from mrwork.report.fit.page import fit_page, open_run, write_fit_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
 from mrwork.store.codec import json_document
 from mrwork.uncertainty import Prediction
+from mrwork.uncertainty.bands.band import BandScore
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
+from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
 READING = ["--every", "5"]
 LEFT_OUT = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
@@ -419,3 +422,27 @@ def test_a_motion_without_half_cycles_has_one_class() -> None:
     ramp = np.linspace(0.0, 0.02, found.test.n_time)
     section = amplitude_section([replace(found, test=replace(found.test, displacement=ramp))])
     assert section.summary == "all half cycles are of 10 mm."
+
+
+def test_the_verdict_on_bands_is_that_of_their_coverage() -> None:
+    def verdict(*shares: float) -> str:
+        score = BandScore(coverage=0.0, width=1.0, interval_score=1.0)
+        return _verdict(
+            [
+                {
+                    level: LeftOutCoverage(
+                        test="one", level=level, samples=replace(score, coverage=own), cycles_inside=1.0
+                    )
+                    for level, own in zip(LEVELS, (share, 0.9, 0.95), strict=True)
+                }
+                for share in shares
+            ]
+        )
+
+    few = verdict(0.91, 0.022, 0.85)
+    assert "nominal coverage" in few
+    assert "3 tests are too few to tell" in few
+    assert "2 to 91 % by the 50 % band" in few
+    assert "have about their nominal coverage" in verdict(*[0.5] * 5)
+    assert "50 % bands are too narrow" in verdict(*[0.1] * 5)
+    assert "50 % bands are wider than necessary" in verdict(*[0.9] * 5)

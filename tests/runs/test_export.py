@@ -365,3 +365,30 @@ def test_a_file_that_is_there_is_replaced_only_where_that_is_said(
     mr.export(fit, "mat", place, replace=True)
     assert read_back(place)["model"] == MODEL
     assert [each.name for each in tmp_path.iterdir()] == ["fit.mat"]
+
+
+def test_an_export_says_what_the_record_adds_to_the_force_of_the_damper(tmp_path: Path) -> None:
+    lag, tests = 0.005, []
+    for command in (0.0, 0.5, 1.0):
+        test = measured(command)
+        observed = mr.records.Observation(lag_seconds=lag).observe(test.force, test.dt)
+        tests.append(replace(test, force=observed))
+    spec = mr.damper(MODEL).with_current_laws({"k_w": "linear", "c": "linear"}, unit="A")
+    fit = mr.identify(spec, tests, bounds=HELD, observe=f"lag={lag}", threads=1)
+    assert "lagging by 0.005 s" in fit.observation_in_words
+    found = read_back(mr.export(fit, "mat", tmp_path / "fit.mat"))
+    assert found["observation"] == fit.observation_in_words
+    for own, force, test in zip(found["tests"], fit.forces, tests, strict=True):
+        assert (own["observation"]["lag_seconds"], own["words"]) == (lag, "lagging by 0.005 s")
+        # The law, the parameters and the lag of the file give the force of the model.
+        loading = mr.Loading(
+            dt=test.dt, displacement=test.displacement, velocity=test.velocity, command=test.current,
+            command_unit="A",
+        )  # fmt: skip
+        damper = mr.simulate_force(fit.spec, found["theta"], loading)
+        again = mr.records.Observation(**own["observation"]).observe(damper, test.dt)
+        np.testing.assert_allclose(again, force, atol=0.05)
+    text = mr.export(fit, "opensees", tmp_path / "damper.tcl", command="0.5 A").read_text()
+    assert f"# {fit.observation_in_words}" in text
+    rows = table_of(mr.export(fit, "csv", tmp_path / "fit.csv", command="0.5 A"))
+    assert {row["remark"] for row in rows} == {fit.observation_in_words}

@@ -20,6 +20,7 @@ from mrwork.uncertainty import (
     calibrate,
     noise_band,
     parameter_band,
+    predict,
     predict_left_out,
     score,
     simulate_draws,
@@ -279,3 +280,13 @@ def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> 
     assert prediction[1] > 0.7 * prediction[0]
     # 3.29 deviations of 0.1 of the force hold 90 % of independent noise.
     assert prediction[1] == pytest.approx(0.329 * scale["deviation"], rel=0.1)
+
+
+def test_a_prediction_has_the_names_of_a_fit_for_what_it_prints() -> None:
+    test = synthetic_test("spencer1997")
+    fit = identify("bingham", test, threads=1)
+    prediction = predict(fit, test)
+    for name in ("fit_percent", "nrmse", "rmse_n"):
+        assert getattr(prediction, name) == pytest.approx(getattr(fit, name))
+    assert f"{prediction.fit_percent:.2f} %" in repr(prediction)
+    assert f"{prediction.largest_error_n:.4g} N" in repr(prediction)

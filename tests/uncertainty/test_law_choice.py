@@ -17,6 +17,7 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
+from mrwork.dampers.spec import hidden_extrema, law_values
 from mrwork.errors import Interrupted
 from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
 from mrwork.identification.equivalent import joint_box, with_other_laws
@@ -27,6 +28,7 @@ from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import choose_laws
+from mrwork.uncertainty.candidate_tests import candidate_grid
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.folded_tests import FoldedTests
 from mrwork.uncertainty.choice.laws import LawChoice
@@ -244,3 +246,70 @@ def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
         test, displacement=test.displacement[:90], velocity=test.velocity[:90], force=test.force[:90]
     )
     assert middle_excerpt(few, per_cycle=60).n_time == 90
+
+
+@pytest.fixture(scope="module")
+def gapped(settings: FitSettings) -> LawChoice:
+    """A choice from tests at 0, 0.5 and 1.5 A of a yield force of 110, 640 and 1430 N, quadratic in the command."""
+    tests = [
+        sinusoidal_test(
+            "viscous_dahl",
+            (800.0, 110.0 + 1150.0 * command - 180.0 * command**2, 2000.0, 20.0),
+            motion,
+            noise=0.02,
+            rng=seed,
+            command=command,
+        )
+        for seed, (motion, command) in enumerate(product(MOTIONS[:2], (0.0, 0.5, 1.5)))
+    ]
+    return choose_laws("viscous_dahl", tests, settings=settings, threads=1)
+
+
+def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_chosen(
+    gapped: LawChoice,
+) -> None:
+    assert gapped.table.chosen_laws.laws["k_w"] == "quadratic:0,0.5,1.5"
+    assert not any("extremum" in each for each in gapped.fit.warnings)
+    values = dict(law_values(gapped.fit.spec, np.array(gapped.fit.theta), np.array([1.0])))
+    (at_one,) = (value for parameter, value in values.items() if parameter.name == "k_w")
+    # The truth; logarithms of the values give about 1500 N.
+    assert at_one == pytest.approx(1080.0, rel=0.03)
+
+
+def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_commands(
+    gapped: LawChoice,
+) -> None:
+    fit, test = (
+        gapped.fit,
+        sinusoidal_test(
+            "viscous_dahl", (800.0, 1080.0, 2000.0, 20.0), MOTIONS[0], noise=0.02, rng=9, command=1.0
+        ),
+    )
+    assert any("values:0,0.5,1.5" in other.spec.current.laws for other in gapped.others)
+    prediction = mr.predict(fit, test, others=gapped.others)
+    assert prediction.outside.names == ("command",)
+    assert prediction.sets_apart.percent > 20.0
+    at_tested = mr.predict(fit, fit.tests[-1], others=gapped.others)
+    assert at_tested.sets_apart is None or at_tested.sets_apart.percent < 5.0
+
+
+def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_none(gapped: LawChoice) -> None:
+    spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "values:0,0.5,1.5"}, unit="A")
+    theta = [800.0, 110.0, 640.0, 1430.0, 2000.0, 20.0]
+    (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
+    assert found.between == (0.5, 1.5)
+    assert found.value > 1.05 * 1430.0
+    assert found.instead == "quadratic:0,0.5,1.5"
+    # A test that shows the values there leaves nothing hidden, whatever they are.
+    assert hidden_extrema(spec, theta, np.linspace(0.0, 1.5, 16).tolist()) == ()
+    fit = mr.identify(spec, gapped.fit.tests, threads=1)
+    assert any("give k_w=quadratic:0,0.5,1.5" in each for each in fit.warnings)
+
+
+def test_the_next_test_is_within_a_gap_of_the_commands(gapped: LawChoice) -> None:
+    fit = gapped.fit
+    candidates = candidate_grid(fit.spec, fit.tests, amplitudes=[0.01], frequencies=[1.0])
+    assert [each.command for each in candidates] == [0.0, 0.5, 1.0, 1.5]
+    plan = mr.plan(fit, fit.tests, candidates, threads=1)
+    assert plan.gains[0].candidate.command == 1.0
+    assert "between 0.5 and 1.5 A" in plan.sentence

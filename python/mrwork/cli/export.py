@@ -58,17 +58,22 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, or print the text."""
     # SciPy and the readers of runs are slow to load.
+    from mrwork.identification.fit import Fit
     from mrwork.runs.export import export, exported
+    from mrwork.runs.load import read_run
 
+    opened = read_run(options.run_folder)
+    observation = opened.observation_in_words if isinstance(opened, Fit) else ""
+    document = {"run": str(options.run_folder), "to": options.to}
+    document |= {"observation": observation} if observation else {}
     wanted = {"command": options.command, "error": options.error, "time_step": options.time_step}
     if options.output is not None:
         place = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
-        document = {"run": str(options.run_folder), "to": options.to, "output": str(place)}
-        print_result(options, document, f"Written: {place}")
+        text = "\n".join(filter(None, (f"Written: {place}", observation)))
+        print_result(options, document | {"output": str(place)}, text)
         return 0
     if options.to == "mat":
         raise SettingError("--to mat writes a file that is no text; give --output FILE")
     text = exported(options.run_folder, options.to, language="tcl", **wanted).decode()
-    document = {"run": str(options.run_folder), "to": options.to, "text": text}
-    print_result(options, document, text.rstrip("\n"))
+    print_result(options, document | {"text": text}, text.rstrip("\n"))
     return 0

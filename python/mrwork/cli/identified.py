@@ -174,6 +174,7 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "current_laws": None if fit.current is None else asdict(fit.current),
         "identifiability": None if fit.identifiability is None else asdict(fit.identifiability),
         "nuisances": fit.nuisances,
+        "observation": fit.observation_in_words,
         **named(fit, "fit_percent", "nrmse", "rmse_n"),
         "error_norms": asdict(fit.error_norms),
         **named(fit, "status", "status_reason", "stop_reason"),
@@ -213,7 +214,7 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     gathered = gathered_findings(tests)
     for test, quality, findings in zip(tests, fit.quality, gathered.own, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
-        recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
+        recorded = quality.recorded_in_words
         lines.append(
             f"  {escape_text(test.label)}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"

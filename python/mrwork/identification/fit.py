@@ -297,6 +297,11 @@ class FitQuality(Summarised):
     observation: Observation = AS_IT_IS
     nuisance: Nuisance = NONE
 
+    @property
+    def recorded_in_words(self) -> str:
+        """What was applied to the model's force before the comparison, as a participle; empty for nothing."""
+        return ", ".join(filter(None, (self.observation.in_words, self.nuisance.in_words)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SearchTrace(Summarised, Related):
@@ -468,6 +473,21 @@ class Fit(WithAxes, Summarised, Related):
         if self.seen(test) is not None:
             return None
         return likest_of_other_force(RecordedMotion.of(test), self.motions)
+
+    @property
+    def observation_in_words(self) -> str:
+        """A sentence on what the records add to the force of the damper by the fit; empty where they add nothing."""
+        tests: dict[str, list[str]] = {}
+        for each in self.quality:
+            tests.setdefault(each.recorded_in_words, []).append(each.test)
+        of = {words: "" if len(tests) == 1 else f" in {list_names(own, 3)}" for words, own in tests.items()}
+        said = [f"{words}{of[words]}" for words in tests if words]
+        if not said:
+            return ""
+        return (
+            f"The recorded force is that of the damper, {'; '.join(said)}; equation and parameters are of the damper "
+            "alone."
+        )
 
     @property
     def settings(self) -> FitSettings:
@@ -649,6 +669,9 @@ class Fit(WithAxes, Summarised, Related):
                 "residual_autocorrelation": ("1", "autocorrelation of the residual"),
                 "n_time": ("1", "samples that are compared"),
             },
+        )
+        tests |= columns_of(
+            self.quality, "test", {"recorded_in_words": ("", "what the record adds to the model's force")}
         )
         search = {
             f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)

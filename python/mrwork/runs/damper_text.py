@@ -52,7 +52,10 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
     commands, rows = _commands(fit, stated, tested)
     unit = "" if fit.spec.current is None else fit.spec.current.unit
     heading = [f"command [{unit}]"] if unit else []
-    lines = [[*heading, "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]"]]
+    remarks = ["; ".join(_left_out(fit, command)) for command in commands]
+    # Readers of numbers take no words, so that there is a column for them only where there are some.
+    remark = ["remark"] if any(remarks) else []
+    lines = [[*heading, "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]", *remark]]
     speeds = tested.velocity * np.arange(1, _SPEEDS + 1) / _SPEEDS
     forces = np.stack([_forces(fit, rows, tested.stroke, float(speed)) for speed in speeds])
     both_ways = np.concatenate([-speeds[::-1], speeds])
@@ -61,7 +64,9 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
     amplitude = np.full(both_ways.size, tested.stroke)
     for index, command in enumerate(commands):
         columns = np.column_stack([both_ways, force[:, index], amplitude, frequency]).tolist()
-        lines += [[*([] if command is None else [repr(command)]), *map(repr, numbers)] for numbers in columns]
+        first = [] if command is None else [repr(command)]
+        last = [remarks[index]] if remark else []
+        lines += [[*first, *map(repr, numbers), *last] for numbers in columns]
     return csv_text(lines)
 
 
@@ -249,6 +254,7 @@ def opensees_damper(
         for each in fit.estimates
         if each.remark in ("at lower bound", "at upper bound")
     ]
+    facts += _left_out(fit, command)
     if k and x0:
         facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")
     parts: list[tuple[str, tuple[float, ...]]] = [("BoucWen", astuple(material))]
@@ -264,6 +270,18 @@ def opensees_damper(
     ]
     whole = _Material(kind="Parallel", tag=0, arguments=tuple(joined))
     return OpenSeesDamper(facts=tuple(facts), materials=(*materials, whole))
+
+
+def _left_out(fit: Fit, command: float | None) -> list[str]:
+    """What the parameters at a command leave out: observation model, lag of the driver, gap of the tested commands."""
+    facts = [fit.observation_in_words] if fit.observation_in_words else []
+    if fit.spec.current is not None and fit.spec.current.lagged:
+        eta = fit.parameters["eta"]
+        facts.append(f"the lag of the driver is not in it: its rate eta is {of_unit(eta.value, eta.unit, 4)}")
+    gap, unit = fit.tested.gap, fit.tested.command_unit
+    if command is not None and gap is not None and gap[0] < command < gap[1]:
+        facts.append(f"no test is between {gap[0]:g} and {gap[1]:g} {unit}: its laws are interpolated there")
+    return facts
 
 
 def _substeps_in_words(velocity: float, step: float, time_step: float, sigma: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal, assert_never
@@ -15,7 +16,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.dampers.conversions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_damper
@@ -193,6 +194,9 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
         "status": fit.status,
         "fit_percent": fit.fit_percent,
         "rmse": {"value": fit.rmse_n, "unit": "N"},
+        "observation": fit.observation_in_words,
+        "tested": fit.tested.in_words,
+        "warnings": _cells(fit.warnings),
         "theta": np.array(fit.theta),
         "theta_names": _cells(spec.names),
         "theta_units": _cells([each.unit for each in spec.parameters]),
@@ -210,9 +214,24 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
         }
         content["laws"] = _rename_keys(laws)
         content["command_unit"] = spec.current.unit
-    if place is not None:
-        content["tests"] = _tests(place)
+        content["interpolation"] = (
+            "A law by values goes on along its tangents beyond its commands; every parameter that follows the command "
+            "is limited to the admissible range of the model."
+        )
+    content["tests"] = (
+        _cells([_as_recorded(each) for each in fit.quality]) if place is None else _tests(place)
+    )
     return _file(content)
+
+
+def _as_recorded(quality: FitQuality) -> dict[str, Any]:
+    """What was applied to the model's force on a test, in the order of the fields: numbers, and words."""
+    return {
+        "name": quality.test,
+        "words": quality.recorded_in_words,
+        "observation": asdict(quality.observation),
+        "nuisance": asdict(quality.nuisance),
+    }
 
 
 def _matlab_of_groups(title: str, groups: Mapping[str, NamedArrays]) -> bytes:
@@ -228,7 +247,12 @@ def _tests(place: Path) -> Any:
         warnings.warn(f"the file has no tests with their forces: {reason}", MrworkWarning, stacklevel=5)
         return _cells([])
     predictions = predict_tests(opened.fit, opened.tests)
-    return _cells([{"name": each.test.label, **_group(each._named_arrays())} for each in predictions])
+    return _cells(
+        [
+            {**_as_recorded(quality), "name": each.test.label, **_group(each._named_arrays())}
+            for each, quality in zip(predictions, opened.fit.quality, strict=True)
+        ]
+    )
 
 
 def _group(arrays: NamedArrays) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def excitation(test: DamperTest) -> list[str]:
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
     """Command, motion and sampling of a test, and the observation model of its force, in one line."""
-    observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
+    observed = quality.recorded_in_words
     window = test.window
     ends = [
         f"{end} {numbers.shortest(n_left * test.dt, 2)} s"
