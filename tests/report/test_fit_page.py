@@ -442,7 +442,7 @@ def test_the_verdict_on_bands_is_that_of_their_coverage() -> None:
     few = verdict(0.91, 0.022, 0.85)
     assert "nominal coverage" in few
     assert "3 tests are too few to tell" in few
-    assert "2 to 91 % by the 50 % band" in few
+    assert "have about" not in few
     assert "have about their nominal coverage" in verdict(*[0.5] * 5)
     assert "50 % bands are too narrow" in verdict(*[0.1] * 5)
     assert "50 % bands are wider than necessary" in verdict(*[0.9] * 5)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import isfinite
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -433,32 +433,14 @@ _OVERSHOOT = 0.05
 _PER_GAP = 41
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HiddenExtremum:
-    """An extremum of a law, `value` at `command`, `between` two tested commands.
-
-    `instead` is the other form of the law through the same values, if that has none.
-    """
+class HiddenExtremum(NamedTuple):
+    """An extremum of a law between two tested commands, and the other form of the law if that has none."""
 
     parameter: str
-    unit: str
     value: float
-    command: float
     between: tuple[float, float]
-    command_unit: CommandUnit
     instead: LawName
-
-    @property
-    def in_words(self) -> str:
-        """The extremum, and what to do."""
-        value = of_unit(self.value, "" if self.unit == "1" else self.unit, 3)
-        low, high = (f"{each:.3g}" for each in self.between)
-        law = f"give {self.parameter}={self.instead} as its law" if self.instead else "choose another law"
-        return (
-            f"the law of {self.parameter} has an extremum between the tested commands {low} and {high} "
-            f"{self.command_unit}, {value} at {of_unit(self.command, self.command_unit, 3)}, that no test shows: test "
-            f"there, or {law}"
-        )
+    in_words: str
 
 
 def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> tuple[HiddenExtremum, ...]:
@@ -468,40 +450,35 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
     """
     if spec.current is None or len(levels) < 2:
         return ()
-    command = np.linspace(levels[:-1], levels[1:], _PER_GAP)
+    unit, command = spec.current.unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
 
-    def largest(law: CurrentLaw, parameter: ParamSpec, own: Floats) -> tuple[float, int, Floats]:
+    def passing(law: CurrentLaw, parameter: ParamSpec, own: Floats) -> tuple[Floats, Floats]:
         value = law.values(own, command.ravel(), log=parameter.scale == "log").reshape(command.shape)
         ends = value[[0, -1]]
         beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
-        share = beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST)
-        return float(share.max()), int(np.argmax(share)), value
+        return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
     found = []
     coefficients = by_parameter(spec, np.asarray(theta, dtype=np.float64))
     for parameter, name, own in zip(spec.plain, spec.current.laws, coefficients, strict=False):
-        law = law_named(name)
-        share, most, value = largest(law, parameter, own)
-        if share <= _OVERSHOOT:
+        share, value = passing(law_named(name), parameter, own)
+        if share.max() <= _OVERSHOOT:
             continue
-        instead = other_form(law, parameter)
-        if instead:
-            share, _, values = largest(law_named(instead), parameter, own)
-            least = max(parameter.lower, _VANISHED * values.max())
-            if share > _OVERSHOOT or values.min() < least or values.max() > parameter.upper:
+        remedy, most = "choose another law", int(np.argmax(share))
+        if instead := other_form(law_named(name), parameter):
+            others, values = passing(law_named(instead), parameter, own)
+            dies = values.min() < max(parameter.lower, _VANISHED * values.max())
+            if others.max() > _OVERSHOOT or dies or values.max() > parameter.upper:
                 instead = ""
-        gap = most % command.shape[1]
-        found.append(
-            HiddenExtremum(
-                parameter=parameter.name,
-                unit=parameter.unit,
-                value=float(value.flat[most]),
-                command=float(command.flat[most]),
-                between=(levels[gap], levels[gap + 1]),
-                command_unit=spec.current.unit,
-                instead=instead,
-            )
+            else:
+                remedy = f"give {parameter.name}={instead} as its law"
+        low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
+        at = of_unit(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit, 3)
+        words = (
+            f"the law of {parameter.name} has an extremum between the tested commands {low:.3g} and {high:.3g} {unit}, "
+            f"{at} at {of_unit(float(command.flat[most]), unit, 3)}, that no test shows: test there, or {remedy}"
         )
+        found.append(HiddenExtremum(parameter.name, float(value.flat[most]), (low, high), instead, words))
     return tuple(found)
 
 

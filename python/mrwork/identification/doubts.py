@@ -48,7 +48,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         from mrwork.identification.minimise.level_search import excerpts_of_laws, worse_together
 
         excerpts = objective.on(form.spec, excerpts_of_laws(problem))
-        together = () if points.is_suspected else worse_together(problem, excerpts, polished.theta)
+        together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)
     missing = missing_lag(form.spec, objective, polished.theta)
     return (
         *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),

@@ -187,7 +187,6 @@ def points_from_levels(
         return minima.theta[order], minima.misfit[order]
 
     best: Floats | None = None
-    doubts: tuple[str, ...] = ()
     suspected = False
     try:
         middle = len(commands) // 2
@@ -227,9 +226,6 @@ def points_from_levels(
                 least = (1.0 + settings.closeness) * result.misfit[0]
                 found_again = int(np.count_nonzero(result.misfit <= least)) >= settings.found
                 suspected = not found_again
-                if suspected:
-                    nrmse = on_tests.nrmse_of_tests(theta[:1])[:, 0]
-                    doubts = (far_worse_sentence(excerpts, worse, nrmse, alone.nrmse, found_again=False),)
     except KeyboardInterrupt as interrupt:
         found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
         if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
@@ -252,7 +248,7 @@ def points_from_levels(
         theta=in_own_laws(distinct_minima(joint.box, theta, misfit)),
         trace=trace_of(result),
         minima=True,
-        warnings=(*doubts_about(result, None, settings), *doubts),
+        warnings=doubts_about(result, None, settings),
         is_suspected=suspected,
     )
 
@@ -304,10 +300,12 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
     return _OwnFits(command=command, theta=theta, nrmse=nrmse)
 
 
-def worse_together(problem: Problem, objective: Objective, theta: Floats) -> tuple[str, ...]:
+def worse_together(
+    problem: Problem, objective: Objective, theta: Floats, *, suspected: bool
+) -> tuple[str, ...]:
     """Sentence on the tests that a fit `theta`, (n_params,), describes far worse than their own fits do.
 
-    These start from the parameters of the fit at the command of each.
+    These start from the parameters of the fit at the command of each. A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
     joint = objective.nrmse_of_tests(theta[None])[:, 0]
@@ -318,9 +316,8 @@ def worse_together(problem: Problem, objective: Objective, theta: Floats) -> tup
             level = LevelFit(command=command, minima=plain_parameters(spec, theta, command)[None])
             alone[index] = _fit_each(problem, tests[index : index + 1], [level]).nrmse[0]
     worse = far_worse(joint, alone)
-    if not worse.size:
-        return ()
-    return (far_worse_sentence(tests, worse, joint, alone, found_again=True),)
+    sentence = far_worse_sentence(tests, worse, joint, alone, found_again=not suspected)
+    return (sentence,) if worse.size else ()
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:

@@ -27,7 +27,6 @@ from mrwork.records.findings import gathered_findings
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.held_out import HeldOutTest
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
@@ -367,34 +366,19 @@ AMPLITUDES = SectionKind(make=lambda _, comparisons: amplitude_section(compariso
 """The errors by amplitude."""
 
 
-def _covered(test: HeldOutTest) -> str:
-    return numbers.format_fixed(None if test.inside is None else 100.0 * test.inside, 1)
-
-
 def _held_out_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     """A table of the held-out tests of every prediction; `None` where there are none."""
-    held_out = run.held_out
-    if held_out is None:
+    if run.held_out is None:
         return None
-    table = page_table(
-        "Predictions of held-out tests",
-        (
-            TableColumn(heading="test", cell=lambda each: each.name),
-            TableColumn(heading="fit", unit="%", cell=lambda each: numbers.format_fixed(each.fit_percent, 2)),
-            TableColumn(heading="RMSE", unit="N", cell=lambda each: numbers.significant(each.rmse_n, 3)),
-            TableColumn(heading="in 90 % band", unit="%", cell=_covered),
-            TableColumn(heading="outside the tested ranges in", cell=lambda each: ", ".join(each.outside)),
-        ),
-        held_out.tests,
-        note="Neither the fit nor its calibration has seen these tests. `mrwork predict RUN TESTS` adds further ones; "
-        "a test that is predicted again counts once.",
+    summary = run.held_out._summary()
+    table = Table(
+        label="Predictions of held-out tests",
+        columns=tuple(summary.columns),
+        rows=tuple(map(tuple, summary.rows)),
+        note="Neither the fit nor its calibration has seen these tests; one that is predicted again counts once.",
     )
-    return Section(
-        anchor="held-out",
-        title="Held-out tests",
-        summary=f"{held_out.spread.in_words}.",
-        groups=(Group(table=table),),
-    )
+    said = f"{run.held_out.spread.in_words}."
+    return Section(anchor="held-out", title="Held-out tests", summary=said, groups=(Group(table=table),))
 
 
 HELD_OUT = SectionKind(

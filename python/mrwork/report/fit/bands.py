@@ -83,8 +83,7 @@ def _verdict(tests: Sequence[_Levels]) -> str:
     """What the coverage of the tests by the bands of every level says about them, beside the summary."""
     if not tests:
         return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
-    shares = {level: [row[level].samples.coverage for row in tests] for level in LEVELS}
-    means = {level: float(np.mean(own)) for level, own in shares.items()}
+    means = {level: float(np.mean([row[level].samples.coverage for row in tests])) for level in LEVELS}
     narrow = [f"{100 * level:g} %" for level, (least, _) in _NOMINAL.items() if means[level] < least]
     wide = [f"{100 * level:g} %" for level, (_, most) in _NOMINAL.items() if means[level] > most]
     said = []
@@ -99,11 +98,7 @@ def _verdict(tests: Sequence[_Levels]) -> str:
         said.append(f"{len(tests)} tests are too few to tell whether the bands have their nominal coverage.")
     elif not said:
         said.append(f"On average over {len(tests)} tests the bands have about their nominal coverage.")
-    spans = ", ".join(
-        f"{percent(min(own), 0)} to {percent(max(own), 0)} % by the {100 * level:g} % band"
-        for level, own in shares.items()
-    )
-    return f"{' '.join(said)} Single tests are covered to {spans}."
+    return " ".join(said)
 
 
 def _table(bands: StoredBands, covered: dict[str, _Levels]) -> Table:

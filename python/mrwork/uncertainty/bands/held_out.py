@@ -42,11 +42,6 @@ class HeldOutTest:
     outside: tuple[str, ...] = ()
     inside: float | None = None
 
-    @property
-    def nrmse(self) -> float:
-        """RMSE over the standard deviation of the measured force."""
-        return 1.0 - self.fit_percent / 100.0
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class HeldOutTests(Summarised, Related):
@@ -81,8 +76,15 @@ class HeldOutTests(Summarised, Related):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Held-out {self.spread.in_words}",
-            columns=("test", "fit %", "RMSE [N]"),
-            rows=[(each.name, f"{each.fit_percent:.2f}", f"{each.rmse_n:.4g}") for each in self.tests],
+            columns=("test", "fit %", "RMSE [N]", "in 90 % band [%]", "outside the tested ranges in"),
+            rows=[
+                (
+                    *(each.name, f"{each.fit_percent:.2f}", f"{each.rmse_n:.4g}"),
+                    "-" if each.inside is None else f"{100.0 * each.inside:.1f}",
+                    ", ".join(each.outside),
+                )
+                for each in self.tests
+            ],
         )
 
 
@@ -137,7 +139,7 @@ def read_held_out(place: Path, fit: Fit) -> HeldOutTests | None:
         )
     calibration = stored_calibration(place, fit)
     kept = [
-        (test if calibration is None else replace(test, inside=_inside(calibration, each)), each)
+        (replace(test, inside=_inside(calibration, each) if calibration else None), each)
         for test, each in zip(document.tests, predictions, strict=True)
         if calibration is None or calibration.knows(each.test) is None
     ]
