@@ -199,6 +199,7 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: 
         f"{fit.spec.title}; {', '.join(f'{name} {law}' for name, law in following.items()) or 'constant parameters'}"
     )
     show(said)
+    show(f"Tested: {fit.tested.in_words}.")
     if not uses["test"]:
         show(
             "No test was kept for test: set the use of some rows of "
