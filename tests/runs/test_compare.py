@@ -29,10 +29,10 @@ def test_what_was_predicted_is_kept_and_leads_the_page(folder: Path) -> None:
     held_out = mr.load(folder / "one", mr.StoredRun).held_out
     assert held_out is not None
     assert [each.name for each in held_out.tests] == ["synthetic spencer1997_slow"]
-    assert held_out.drawn[0].test.name == held_out.spread.worst_test
+    assert held_out.predictions[0].test.name == held_out.spread.worst_test
     page = (folder / "one" / "report.html").read_text()
     assert "Predicts one test kept for test to" in page
-    assert ("It lies beyond the tested ranges." in page) == bool(held_out.tests[0].outside)
+    assert ("It lies outside the tested ranges." in page) == bool(held_out.tests[0].outside)
     assert "Nothing was held out" in (folder / "other" / "report.html").read_text()
 
 

@@ -62,9 +62,10 @@ def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
-        "Tests with the motion and command of a fitted one are named as seen; the others stand on the page of RUN. "
+        "Tests with the motion and command of a fitted one are named as seen; the others of every call stand on the "
+        "page of RUN. "
         "Where --law auto has found other sets of laws that predict nearly as well, within 1 point, a sentence says "
-        "how far they are apart where the tests end."
+        "how far they are apart where the tests end and between their commands."
     )
     parser.epilog = examples(
         "mrwork predict out/rig rig --level 0.9",
