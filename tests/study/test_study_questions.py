@@ -117,6 +117,17 @@ def test_an_empty_list_of_a_baseline_takes_the_devices_of_the_building_out(tmp_p
             study(tmp_path, f"{FRAME}{key} = [{{ {built} }}]\n", baseline)
 
 
+@pytest.mark.parametrize(
+    "other", ["rayleigh = { ratios = [0.02, 0.02] }", "modal_damping = { ratios = [0.02] }"]
+)
+def test_damping_that_another_key_would_replace_is_refused(tmp_path: Path, other: str) -> None:
+    chain = "masses = [5e4, 5e4]\nstiffnesses = [6e7, 6e7]\nstorey_damping = [1e4, 1e4]\n"
+    matrix = "mass = [[5e4]]\nstiffness = [[6e7]]\ndamping = [[1e4]]\n"
+    for given in (chain, matrix):
+        with pytest.raises(SettingError, match="both give the damping"):
+            study(tmp_path, given + other)
+
+
 def test_a_baseline_without_p_delta_has_none(tmp_path: Path) -> None:
     baseline = '[[baseline]]\nlabel = "bare"\nbuilding = { p_delta = false }\n'
     made = study(tmp_path, f"{FRAME}p_delta = true\n", baseline)

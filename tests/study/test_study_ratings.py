@@ -6,6 +6,7 @@ import mrwork as mr
 import numpy as np
 import pytest
 from mrwork.dampers.tested_range import OperatingRange, beyond_rating
+from mrwork.drawing.of_studies import energy_parts
 from mrwork.study import StudyResults
 from mrwork.study.folder import study_document
 from mrwork.study.results import shares_in_words
@@ -86,6 +87,24 @@ def test_viscous_dampers_of_the_building_are_listed_with_the_other_devices(resul
     # Forces and strokes of passive devices stand behind those of the dampers.
     assert len(results.runs[0, 0].peak_force) == 1
     assert results.runs[0, 0].peak_force[0] > 0.0
+
+
+def test_energy_of_viscous_dampers_is_that_of_the_dampers(results: StudyResults) -> None:
+    """It is the integral of c v^2 of their storey, and the energies still balance."""
+    uts = mr.buildings.with_viscous_damper(mr.building("uts"), storey=1, damping=1e4)
+    motion = mr.synthetic_motion(rng=0, duration=4.0, peak=2.0)
+    study = mr.study_of(building=uts, motions=[motion])
+    kept = {}
+    run = mr.run_study(study, keep=lambda row, motion, history: kept.update({row: history})).runs[0, 0]
+    history = kept[0]
+    # Trapezoids over the samples of the hardware, 1 ms of a first period of 0.35 s.
+    rate = np.gradient(history.drift[:, 0], history.time)
+    expected = np.trapezoid(1e4 * rate**2, history.time)
+    dampers, structure, moving = energy_parts(run.numbers)
+    assert dampers == pytest.approx(float(expected), rel=2e-3)
+    assert history.energy[-1, 4] == pytest.approx(dampers, rel=1e-3)
+    assert structure == pytest.approx(float(run.damping_energy), rel=1e-3)
+    assert dampers + structure + moving == pytest.approx(float(run.input_energy), rel=1e-9)
 
 
 def test_a_linear_damper_leaves_a_linear_building() -> None:

@@ -509,8 +509,9 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
             with place.keeping():
                 place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
-    if table.rayleigh is not None and table.modal_damping is not None:
-        table.modal_damping.place.refuse("rayleigh and modal_damping both give the damping; keep one")
+    damped = [name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given]
+    if len(damped) > 1:
+        place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
     ways = [(each.place, each.place.attempt(each.way)) for each in table.additions()]
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

@@ -30,7 +30,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
-from mrwork.closed_loop.evaluation import criteria, criterion
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.prescribed import samples_of
@@ -545,10 +545,10 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """
     if table.place is None:
         return table
-    for name, limit in (table.constraints or {}).items():
-        asked = isinstance(limit, float) and any(each.name == name for each in criteria())
-        if asked and (question := criterion(name).question(limit)):
-            table.place.questions.append(f"{table.place.within('constraints', name)}: {question}.")
+    for each in criteria():
+        limit = (table.constraints or {}).get(each.name)
+        if isinstance(limit, float) and (question := each.question(limit)):
+            table.place.questions.append(f"{table.place.within('constraints', each.name)}: {question}.")
     for law in table.laws:
         with table.place.keeping():
             check_law(table, law)
