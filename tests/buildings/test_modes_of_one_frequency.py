@@ -3,15 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
-import mrwork as mr
 import numpy as np
 import pytest
 import scipy
+from numpy.testing import assert_allclose
+
+import mrwork as mr
 from mrwork import buildings
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.state_space import mass_of_forces
 from mrwork.errors import SettingError
-from numpy.testing import assert_allclose
 
 STIFFNESS = 2e6
 

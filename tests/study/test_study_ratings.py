@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
-import mrwork as mr
 import numpy as np
 import pytest
+
+import mrwork as mr
 from mrwork.dampers.tested_range import OperatingRange, beyond_rating
 from mrwork.drawing.of_studies import energy_parts
 from mrwork.study import StudyResults

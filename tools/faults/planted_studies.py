@@ -1,4 +1,4 @@
-"""Sweep of studies with one planted fault, and of honest ones: `python -m tools.faults.planted_studies [NUMBER] [SEED]`.
+"""Sweep of studies with a planted fault, and of honest ones: `python -m tools.faults.planted_studies [NUMBER] [SEED]`.
 
 Printed are the share of each kind of fault that is told when a study is read, and honest studies that are asked about.
 """
@@ -114,6 +114,7 @@ def of_building(*given: Table) -> tuple[Patch, ...]:
     return tuple({"building": each} for each in given)
 
 
+TOWN: Final = {"masses": [5e4], "stiffnesses": [6e7]}
 UNDAMPED: Final = {"modal_damping": None}
 TOWERS: Final = {
     "mass": (5e4 * np.eye(4)).tolist(),
@@ -128,7 +129,8 @@ LIGHT: Final = UNDAMPED | {
 FAULTS: Final[Mapping[str, Sequence[Patch]]] = {
     "per cent or ratio": (
         *of_building({"modal_damping": {"ratios": [0.5]}}, {"modal_damping": {"ratios": [1.0]}}, {"drift_limit": 0.5}),
-        *of_building({"storeys_that_yield": {"yield_drift_ratio": 0.4}}, {"tuned_mass": {"floor": 1, "mass_ratio": 2.0}}),
+        *of_building({"storeys_that_yield": {"yield_drift_ratio": 0.4}}),
+        *of_building({"tuned_mass": {"floor": 1, "mass_ratio": 2.0}}),
         *of_building({"isolation": {"mass": 5e4, "period": 2.5, "ratio": 15.0}}, {"drift_limit": "0.01 %"}),
         *({"report": {"limit": {"peak_drift_ratio": each}}} for each in (1.0, 0.5, 2.0)),
     ),
@@ -142,10 +144,10 @@ FAULTS: Final[Mapping[str, Sequence[Patch]]] = {
     "N or kN": (
         *of_building({"masses": [0.03, 0.05, 0.02]}, {"masses": [3e9, 5e9, 4e9]}, {"stiffnesses": [1e15]}),
         *of_building({"masses": [50.0], "stiffnesses": [6e4], "height": 3.0}),
-        *({"building": frame_of_town | each} for frame_of_town in [{"masses": [5e4], "stiffnesses": [6e7]}] for each in (
-            {"storeys_that_yield": {"yield_shear": 600.0}}, {"storeys_that_yield": {"yield_shear": 6e8}},
-            {"friction": {"storey": 1, "slip_load": 90.0, "stiffness": 2e8}}, {"viscous": {"storey": 1, "damping": 90.0}},
-        )),
+        *of_building(TOWN | {"storeys_that_yield": {"yield_shear": 600.0}}),
+        *of_building(TOWN | {"storeys_that_yield": {"yield_shear": 6e8}}),
+        *of_building(TOWN | {"friction": {"storey": 1, "slip_load": 90.0, "stiffness": 2e8}}),
+        *of_building(TOWN | {"viscous": {"storey": 1, "damping": 90.0}}),
     ),
     "ms or s": (
         *({"hardware": {name: each}} for name, each in (("sample_time", 1.0), ("sample_time", 5.0), ("delay", 2.0))),
@@ -157,7 +159,8 @@ FAULTS: Final[Mapping[str, Sequence[Patch]]] = {
     "falls": of_building({"loads": [3e10, 2e10, 1e10]}, {"p_delta": True, "masses": [5e4], "stiffnesses": [1e5]}),
     "damping": of_building(*(UNDAMPED | {"storey_damping": [each]} for each in (1e9, 1e10))),
     "key without effect": tuple(
-        {"baseline": [{"label": "same", "building": each}]} for each in ({"source": "another"}, {"viscous": []}, {"p_delta": False})
+        {"baseline": [{"label": "same", "building": each}]}
+        for each in ({"source": "another"}, {"viscous": []}, {"p_delta": False})
     ),
 }  # fmt: skip
 
