@@ -25,7 +25,7 @@ from mrwork.base.hints import LARGEST, NOTES, May, Node, Notes, Record, Scalar, 
 from mrwork.base.places import Place, Unread
 from mrwork.base.summary import list_names
 from mrwork.base.synonyms import synonyms, without_style
-from mrwork.base.units import number_in
+from mrwork.base.units import number_in, question_on
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError, UnknownNameError
 
 T = TypeVar("T")
@@ -118,6 +118,7 @@ def key(
     from_one: bool = False,
     named: str = "",
     file: bool = False,
+    usual: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a key of a table: what it means in a few words, and its range, as of `Within`.
 
@@ -125,7 +126,8 @@ def key(
     required. `matrix` permits a matrix, in a file also the name of a text file with it; a `label` is a name in tables
     and figures, which has no control characters. `span` is the range in which a search looks for it. A number that
     counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one. A text
-    that may name a `file` is relative to the folder of the document.
+    that may name a `file` is relative to the folder of the document. A number other than 0 that is beyond the `usual`,
+    of an array the largest, is asked about in `Place.questions`.
     """
     within = Within(least=least, above=above, most=most, below=below)
     notes = {
@@ -140,6 +142,7 @@ def key(
         "from_one": from_one,
         "named": named,
         "file": file,
+        "usual": usual,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
@@ -324,6 +327,8 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
         with place.keeping():
             values[entry.name] = _read_value(declared[entry.name], table[name], place.within(name), entry)
             unread.discard(entry.name)
+            if entry.metadata["usual"]:
+                _ask(values[entry.name], table[name], place.within(name), entry)
 
     for name, entry in known.items():
         if name in table:
@@ -353,6 +358,22 @@ def _read_keys(kind: type, table: Mapping[str, Any], place: Place) -> tuple[dict
             # What stands below two headings of one table belongs together.
             unread |= {known[other].name} if other in given else set()
     return values, unread
+
+
+# Room of a number whose unit is stated.
+_STATED = 10.0
+
+
+def _ask(read: Any, given: Any, place: Place, entry: Field[Any]) -> None:
+    """Keep a question on an unusual number of a key, or on the largest one of an array."""
+    numbers = [each for each in (read if isinstance(read, tuple) else (read,)) if isinstance(each, float)]
+    largest = max(map(abs, numbers), default=0.0)
+    stated = any(isinstance(each, str) for each in (given if isinstance(given, list) else (given,)))
+    room, unit = _STATED if stated else 1.0, entry.metadata["unit"] or "1"
+    if 0.0 < largest < math.inf and (
+        question := question_on(str(place.path[-1]), largest, entry.metadata["usual"], unit, room=room)
+    ):
+        place.questions.append(f"{place}: {question}.")
 
 
 def _fits(node: Node, value: Any, entry: Field[Any]) -> bool:

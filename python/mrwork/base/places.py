@@ -42,7 +42,7 @@ class Place:
     With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
     "frame.toml, rayleigh.ratios". `title` is what messages call the document. Where that is a call, `arguments` has the
     names of its arguments by the keys of a file: a place reads "study_of, dampers[0].storey", and sentences name
-    `dampers` for [[damper]].
+    `dampers` for [[damper]]. `questions` are sentences on numbers that a document may have, and that are unusual.
     """
 
     origin: str
@@ -51,6 +51,7 @@ class Place:
     title: str = "the study"
     arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
     mistakes: _Mistakes | None = field(default=None, repr=False, compare=False)
+    questions: list[str] = field(default_factory=list, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:
         """The place of something inside."""

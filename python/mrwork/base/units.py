@@ -244,6 +244,26 @@ def number_in(text: str, unit: str) -> float | str:
     return value * given_unit.factor
 
 
+def question_on(
+    name: str, value: float, usual: tuple[float, float], unit: str = "1", *, room: float = 1.0
+) -> str:
+    """Question on a number in SI outside of what is usual, with the unit in which it would be; empty for one within.
+
+    `room` is a factor by which the number may be beyond the usual, as one whose unit is stated.
+    """
+    least, most = usual
+    if least / room <= value <= most * room:
+        return ""
+    own = unit.split(" or ")[0]
+    units = next((each for each in (*FACTORS.values(), *_PURE.values()) if own in each), {})
+    meant = [other for other, factor in units.items() if least <= value * factor <= most]
+    # Thousandfold units first, as mm for m.
+    meant.sort(key=lambda other: round(math.log10(units[other])) % 3 != 0)
+    shown = "" if own in ("", "1") else f" {own}"
+    advice = f'write "{value:g} {meant[0]}" if that is meant' if meant else "check it and its unit"
+    return f"{name} is {value:.4g}{shown}, and {least:g} to {most:g}{shown} is usual; {advice}"
+
+
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
     symbol, spelled = _symbol_of(unit)

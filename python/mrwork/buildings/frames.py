@@ -16,8 +16,8 @@ from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import bytes_in_words
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building, source_with, transform_elements
-from mrwork.buildings.modes import modes_of
+from mrwork.buildings.matrices import Building, PassiveElement, source_with, transform_elements
+from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.errors import SettingError
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
@@ -257,7 +257,7 @@ def with_rayleigh_damping(
             )
         )
     low, high = (float(omega[mode - 1]) for mode in modes)
-    if min(low, high) <= 0.0 or np.isclose(low, high, rtol=1e-9):
+    if min(low, high) <= 0.0 or np.isclose(low, high, rtol=1e-8):
         raise SettingError(
             f"building {building.name}: modes {modes[0]} and {modes[1]} have {low / (2 * np.pi):g} and "
             f"{high / (2 * np.pi):g} Hz; Rayleigh damping needs two different frequencies above zero"
@@ -278,7 +278,15 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
         raise SettingError(
             f"building {building.name}: {len(ratios)} damping ratios for {omega.size} modes; give one, or one for each"
         )
-    spread = 2.0 * np.broadcast_to(np.asarray(ratios, dtype=np.float64), omega.shape) * omega
+    of_modes = np.broadcast_to(np.asarray(ratios, dtype=np.float64), omega.shape)
+    for space in spaces_of(omega**2):
+        if np.ptp(of_modes[space]):
+            raise SettingError(
+                f"building {building.name}: modes {space.start + 1} to {space.stop} have one frequency, "
+                f"{omega[space.start] / (2.0 * np.pi):.4g} Hz, and damping ratios of {of_modes[space].min():g} to "
+                f"{of_modes[space].max():g}, so that which shape has which ratio is not determined; give them one ratio"
+            )
+    spread = 2.0 * of_modes * omega
     moved = building.mass @ modes
     return replace(building, damping=(moved * spread) @ moved.T)
 
@@ -309,6 +317,10 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
         building,
         name=f"{building.name}, viscous damper in {name}",
         damping=building.damping + damping * np.outer(row, row),
+        elements=(
+            *building.elements,
+            PassiveElement(name=f"viscous damper in {name}", row=row, damping=damping),
+        ),
         source=source_with(building, f"viscous damper of {damping:g} N s/m in {name} added"),
         status="ours",
     )
@@ -484,16 +496,24 @@ def with_base_isolation_of_period(
 
 
 def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) -> tuple[float, float, float]:
-    """Circular frequency of a mode [rad/s], its damping ratio, and its shape at a floor, with phi' M phi = 1."""
+    """Circular frequency of a mode [rad/s], its damping ratio, and its shape at a floor, with phi' M phi = 1.
+
+    Of several modes of one frequency, as of equal towers, it is the combination that moves the floor most.
+    """
     if not 1 <= mode <= building.n_coordinates:
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
         )
-    # Of large buildings this mode alone takes a fraction of the time of all.
+    every = scipy.linalg.eigh(building.stiffness, building.mass, eigvals_only=True)
+    (space,) = (each for each in spaces_of(every) if each.start < mode <= each.stop)
+    # Of large buildings these modes alone take a fraction of the time of all.
     squares, shapes = scipy.linalg.eigh(
-        building.stiffness, building.mass, subset_by_index=[mode - 1, mode - 1]
+        building.stiffness, building.mass, subset_by_index=[space.start, space.stop - 1]
     )
-    shape = shapes[:, 0]
+    shape, moved = shapes[:, 0], building.floor_row(floor) @ shapes
+    if len(moved) > 1 and moved.any():
+        # Of modes of one frequency the combination that moves the floor most.
+        shape = shapes @ (moved / np.linalg.norm(moved))
     entry = float(building.floor_row(floor) @ shape)
     # An entry below a millionth of the largest is a node of the mode.
     if abs(entry) < 1e-6 * float(np.abs(building.floors @ shape).max()):

@@ -77,6 +77,10 @@ class Addition:
         return partial(self.ways[number], **given)
 
 
+# Usual damping ratios of frames and of what is added, periods on isolators [s], yield displacements of devices [m] and
+# shares of the mass of a building.
+RATIOS: Final = (5e-4, 0.25)
+_ADDED, _ISOLATORS, _YIELDS, _SHARES = (5e-3, 0.8), (0.7, 10.0), (2e-5, 0.15), (5e-4, 0.5)
 _STOREY: Final = "storey: its number from 1, or its name"
 _FLOOR: Final = "floor: its number from 1, or its name"
 _SHARP: Final = "sharpness of the knee: 1 is round, 10 nearly bilinear"
@@ -90,7 +94,7 @@ class RayleighTable(Addition):
     a0: float | None = key("coefficient of the mass", unit="1/s", default=None)
     a1: float | None = key("coefficient of the stiffness", unit="s", default=None)
     ratios: tuple[float, float] | None = key(
-        "damping ratios in two modes, as [0.02, 0.02]", default=None, least=0.0, most=1.0
+        "damping ratios in two modes, as [0.02, 0.02]", default=None, least=0.0, most=1.0, usual=RATIOS
     )
     modes: tuple[int, int] | None = key(
         "numbers of these modes, as [1, 3]; [1, 2] by default", default=None, least=1
@@ -103,7 +107,7 @@ class ModalDampingTable(Addition):
 
     ways = (with_modal_damping,)
     ratios: tuple[float, ...] = key(
-        "damping ratios, as [0.01]: one for all modes or one for each", least=0.0, most=1.0
+        "damping ratios, as [0.01]: one for all modes or one for each", least=0.0, most=1.0, usual=RATIOS
     )
 
 
@@ -144,9 +148,9 @@ class IsolationTable(Addition):
     stiffness: float | None = key("stiffness of all isolators", unit="N/m", default=None, above=0.0)
     damping: float | None = key("damping of all isolators", unit="N s/m", default=None, least=0.0)
     period: float | None = key(
-        "period of the rigid building on its isolators", unit="s", default=None, above=0.0
+        "period of the rigid building on its isolators", unit="s", default=None, above=0.0, usual=_ISOLATORS
     )
-    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0)
+    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0, usual=_ADDED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,11 +164,14 @@ class LeadRubberTable(Addition):
         unit="s",
         default=None,
         above=0.0,
+        usual=_ISOLATORS,
     )
     post_yield_stiffness: float | None = key(
         "stiffness K_d of the rubber of all bearings; or period", unit="N/m", default=None, above=0.0
     )
-    ratio: float | None = key("damping ratio of the rubber, 0 by default", default=None, least=0.0)
+    ratio: float | None = key(
+        "damping ratio of the rubber, 0 by default", default=None, least=0.0, usual=_ADDED
+    )
     characteristic_strength: float | None = key(
         "characteristic strength Q_d of all leads together", unit="N", default=None, above=0.0
     )
@@ -172,7 +179,11 @@ class LeadRubberTable(Addition):
         "another name of characteristic_strength", unit="N", default=None, above=0.0
     )
     yield_displacement: float | None = key(
-        "displacement at which the leads yield, 0.01 m by default", unit="m", default=None, above=0.0
+        "displacement at which the leads yield, 0.01 m by default",
+        unit="m",
+        default=None,
+        above=0.0,
+        usual=_YIELDS,
     )
     sharpness: float | None = key(f"{_SHARP}; 2 by default", default=None, least=1.0, most=50.0)
     name: str | None = key("name in tables", default=None, label=True)
@@ -205,7 +216,9 @@ class YieldingTable(Addition):
     ways = (with_yielding_damper,)
     storey: int | str = key(_STOREY)
     yield_force: float = key("force at which it yields, along the drift", unit="N", above=0.0)
-    yield_displacement: float = key("displacement at which it yields, with its brace", unit="m", above=0.0)
+    yield_displacement: float = key(
+        "displacement at which it yields, with its brace", unit="m", above=0.0, usual=_YIELDS
+    )
     post_yield_ratio: float | None = key(
         "stiffness after yielding over that before, 0.05 by default", default=None, least=0.0, below=1.0
     )
@@ -248,7 +261,10 @@ class TunedMassTable(Addition):
     ways = (with_optimal_tuned_mass, with_tuned_mass)
     floor: int | str = key(_FLOOR)
     mass_ratio: float | None = key(
-        "mass over that of the building, as 0.02, with a published tuning", default=None, above=0.0
+        "mass over that of the building, as 0.02, with a published tuning",
+        default=None,
+        above=0.0,
+        usual=_SHARES,
     )
     tuning: str | None = key(
         "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio", default=None
@@ -258,7 +274,7 @@ class TunedMassTable(Addition):
     frequency: float | None = key(
         "frequency of the mass on its spring, on the fixed floor", unit="Hz", default=None, above=0.0
     )
-    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0)
+    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0, usual=_ADDED)
     name: str | None = key("name in tables", default=None, label=True)
 
 
@@ -270,7 +286,7 @@ class LiquidColumnTable(Addition):
     floor: int | str = key(_FLOOR)
     width_ratio: float = key("horizontal share of the length of the column", above=0.0, below=1.0)
     mass_ratio: float | None = key(
-        "mass of the liquid over that of the building, as 0.02", default=None, above=0.0
+        "mass of the liquid over that of the building, as 0.02", default=None, above=0.0, usual=_SHARES
     )
     rms_velocity: float | None = key(
         "velocity of the liquid at which its damping is the optimum; with mass_ratio",
@@ -380,9 +396,9 @@ class BuildingTable:
         above=0.0,
         below=1.0,
     )
-    p_delta: bool = key(
+    p_delta: bool | None = key(
         "whether weights act on the displaced storeys, each that of the masses above it; needs heights",
-        default=False,
+        default=None,
     )
     loads: _Numbers | None = key(
         "weights on the storeys, lowest first, instead of those that p_delta takes from the masses",
@@ -390,18 +406,20 @@ class BuildingTable:
         default=None,
         least=0.0,
     )
-    element: tuple[ElementTable, ...] = key("passive elements beside the matrices", default=())
+    element: tuple[ElementTable, ...] | None = key("passive elements beside the matrices", default=None)
     rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
     modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
     storeys_that_yield: YieldingStoreysTable | None = key("storeys of the frame that yield", default=None)
     isolation: IsolationTable | None = key("base isolation", default=None)
     lead_rubber: LeadRubberTable | None = key("lead-rubber bearings", default=None)
-    viscous: tuple[ViscousTable, ...] | ViscousTable = key("viscous dampers", default=())
-    yielding: tuple[YieldingTable, ...] | YieldingTable = key("yielding dampers", default=())
-    friction: tuple[FrictionTable, ...] | FrictionTable = key("friction dampers", default=())
-    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable = key("braces", default=())
-    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable = key("tuned masses", default=())
-    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable = key("liquid columns", default=())
+    viscous: tuple[ViscousTable, ...] | ViscousTable | None = key("viscous dampers", default=None)
+    yielding: tuple[YieldingTable, ...] | YieldingTable | None = key("yielding dampers", default=None)
+    friction: tuple[FrictionTable, ...] | FrictionTable | None = key("friction dampers", default=None)
+    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable | None = key("braces", default=None)
+    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable | None = key("tuned masses", default=None)
+    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable | None = key(
+        "liquid columns", default=None
+    )
     place: Place
 
     def override_with(self, other: BuildingTable) -> BuildingTable:
@@ -491,8 +509,9 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
             with place.keeping():
                 place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
-    if table.rayleigh is not None and table.modal_damping is not None:
-        table.modal_damping.place.refuse("rayleigh and modal_damping both give the damping; keep one")
+    damped = [name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given]
+    if len(damped) > 1:
+        place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
     ways = [(each.place, each.place.attempt(each.way)) for each in table.additions()]
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -545,7 +564,7 @@ def _with_elements(building: Building, table: BuildingTable) -> Building:
         return building
     elements = tuple(
         PassiveElement(**{entry.name: getattr(each, entry.name) for entry in keys_of(ElementTable)})
-        for each in table.element
+        for each in table.element or ()
     )
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     return replace(building, n_strokes=n_strokes, elements=(*building.elements, *elements))

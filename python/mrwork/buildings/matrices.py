@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
@@ -17,10 +17,19 @@ from mrwork.base.keys import control_in
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.units import STANDARD_GRAVITY, question_on
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
-from mrwork.buildings.modes import damping_warnings, growing_modes, is_positive, modes_of
+from mrwork.buildings.modes import (
+    OF_ADDITIONS,
+    apart_of,
+    damping_warnings,
+    growing_modes,
+    is_positive,
+    modes_of,
+    settle_shapes,
+)
 from mrwork.dampers.spec import DamperSpec
-from mrwork.dampers.tested_range import OperatingRange, Outside, outside_of
+from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -73,6 +82,11 @@ class PassiveElement(Summarised):
             title=f"Passive element {self.name}",
             facts=tuple((name, f"{format_rounded(value)} {unit}") for name, value, unit in facts if value),
         )
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the matrices have all of it, as of a viscous damper."""
+        return not (self.head_loss or self.yield_force)
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -226,8 +240,8 @@ class Building(Summarised):
     @property
     def nonlinear(self) -> str:
         """What is simulated and not in the matrices, the first of it by its name; empty of a linear building."""
-        names = (*(each.name for each in self.elements), *(("P-delta",) if self.loads.any() else ()))
-        return next(iter(names), "")
+        names = [each.name for each in self.elements if not each.is_linear]
+        return next(iter([*names, *(["P-delta"] if self.loads.any() else [])]), "")
 
     @property
     def unit_drifts(self) -> Floats:
@@ -322,7 +336,7 @@ class Building(Summarised):
         return self._modal().participation
 
     def _modal(self, most: int | None = None) -> _Modal:
-        omega, modes = modes_of(self.mass, self.stiffness, most)
+        omega, modes = self._shapes(most)
         driven = modes.T @ self.mass @ self.influence
         with np.errstate(divide="ignore", invalid="ignore"):
             return _Modal(
@@ -334,8 +348,15 @@ class Building(Summarised):
 
     @property
     def modes(self) -> Floats:
-        """Mode shapes as columns, shape (n, n), scaled so that modes' M modes = I."""
-        return modes_of(self.mass, self.stiffness)[1]
+        """Mode shapes as columns, shape (n, n), scaled so that modes' M modes = I.
+
+        Of modes of one frequency, as of equal towers, they are those that damping does not couple.
+        """
+        return self._shapes(None)[1]
+
+    def _shapes(self, most: int | None) -> tuple[Floats, Floats]:
+        omega, modes = modes_of(self.mass, self.stiffness, most)
+        return omega, settle_shapes(omega, modes, self.damping, self.mass @ self.influence)
 
     @property
     def damping_ratios(self) -> Floats:
@@ -357,24 +378,11 @@ class Building(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """`damping_warnings`, and what a colleague would ask about periods, weights and the order of the modes."""
+        """`damping_warnings`, and what a colleague would ask about modes, coordinates, damping and strength."""
         if len(self.mass) > _MOST_QUESTIONED or not self.total_mass > 0.0:
             return self.damping_warnings
-        modal, storeys = self._modal(), len(self.drifts) or 1
-        first, shares = float(modal.period[0]), modal.effective_masses / self.total_mass
-        most = int(shares.argmax())
-        said = []
-        if not _SHORTEST * storeys <= first <= _LONGEST[0] + _LONGEST[1] * storeys and np.isfinite(first):
-            said.append(
-                f"{self.name}: the first period is {first:.3g} s for {counted(storeys, 'storey')}; frames have about "
-                "0.1 s a storey. Masses are in kg, stiffnesses in N/m: check whether one is off by a thousand."
-            )
-        if shares[most] > 2.0 * shares[0]:
-            said.append(
-                f"{self.name}: mode 1 moves {100.0 * shares[0]:.0f} % of the mass and mode {most + 1} "
-                f"{100.0 * shares[most]:.0f} %; a part by itself is softer than the frame, check its stiffness."
-            )
-        return (*self.damping_warnings, *said)
+        said = (*_ask_of_modes(self), *_ask_of_coordinates(self), *_ask_of_storeys(self))
+        return (*self.damping_warnings, *(f"{self.name}: {each}" for each in said))
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -496,6 +504,18 @@ _ASYMMETRY: Final = 1e-6
 # First periods of frames [s]: the shortest for each storey, and the longest by number of storeys, with room for models
 # of a laboratory and for isolation. A mass or stiffness that is off by a thousand changes a period by 32.
 _SHORTEST, _LONGEST = 0.005, (1.5, 0.5)
+# Share of the first mode within the lowest storey from which on a frame stands on isolators; their longest period [s].
+_RIGID, _ISOLATED = 0.75, 10.0
+# Share of the mass up to which a first mode is that of a small part.
+_SMALL_PART: Final = 0.1
+# Frequency [Hz] and share of the mass of a mode that is of no use to a frame; damping ratio of its main mode.
+_STIFF, _MOVES_LITTLE, _OVERDAMPED = 1e3, 1e-3, 0.5
+# Positive coupling of two coordinates beside their stiffness, and share of the largest mass that is light.
+_COUPLED, _LIGHT = 0.1, 1e-4
+DRIFT_RATIOS: Final = (5e-4, 0.1)
+"""Usual limits of a drift ratio."""
+# Height of a storey for people [m], and least mass of the heaviest floor of such a building [kg].
+_HUMAN, _LEAST_FLOOR = 2.0, 200.0
 _SHOWN_MODES: Final = 10
 _MOST_DRAWN: Final = 100
 # Coordinates of a building whose modes take a fraction of a second.
@@ -574,6 +594,110 @@ def _check_building(building: Building) -> None:
         )
 
 
+def _ask_of_modes(building: Building) -> Iterator[str]:
+    """Questions on periods, on a part that is softer than its frame, on stiff coordinates without mass, on damping."""
+    omega, modes = building._shapes(None)
+    modal, storeys = building._modal(), len(building.drifts) or 1
+    shares, frequency = modal.effective_masses / building.total_mass, omega / (2.0 * np.pi)
+    moved = np.abs(building.floors @ modes[:, 0]).max(initial=0.0)
+    # A frame on isolators moves as a whole in its first mode, and bends in the second.
+    isolated = storeys > 1 and abs(building.drifts[0] @ modes[:, 0]) > _RIGID * moved
+    mode = int(isolated and float(modal.period[0]) <= _ISOLATED)
+    period, longest = (
+        float(modal.period[mode]),
+        _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys,
+    )
+    if np.isfinite(period) and not _SHORTEST * storeys <= period <= longest:
+        yield (
+            f"the {('first', 'second')[mode]} period is {period:.3g} s for {counted(storeys, 'storey')}; frames have "
+            "about 0.1 s a storey. Masses are in kg, stiffnesses in N/m: check whether one is off by a thousand."
+        )
+    most, apart = int(shares.argmax()), apart_of(modes, building.mass, building.floors) >= OF_ADDITIONS
+    if not apart[0] and shares[0] < _SMALL_PART and shares[most] > 2.0 * shares[0]:
+        yield (
+            f"mode 1 moves {100.0 * shares[0]:.0f} % of the mass and mode {most + 1} "
+            f"{100.0 * shares[most]:.0f} %; a part by itself is softer than the frame, check its stiffness."
+        )
+    dashpots = (each.damping * (each.row @ modes) ** 2 for each in building.elements if not each.in_stiffness)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = modal.damping_ratio - sum(dashpots) / (2.0 * omega)
+    seen = (omega > 0.0) & ~apart
+    stiff = seen & (frequency > _STIFF) & (shares < _MOVES_LITTLE)
+    damped = seen & (ratios > np.where(np.arange(len(omega)) == most, _OVERDAMPED, 1.0))
+    for number in np.flatnonzero(stiff if stiff.any() else damped)[-1:]:
+        part = int((np.abs(modes[:, number]) * np.sqrt(np.diag(building.mass))).argmax())
+        of_part = f"moves {shares[number]:.1g} of the mass, by coordinate {part + 1}, {building.mass[part, part]:g} kg"
+        advice = "check damping in N s/m and ratios as shares, or give modal_damping"
+        if stiff.any():
+            advice = f"it {of_part}; condense this coordinate out of the matrices, or damp its mode by modal_damping"
+        yield (
+            f"mode {number + 1} at {frequency[number]:.4g} Hz has {100.0 * ratios[number]:.3g} % of critical damping; "
+            f"{advice}."
+        )
+
+
+def _ask_of_coordinates(building: Building) -> Iterator[str]:
+    """A question on coordinates that the ground is said to move, and that are no displacements by their stiffness.
+
+    Springs between displacements have negative entries beside the diagonal, and condensed frames positive ones between
+    every second floor. Rotations have positive ones between neighbours, and without their own influence K r there.
+    """
+    follows = np.flatnonzero(building.influence)
+    stiffness = building.stiffness[np.ix_(follows, follows)]
+    diagonal, mass = np.diag(stiffness), np.diag(building.mass)[follows]
+    if building.status == WITHOUT_MASSES or (diagonal <= 0.0).any():
+        return
+    coupled = stiffness / np.sqrt(np.outer(diagonal, diagonal)) > _COUPLED
+    np.fill_diagonal(coupled, val=False)
+    place = np.arange(len(follows))
+    wrong = coupled & ((place[:, None] - place) % 2 == 1)
+    held = (building.stiffness @ building.influence)[follows] / diagonal
+    light = (mass < _LIGHT * mass.max()) & (np.abs(held) > _ASYMMETRY)
+    wrong |= coupled & (light[:, None] | light)
+    if wrong.any() or (light & (held < 0.0)).any():
+        first = int(follows[(light if light.any() else wrong.any(axis=1)).argmax()])
+        yield (
+            f"by its stiffness coordinate {first + 1} is no displacement of a floor, and the ground moves it as one; "
+            "give influence, 0 of a rotation, and the rows floors and storeys of those that there are, in [building]."
+        )
+
+
+def _ask_of_storeys(building: Building) -> Iterator[str]:
+    """Questions on heights, drifts, strengths and passive devices, beside weight and modes."""
+    heights, weight = building.drift_heights, building.total_mass * STANDARD_GRAVITY
+    real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.drifts)]
+    numbers = [("the height of a storey", each, (0.05, 25.0), "m") for each in (*real[:1], *real[-1:])]
+    if building.drift_limit:
+        numbers.append(("drift_limit", building.drift_limit, DRIFT_RATIOS, "1"))
+    if drifts.any():
+        first, springs = int((drifts > 0.0).argmax()), building.storey_stiffnesses
+        if springs.size:
+            strength = float(springs[first] * drifts[first]) / weight
+            numbers.append(("the yield shear of a storey over the weight", strength, (2e-3, 100.0), ""))
+        if heights.size and (heights[drifts > 0.0] > 0.0).all():
+            ratio = float((drifts[drifts > 0.0] / heights[drifts > 0.0]).max())
+            numbers.append(("the drift ratio at which a storey yields", ratio, (2e-4, 0.05), "1"))
+        else:
+            numbers.append(("the drift at which a storey yields", float(drifts.max()), (1e-5, 0.5), "m"))
+    omega, modes = building._shapes(None)
+    for each in building.elements:
+        if each.yield_force and not each.in_stiffness:
+            numbers.append(
+                (f"the force of {each.name} over the weight", each.yield_force / weight, (2e-4, 3.0), "")
+            )
+        elif each.is_linear and each.damping:
+            ratio = float((each.damping * (each.row @ modes) ** 2 / np.maximum(2.0 * omega, 1e-9)).max())
+            numbers.append((f"the damping ratio that {each.name} adds to a mode", ratio, (2e-4, 50.0), ""))
+    questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
+    yield from (f"{each}." for each in dict.fromkeys(questions) if each)
+    heaviest = float(np.diag(building.mass).max())
+    if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:
+        yield (
+            f"its heaviest floor has {heaviest:.3g} kg, and its storeys are {real.max():g} m high; masses are in kg, "
+            "stiffnesses in N/m and forces in N: check whether all are off by a thousand."
+        )
+
+
 def _check_heights(building: Building, where: str) -> None:
     heights = building.heights
     if heights.shape not in ((0,), (len(building.storeys),)):
@@ -600,6 +724,14 @@ def _check_loads(building: Building, where: str) -> None:
     if loads.any() and not (building.heights.size and (building.heights[loads > 0.0] > 0.0).all()):
         raise SettingError(
             f"{where}: P-delta stands on the heights of the storeys; give height or heights in [building]"
+        )
+    if loads.any() and not is_positive(building.stiffness - building._geometric):
+        softer = np.divide(loads, building.heights, out=np.zeros(len(loads)), where=building.heights > 0.0)
+        springs = building.storey_stiffnesses
+        storey = int(np.argmax(softer / springs if springs.shape == softer.shape else softer))
+        raise SettingError(
+            f"{building.name} falls under its weight: in {building.storey_names[storey]} P / h is "
+            f"{softer[storey]:.4g} N/m; check masses in kg, stiffnesses in N/m and heights in m"
         )
 
 
@@ -717,6 +849,8 @@ class Device(Summarised):
     lag
         Rate of a first-order lag of the driver [1/s], instead of that of `theta` or of none. It becomes the last
         parameter of `spec` and `theta`.
+    rated_force, rated_stroke
+        Force [N] and stroke [m] that one of the dampers is made for, beyond which runs are told; `None` if unknown.
     """
 
     _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
@@ -730,6 +864,8 @@ class Device(Summarised):
     differential: bool = False
     tested: OperatingRange | None = None
     lag: Positive | None = None
+    rated_force: Positive | None = None
+    rated_stroke: Positive | None = None
 
     def __post_init__(self) -> None:
         if not self.spec.follows_command:
@@ -819,8 +955,11 @@ class Device(Summarised):
 
     @checked
     def outside(self, demand: OperatingRange) -> Outside:
-        """Quantities of a demand outside the tested ranges; laws are evaluated at the median of the draws."""
-        return outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
+        """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""
+        outside = outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
+        rated = beyond_rating(demand, force=self.rated_force, stroke=self.rated_stroke)
+        is_rated = self.rated_force is not None or self.rated_stroke is not None
+        return replace(outside, exceedances=(*rated, *outside.exceedances), known=outside.known or is_rated)
 
     def _summary(self) -> Summary:
         return Summary(

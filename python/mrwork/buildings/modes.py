@@ -8,6 +8,7 @@ damped throughout. The poles are computed only where that is not certain.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -24,8 +25,13 @@ _GROWS: Final = 1e-5
 _ROUNDING: Final = 1e-9
 # Modes below this share of the highest frequency, or of a typical one, are motions without stiffness.
 _FREE: Final = 1e-6
-# Share of the kinetic energy in coordinates of additions above which a mode is none of the frame.
-_OF_ADDITIONS: Final = 0.9
+# Squares of frequencies that differ by less are equal, relative to their own and to the highest.
+_SAME: Final = 1e-8
+_EPSILON: Final = 1e-14
+# Weight of what the ground drives beside damping, where both single out shapes.
+_DRIVEN: Final = 1e-6
+OF_ADDITIONS: Final = 0.9
+"""Share of the kinetic energy in coordinates of additions above which a mode is none of the frame."""
 # With more coordinates, damping ratios are those without the coupling between modes: poles would take minutes.
 _MOST_COUPLED: Final = 300
 
@@ -50,9 +56,39 @@ def modes_of(mass: Floats, stiffness: Floats, most: int | None = None) -> tuple[
     """
     some = None if most is None or most >= len(mass) else (0, most - 1)
     squares, modes = scipy.linalg.eigh(stiffness, mass, subset_by_index=some)
-    largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
     # A free coordinate has frequency zero; rounding may make its square negative.
-    return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)
+    return np.sqrt(np.maximum(squares, 0.0)), _with_signs(modes)
+
+
+def _with_signs(modes: Floats) -> Floats:
+    largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
+    return np.asarray(modes * np.where(largest < 0.0, -1.0, 1.0))
+
+
+def spaces_of(squares: Floats) -> list[slice]:
+    """Ranges of modes that have one frequency within rounding, from its squares in rising order, shape (n,).
+
+    Of several such modes any combination is a mode, so that only the space of their shapes is determined.
+    """
+    apart = np.diff(squares) > _SAME * squares[1:] + _EPSILON * squares[-1]
+    ends = np.concatenate([[0], np.flatnonzero(apart) + 1, [len(squares)]]).tolist()
+    return [slice(start, stop) for start, stop in pairwise(ends)]
+
+
+def settle_shapes(omega: Floats, modes: Floats, damping: Floats, driven: Floats) -> Floats:
+    """Mode shapes, of several of one frequency those that damping does not couple; of equal damping one is driven.
+
+    `driven` is M r, shape (n,): the first of modes with equal damping has all their participation, the others none.
+    """
+    settled = modes.copy()
+    for space in spaces_of(omega**2):
+        if space.stop - space.start > 1:
+            shapes = modes[:, space]
+            coupled, drive = shapes.T @ damping @ shapes, shapes.T @ driven
+            weight = _DRIVEN * (float(np.abs(coupled).max()) or 1.0) / (float(drive @ drive) or 1.0)
+            _, turn = np.linalg.eigh(coupled - weight * np.outer(drive, drive))
+            settled[:, space] = _with_signs(shapes @ turn)
+    return settled
 
 
 def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floats) -> ModalDamping:
@@ -66,7 +102,7 @@ def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floa
         return ModalDamping(
             frequency=omega[kept] / (2.0 * np.pi),
             ratio=np.diag(coupled)[kept] / (2.0 * omega[kept]),
-            apart=_apart(modes[:, kept], mass, floors),
+            apart=apart_of(modes[:, kept], mass, floors),
             n_free=n_free,
         )
     # In modal coordinates the state [omega y; y'] scales all entries alike.
@@ -82,14 +118,14 @@ def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floa
     overdamped = np.concatenate([grows, decays])
     frequency = np.concatenate([np.abs(pairs), np.sqrt(overdamped[::2] * overdamped[1::2])])
     ratio = np.concatenate([-pairs.real / np.abs(pairs), -np.sign(overdamped[::2])])
-    apart = np.concatenate([_apart(shapes, mass, floors), np.zeros(len(overdamped) // 2)])
+    apart = np.concatenate([apart_of(shapes, mass, floors), np.zeros(len(overdamped) // 2)])
     order = np.argsort(frequency)
     return ModalDamping(
         frequency=frequency[order] / (2.0 * np.pi), ratio=ratio[order], apart=apart[order], n_free=n_free
     )
 
 
-def _apart(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats) -> Floats:
+def apart_of(shapes: NDArray[np.complex128] | Floats, mass: Floats, floors: Floats) -> Floats:
     """Share of the kinetic energy of each shape, a column, in coordinates that move no floor."""
     hidden = ~floors.any(axis=0)
     if not hidden.any():
@@ -136,7 +172,7 @@ def damping_warnings(
             f"{name}: {_modes_have(damped.n_free, n)} no stiffness, so that nothing limits its drift; give the "
             "isolators or the lowest storey a stiffness."
         )
-    undamped = (damped.ratio < UNDAMPED) & (damped.apart < _OF_ADDITIONS)
+    undamped = (damped.ratio < UNDAMPED) & (damped.apart < OF_ADDITIONS)
     if undamped.any():
         sentences.append(
             _describe_undamped(

@@ -16,7 +16,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.buildings.frames import number_names
 from mrwork.buildings.matrices import WITHOUT_MASSES, Building, source_with, transform_elements
-from mrwork.buildings.modes import modes_of
+from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.files.matrices import read_matrices
 
@@ -330,27 +330,28 @@ def mass_of_forces(system: LinearSystem, columns: Sequence[int], rows: Floats, n
         If a mode is moved by none of the forces, or no mass agrees with them.
     """
     order, n = order_of_states(system.A, name), system.n_states // 2
-    modes = _real_modes(-system.A[np.ix_(order[n:], order[:n])], name)
+    modes, spaces = _real_modes(-system.A[np.ix_(order[n:], order[:n])], name)
     inverse = np.linalg.inv(modes)
     moved, stretched = inverse @ system.B[order[n:]][:, list(columns)], modes.T @ rows.T
     # Shapes of unit length: what moves is in 1/kg.
-    still = np.flatnonzero(
-        np.abs(moved).max(axis=1, initial=0.0) <= _ROUNDING * np.abs(moved).max(initial=0.0)
-    )
-    if len(still):
+    least = _ROUNDING * np.linalg.norm(moved)
+    n_moved = sum(int(np.linalg.matrix_rank(moved[space], tol=least)) for space in spaces)
+    if n_moved < n:
         raise SettingError(
-            f"building {name}: the forces of these columns of B move {n - len(still)} of {n} modes, so they do not say "
+            f"building {name}: the forces of these columns of B move {n_moved} of {n} modes, so they do not say "
             "the masses; give M, or the columns of forces in other storeys too"
         )
-    pushing = -(moved * stretched).sum(axis=1) / (moved**2).sum(axis=1)
-    weights = np.abs(pushing)
-    side = np.sign(pushing.sum())
-    if np.abs(weights[:, None] * moved + side * stretched).max() > 1e-6 * np.abs(stretched).max():
+    # Shapes of modes of one frequency need not be orthogonal: their masses are a matrix.
+    pushing = scipy.linalg.block_diag(*(-stretched[space] @ np.linalg.pinv(moved[space]) for space in spaces))
+    side = np.sign(np.trace(pushing))
+    weights = side * (pushing + pushing.T) / 2.0
+    far = np.abs(weights @ moved + side * stretched).max() > 1e-6 * np.abs(stretched).max()
+    if far or np.linalg.eigvalsh(weights)[0] <= 0.0:
         raise SettingError(
             f"building {name}: no masses give these columns of B for forces in these storeys; name the storeys in the "
             "order of the columns, or give M"
         )
-    return np.asarray(inverse.T @ (weights[:, None] * inverse))
+    return np.asarray(inverse.T @ weights @ inverse)
 
 
 @checked
@@ -378,22 +379,26 @@ def _mass_of(stiffness: Floats, name: str) -> Floats:
     """Return a mass that makes mass @ stiffness symmetric; `stiffness` is M^-1 K."""
     if np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max():
         return np.eye(len(stiffness))
-    inverse = np.linalg.inv(_real_modes(stiffness, name))
+    inverse = np.linalg.inv(_real_modes(stiffness, name)[0])
     return np.asarray(inverse.T @ inverse)
 
 
-def _real_modes(stiffness: Floats, name: str) -> Floats:
-    """Modes of M^-1 K as columns of unit length."""
+def _real_modes(stiffness: Floats, name: str) -> tuple[Floats, list[slice]]:
+    """Modes of M^-1 K as columns of unit length, and the ranges of those of one frequency."""
     squares, modes = np.linalg.eig(stiffness)
-    if (
-        np.abs(np.imag(squares)).max() > _ROUNDING * np.abs(squares).max()
-        or np.linalg.cond(modes) > 1.0 / _ROUNDING
-    ):
+    order = np.argsort(squares.real)
+    largest, shapes, spaces = np.abs(squares).max(), modes[:, order].real, spaces_of(squares[order].real)
+    for space in spaces:
+        if space.stop - space.start > 1:
+            square = float(squares[order[space]].real.mean())
+            *_, rows = np.linalg.svd(stiffness - square * np.eye(len(stiffness)))
+            shapes[:, space] = rows[space.start - space.stop :].T
+    if np.abs(squares.imag).max() > _ROUNDING * largest or np.linalg.cond(shapes) > 1.0 / _ROUNDING:
         raise SettingError(
             f"building {name}: the modes of M^-1 K are no real shapes, so no mass makes K symmetric; "
             "use it as a linear system"
         )
-    return np.asarray(np.real(modes))
+    return np.asarray(shapes), spaces
 
 
 # Square roots of the Gramians are exact to the square root of rounding; smaller singular values are noise.
@@ -416,6 +421,13 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
             f"to {building.n_coordinates}"
         )
     omega, modes = modes_of(building.mass, building.stiffness)
+    cut = next(each for each in spaces_of(omega**2) if n_modes <= each.stop)
+    if n_modes < cut.stop:
+        raise SettingError(
+            f"building {building.name}: modes {cut.start + 1} to {cut.stop} have one frequency, "
+            f"{omega[cut.start] / (2.0 * np.pi):.4g} Hz, and {n_modes} modes would keep an arbitrary part of their "
+            f"motion; keep {' or '.join(str(each) for each in (cut.start, cut.stop) if each)} modes"
+        )
     kept = modes[:, :n_modes]
     return replace(
         building,

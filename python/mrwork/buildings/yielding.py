@@ -16,7 +16,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
-from mrwork.buildings.modes import is_positive, modes_of
+from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 
 if TYPE_CHECKING:
@@ -139,18 +139,11 @@ def with_p_delta(building: Building) -> Building:
             "give the weights, as loads"
         )
     above = STANDARD_GRAVITY * building.unit_drifts @ building.mass @ building.influence
-    heavy = replace(
+    return replace(
         building,
         loads=np.where(building.heights > 0.0, above, 0.0),
         source=source_with(building, "P-delta of its weight"),
     )
-    if not is_positive(replace(heavy, elements=()).site_stiffness, 0.0):
-        worst = int(np.argmax(above / np.where(heavy.heights > 0.0, heavy.heights, np.inf)))
-        raise SettingError(
-            f"{building.name} falls under its weight: in {building.storey_names[worst]} P / h is "
-            f"{above[worst] / heavy.heights[worst]:.4g} N/m; check masses in kg, stiffnesses in N/m and heights in m"
-        )
-    return heavy
 
 
 LoadPattern = Literal["first mode", "uniform", "triangular"]

@@ -15,8 +15,9 @@ import numpy as np
 from mrwork.base.arguments import AnyNumbers, Whole
 from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
+from mrwork.base.units import question_on
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import DRIFT_RATIOS, Building
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.store.codec import OrNan
@@ -86,7 +87,7 @@ class Criterion:
     that of the highest one if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
     papers report its ratio to the value without dampers, under these `labels`. A number that is `of_command` is zero at
     i = 0, one that is `counted` jumps by whole counts, one that is `optional` is unknown in earlier files or where its
-    scale is.
+    scale is. `usual` is the range of its limits in SI, `None` where they are of any size.
     `over` names the criterion of the building without dampers in the
     denominator, if it is another one. `short` is the title in a narrow column.
     """
@@ -104,6 +105,7 @@ class Criterion:
     of_command: bool = False
     counted: bool = False
     optional: bool = False
+    usual: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantity", self.quantity or self.name)
@@ -117,6 +119,14 @@ class Criterion:
     def unit(self) -> str:
         """Unit of the number, as in tables."""
         return "1" if self.scale else unit_of(self.quantity).replace("^", "")
+
+    def question(self, limit: float) -> str:
+        """Question on a limit of the criterion that is of an unusual size; empty on others."""
+        return (
+            ""
+            if self.usual is None
+            else question_on(f"the limit of {self.name}", limit, self.usual, self.unit)
+        )
 
     def value(self, responses: object, scales: Scales) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
@@ -283,9 +293,10 @@ _JANSEN = "Jansen & Dyke 2000"
 
 _CRITERIA = (
     Criterion(name="peak_displacement", title="Peak displacement", short="Displ.", labels=(f"J1 of {_JANSEN}",)),
-    Criterion(name="peak_drift", title="Peak drift", short="Drift", labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}")),
+    Criterion(name="peak_drift", title="Peak drift", short="Drift", labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}"),
+        usual=(5e-5, 1.0)),
     Criterion(name="peak_drift_ratio", title="Peak drift ratio", short="Drift ratio", quantity="peak_drift",
-        scale="height", ratio=False, optional=True),
+        scale="height", ratio=False, optional=True, usual=DRIFT_RATIOS),
     Criterion(name="peak_roof_displacement", title="Peak displacement of the roof", short="Roof displ.",
         quantity="peak_displacement", of_roof=True, ratio=False, optional=True),
     Criterion(name="peak_ductility", title="Peak drift over yield drift", short="Ductility", quantity="peak_drift",
@@ -294,9 +305,9 @@ _CRITERIA = (
         scale="stability", ratio=False, optional=True),
     Criterion(name="residual_drift", title="Residual drift", short="Residual drift", ratio=False, optional=True),
     Criterion(name="residual_drift_ratio", title="Residual drift ratio", short="Residual ratio",
-        quantity="residual_drift", scale="height", ratio=False, optional=True),
+        quantity="residual_drift", scale="height", ratio=False, optional=True, usual=(1e-5, 0.1)),
     Criterion(name="peak_acceleration", title="Peak acceleration", short="Acc.",
-        labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}")),
+        labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}"), usual=(0.1, 80.0)),
     Criterion(name="peak_base_shear", title="Peak base shear", short="Shear", labels=(f"J3 of {_OHTORI}",)),
     Criterion(name="base_shear_coefficient", title="Peak base shear over weight", short="Shear over weight",
         quantity="peak_base_shear", scale="weight", ratio=False, optional=True),
@@ -308,7 +319,7 @@ _CRITERIA = (
     Criterion(name="peak_force_share", title="Peak device force over weight", short="Force share",
         quantity="peak_force", scale="weight", labels=(f"J11 of {_OHTORI}", f"J4 of {_JANSEN}"), ratio=False),
     Criterion(name="peak_stroke", title="Peak stroke", short="Stroke", labels=(f"J12 of {_OHTORI}",),
-        over="peak_drift", ratio=False),
+        over="peak_drift", ratio=False, usual=(1e-4, 1.0)),
     Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True),
     Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False, of_command=True),
     Criterion(name="command_travel", title="Command travel per second", short="Travel", ratio=False, of_command=True),

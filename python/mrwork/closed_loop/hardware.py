@@ -25,6 +25,8 @@ _SEEDS = 2**32
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
 _LONGEST_PREVIEW = 2.0
+# Usual samples and delays [s].
+_DELAYS = (1e-6, 0.1)
 # Settings of the sensors that only the observer reads.
 _OF_OBSERVER = ("measured_floors", "known_ground")
 _ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
@@ -101,7 +103,7 @@ class Hardware(Summarised):
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"
 
-    sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0)
+    sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0, usual=_DELAYS)
     step: float = key(
         "longest integration step; a sample is the smallest whole number of equal steps that are not longer",
         unit="s",
@@ -109,7 +111,11 @@ class Hardware(Summarised):
         above=0.0,
     )
     delay: float = key(
-        "time from a measurement to its command, a whole number of steps", unit="s", default=0.0, least=0.0
+        "time from a measurement to its command, a whole number of steps",
+        unit="s",
+        default=0.0,
+        least=0.0,
+        usual=_DELAYS,
     )
     command_rate: float = key("largest rate of the command", unit="A/s or V/s", default=math.inf, above=0.0)
     feedback: Feedback = key(

@@ -787,17 +787,18 @@ def _shears(
 ) -> dict[str, Floats]:
     """Shears of a run that the core does not know, and NaN for what of them the building does not say."""
     springs, is_chain = building.storey_springs, bool(building.unit_drifts.any())
+    is_linear = all(each.is_linear for each in building.elements)
     own = np.array(varied)[np.array(places)][realisation] if varied else springs
     known = {
         "peak_storey_shear": is_chain,
-        "peak_frame_shear": bool(springs.any()) and (not building.elements or len(varied) < 2),
+        "peak_frame_shear": bool(springs.any()) and (is_linear or len(varied) < 2),
         "storey_energy": is_chain,
         "peak_overturning": is_chain and bool(building.heights.size),
     }
     drifts = numbers["peak_drift"]
     # A stroke has no spring, also in a run without an end.
     shears = np.multiply(drifts, own, out=np.zeros_like(drifts), where=own > 0.0)
-    linear = {} if building.elements else {"peak_frame_shear": shears}
+    linear = {"peak_frame_shear": shears} if is_linear else {}
     return linear | {name: np.full_like(numbers[name], np.nan) for name, says in known.items() if not says}
 
 

@@ -56,7 +56,7 @@ class Exceedance(Summarised):
     """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
 
     A command between `lowest` and `highest` is in a gap of the tested ones. `extrapolated` are the parameters whose
-    laws are used at a command that was not tested.
+    laws are used at a command that was not tested. A demand beyond what the damper is `rated` for has no tested range.
     """
 
     quantity: OperatingQuantity
@@ -65,6 +65,7 @@ class Exceedance(Summarised):
     highest: float
     unit: str
     extrapolated: tuple[str, ...] = ()
+    rated: bool = False
 
     @property
     def below(self) -> bool:
@@ -119,7 +120,7 @@ class Exceedance(Summarised):
             plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
             how = "interpolated, and no test shows by which form" if self.between else "extrapolated"
             laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} {how}"
-        return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
+        return f"{name} {demanded} {unit}, {'rated' if self.rated else 'tested'} {tested} {unit}{times}{laws}"
 
     def _summary(self) -> Summary:
         return Summary(title=self.in_words)
@@ -289,6 +290,21 @@ def outside_of(
     )
 
 
+def beyond_rating(
+    demand: OperatingRange, *, force: float | None, stroke: float | None
+) -> tuple[Exceedance, ...]:
+    """Peaks of a demand beyond the force [N] and the stroke [m] that a damper is rated for, `None` if unknown."""
+    rated: tuple[tuple[OperatingQuantity, str, float, float | None], ...] = (
+        ("force", "N", demand.force, force),
+        ("stroke", "m", demand.stroke, stroke),
+    )
+    return tuple(
+        Exceedance(quantity=name, demanded=demanded, lowest=0.0, highest=highest, unit=unit, rated=True)
+        for name, unit, demanded, highest in rated
+        if highest is not None and demanded > highest
+    )
+
+
 def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     """The smallest range that covers all; they have one unit of the command."""
     units = [each.command_unit for each in ranges if each.command_unit is not None]
@@ -308,10 +324,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 
 
 def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
-    """For each quantity, above, below and in a gap of its range: the worst exceedance, its label, and their number."""
-    groups: dict[tuple[str, bool, bool], list[tuple[str, Exceedance]]] = {}
+    """For each quantity, above, below, in a gap of its range or above its rating: the worst, its label, their number."""
+    groups: dict[tuple[str, bool, bool, bool], list[tuple[str, Exceedance]]] = {}
     for label, each in exceedances:
-        groups.setdefault((each.quantity, each.below, each.between), []).append((label, each))
+        groups.setdefault((each.quantity, each.below, each.between, each.rated), []).append((label, each))
     worst = []
     for members in groups.values():
         label, exceedance = max(members, key=lambda member: member[1].severity)

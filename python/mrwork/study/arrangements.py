@@ -545,6 +545,10 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
     """
     if table.place is None:
         return table
+    for each in criteria():
+        limit = (table.constraints or {}).get(each.name)
+        if isinstance(limit, float) and (question := each.question(limit)):
+            table.place.questions.append(f"{table.place.within('constraints', each.name)}: {question}.")
     for law in table.laws:
         with table.place.keeping():
             check_law(table, law)

@@ -342,6 +342,8 @@ def equip_building(
                     differential=table.differential,
                     largest_command=one.largest_command,
                     tested=one.tested,
+                    rated_force=table.rated_force,
+                    rated_stroke=table.rated_stroke,
                 )
             )
             with_common_laws(devices)

@@ -266,7 +266,9 @@ class Fragilities(WithAxes, Summarised):
         for label, each in self.rows.items():
             for caution in each.cautions:
                 said.setdefault(caution, []).append(label)
-        return tuple(f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
+        asked = criterion(self.criterion).question(self.limit)
+        of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
+        return (*((asked,) if asked else ()), *of_rows)
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,10 @@ def magnitudes_of_runs(
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
     first = 2.0 * math.pi * float(building.frequencies[0])
+    middle = partial(_middle, building)
 
     def at_zero(name: str) -> float:
-        return _middle(off.numbers[name][0, :, 0])
+        return middle(off.numbers[name][0, :, 0])
 
     displacement, stroke = at_zero("peak_displacement"), at_zero("peak_stroke")
     velocity = first * displacement
@@ -75,20 +76,23 @@ def magnitudes_of_runs(
         velocity=velocity,
         acceleration=at_zero("peak_acceleration"),
         energy=building.total_mass * velocity**2,
-        force=_middle(on.peak_force[0, :, 0]),
+        force=middle(on.peak_force[0, :, 0]),
         stroke=stroke,
         rate=first * stroke,
-        ground=_middle(np.array([motion.peak for motion in motions])),
+        ground=middle(np.array([motion.peak for motion in motions])),
         command=command,
     )
 
 
-def _middle(values: Floats) -> float:
+def _middle(building: Building, values: Floats) -> float:
     finite = values[np.isfinite(values) & (values > 0.0)]
     if not finite.size:
+        reason = next(
+            iter(building.warnings), "shorten the step of [hardware], or check building and dampers"
+        )
         raise SettingError(
-            "the dampers at i = 0 or at the largest command have no finite response under the training motions; "
-            "check the study with mrwork respond"
+            "the dampers at i = 0 or at the largest command have no finite response under the training motions, from "
+            f"which the law takes its settings; {reason.removesuffix('.')}"
         )
     return float(np.median(finite))
 

@@ -24,7 +24,7 @@ from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.evaluation import Scales
+from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import ControlLaw, control_laws
@@ -144,6 +144,9 @@ def motions_of_study(
 def _scaled_motions(bare: _Bare, sample_time: Callable[[], float], aims: Aims) -> list[MotionOfStudy]:
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
+        scaled = [*_scale(bare.ground, bare.table, aims)]
+        for ground, *_ in scaled:
+            refuse_absurd(ground.acceleration, source=ground.name)
         return [
             MotionOfStudy(
                 ground=ground,
@@ -153,7 +156,7 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float], aims: Aims) -
                 intensity=intensity,
                 factor=factor,
             )
-            for ground, intensity, factor in _scale(bare.ground, bare.table, aims)
+            for ground, intensity, factor in scaled
         ]
 
 
@@ -579,6 +582,7 @@ def _study_of(
         clairvoyant=clairvoyant,
         other_sets=other_sets(table.damper, folder, identified),
         suite=checked_suite,
+        questions=tuple(dict.fromkeys(place.questions)),
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))
@@ -679,7 +683,10 @@ def _limit(
         return {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
     current = chosen[0].spec.current if chosen else None
     with place.within("report", "limit").prefix_errors(SettingError):
-        return limit_of(table.limit, "A" if current is None else current.unit, scales)
+        limit = limit_of(table.limit, "A" if current is None else current.unit, scales)
+    asked = (criterion(name).question(value) for name, value in limit.items())
+    place.questions.extend(f"{place.within('report', 'limit')}: {each}." for each in asked if each)
+    return limit
 
 
 def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], place: Place) -> int:

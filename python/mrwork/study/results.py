@@ -156,7 +156,8 @@ class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
     `heights` are those of the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
-    weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0.
+    weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
+    passive devices, and `passive_storeys` the indices of those that stand across a storey.
 
     There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
     """
@@ -170,6 +171,8 @@ class BuildingFacts:
     yield_drifts: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
     drift_limit: float = 0.0
+    passive: tuple[str, ...] = ()
+    passive_storeys: tuple[int, ...] = ()
 
     @property
     def scales(self) -> Scales:
@@ -189,7 +192,11 @@ class BuildingFacts:
     @staticmethod
     def of(building: Building) -> BuildingFacts:
         """Those of a building without dampers."""
+        devices = [each for each in building.elements if not each.in_stiffness]
+        across = (np.flatnonzero((building.drifts == each.row).all(axis=1)).tolist() for each in devices)
         return BuildingFacts(
+            passive=tuple(each.name for each in devices),
+            passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
             name=building.name,
             masses=tuple(np.diag(building.mass).tolist()),
             stiffnesses=tuple(building.storey_stiffnesses.tolist()),
@@ -269,7 +276,7 @@ class StudyResults(Summarised):
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
-    `building_warnings` sentences on modes of the building without damping or stiffness, `damper_warnings` on demand
+    `building_warnings` sentences on the building and on unusual numbers of the study, `damper_warnings` on demand
     outside the tested ranges, on laws out of their range and on the size of dampers. `facts` are further lines of the
     page. `detailed` is the motion whose histories the page shows, of the rows `with_histories`. `ensemble` is the study
     with each set of laws that predicts nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the
@@ -535,9 +542,9 @@ class StudyResults(Summarised):
             ends: dict[str, list[str]] = {}
             for name, run in runs:
                 if run.outcome != "finished":
-                    ends.setdefault(f"{self._end(run)}.{'' if run.finished else _NO_CRITERIA}", []).append(
-                        name
-                    )
+                    ends.setdefault(
+                        f"{self._end(row, run)}.{'' if run.finished else _NO_CRITERIA}", []
+                    ).append(name)
             for end, (first, *more) in ends.items():
                 under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
                 warnings.append(f"{row.label} under {under} {end}")
@@ -551,9 +558,14 @@ class StudyResults(Summarised):
                 )
         return warnings
 
-    def _end(self, run: RunResult) -> str:
+    def _end(self, row: Row, run: RunResult) -> str:
         if run.outcome == "diverged" and self.building is not None and self.building.yield_drifts:
             return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
+        if run.outcome == "diverged" and row.kind in ("uncontrolled", "baseline"):
+            return (
+                "diverged, and it has no dampers that follow a command: check masses, stiffnesses and damping of "
+                "[building], and the step of [hardware]"
+            )
         return run.end
 
     def _summary(self) -> Summary:
@@ -716,11 +728,20 @@ class DevicePlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Reach:
-    """The largest force of the dampers together in any run under a motion, and the base shear without them [N]."""
+    """Largest forces of the dampers by the index of their storey, and the base shear without them [N]."""
 
     motion: int
-    force: float
+    forces: Mapping[int, float]
     shear: float
+
+    @property
+    def on_base(self) -> bool:
+        return 0 in self.forces
+
+    @property
+    def force(self) -> float:
+        """That on the base; storeys stand on each other, so that forces of others do not add to it."""
+        return self.forces[0] if self.on_base else max(self.forces.values())
 
     @property
     def share(self) -> float:
@@ -737,9 +758,15 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     under = results.motions[most.motion].name
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
+    by_storey = [
+        f"{round_to(1e-3 * force, 3):g} kN in {results.storey_names[storey]}"
+        for storey, force in sorted(most.forces.items())
+    ]
+    largest = f"; {'on the base' if most.on_base else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
     return (
-        f"The dampers reach {round_to(1e-3 * most.force, 3):g} kN together, {' to '.join(shares)} % of the peak base "
-        f"shear of the building without them ({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
+        f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
+        f"{' to '.join(shares)} % of the peak base shear of the building without them "
+        f"({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
     )
 
 
@@ -852,14 +879,17 @@ def _reaches(results: StudyResults) -> list[_Reach]:
     reaches = []
     for motion in results.judged_motions:
         bare = results.runs.get((0, motion))
-        forces = [
-            # Passive elements of the building are behind the devices.
-            float(np.dot(run.peak_force[: len(results.dampers)], [each.share for each in results.dampers]))
-            for (row, other), run in results.runs.items()
-            if other == motion and run.finished and results.rows[row].kind in _COMMANDED
-        ]
-        if bare is not None and bare.finished and bare.peak_base_shear > 0.0 and results.dampers and forces:
-            reaches.append(_Reach(motion=motion, force=max(forces), shear=float(bare.peak_base_shear)))
+        if bare is None or not bare.finished or not bare.peak_base_shear > 0.0 or not results.dampers:
+            continue
+        of_runs = []
+        for (row, other), run in results.runs.items():
+            if other == motion and run.finished and results.rows[row].kind in _COMMANDED:
+                forces: dict[int, float] = {}
+                # Passive elements of the building are behind the devices.
+                for damper, force in zip(results.dampers, run.peak_force.tolist(), strict=False):
+                    forces[damper.storey] = forces.get(damper.storey, 0.0) + damper.share * force
+                of_runs.append(_Reach(motion=motion, forces=forces, shear=float(bare.peak_base_shear)))
+        reaches += [max(of_runs, key=lambda each: each.force)] if of_runs else []
     return reaches
 
 

@@ -148,7 +148,7 @@ def run_study(
     realised: dict[int, LabelledRuns] = {}
     choices: list[str] = []
     played = PlayedCommands(study=study, threads=threads)
-    bare, building_warnings = study.building, study.building_warnings
+    bare, building_warnings = study.building, study.warnings
 
     steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
 

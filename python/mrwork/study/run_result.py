@@ -287,7 +287,8 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
     n_runs = sum(1 for devices in demands.values() if devices)
     return (
         *(
-            f"{worst.in_words}: {label}; outside the tested range in {count} of {n_runs} runs with dampers."
+            f"{worst.in_words}: {label}; {'beyond the rating' if worst.rated else 'outside the tested range'} in "
+            f"{count} of {n_runs} runs with dampers."
             for worst, label, count in worst_of(every)
         ),
         *(f"{each.in_words}." for each in worst_laws(laws)),

@@ -14,7 +14,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import LARGEST_SEED, heading_lines, key, key_lines, keys_of, refuse_repeated, tables
 from mrwork.base.places import Place
 from mrwork.base.units import DriverUnit
-from mrwork.buildings.from_file import BuildingTable
+from mrwork.buildings.from_file import RATIOS, BuildingTable
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
@@ -39,6 +39,8 @@ References = Literal["best_passive", "none"]
 Baseline = Literal["passive_off", "best_passive"]
 # A factor must stay positive.
 _WIDEST = 0.999
+# What is usual: periods [s], steps of records [s], peaks of motions [m/s2] and commands [A or V].
+_PERIODS, _STEPS, _PEAKS, _COMMANDS = (0.01, 12.0), (1e-5, 0.11), (0.5, 30.0), (0.02, 60.0)
 
 Combination = Literal["mean", "largest"]
 
@@ -200,13 +202,18 @@ class DamperTable:
         default=None,
     )
     lag: float | None = key(
-        "rate of the lag of the driver, instead of that of the preset", unit="1/s", default=None, above=0.0
+        "rate of the lag of the driver, instead of that of the preset",
+        unit="1/s",
+        default=None,
+        above=0.0,
+        usual=(1.0, 1e5),
     )
     largest_command: float | str | None = key(
         "largest command of the driver, instead of that of the preset or the largest tested one of the run",
         unit="A or V",
         default=None,
         above=0.0,
+        usual=_COMMANDS,
     )
     passive: bool = key(
         "whether the damper is passive: required where no parameter depends on the command, as in a run without --law",
@@ -232,12 +239,23 @@ class DamperTable:
         "storey",
         default=None,
     )
+    rated_force: float | None = key(
+        "force that one damper is made for, beyond which runs are told", unit="N", default=None, above=0.0
+    )
+    rated_stroke: float | None = key(
+        "stroke to either side that one damper is made for",
+        unit="m",
+        default=None,
+        above=0.0,
+        usual=(1e-3, 1.0),
+    )
     name: str | None = key("name in tables, by default that of its storey", default=None, label=True)
     amplitude: tuple[float, ...] | None = key(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
         default=None,
         above=0.0,
+        usual=(1e-4, 1.0),
     )
     velocity: tuple[float, ...] | None = key(
         "smallest and largest expected velocity, for the same laws", unit="m/s", default=None, above=0.0
@@ -295,6 +313,7 @@ class ControllerTable:
         unit="A or V",
         default=None,
         above=0.0,
+        usual=_COMMANDS,
     )
     dead_zone: float = key(
         "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
@@ -322,7 +341,7 @@ class SoilTable:
     """Filters of a synthetic motion; the default is firm soil."""
 
     frequency: float | None = key("frequency of the ground", unit="rad/s", default=None, above=0.0)
-    damping: float | None = key("damping ratio of the ground", default=None, above=0.0)
+    damping: float | None = key("damping ratio of the ground", default=None, above=0.0, usual=(0.02, 2.0))
     intensity: float | None = key(
         "two-sided spectral density of the bedrock", unit="m2/s3", default=None, above=0.0
     )
@@ -358,12 +377,15 @@ class TargetTable:
         unit="m/s2",
         default=None,
         above=0.0,
+        usual=(0.4, 15.0),
     )
     ground: Ground | None = key("ground type of EN 1998-1, A by default", default=None)
     spectrum_type: int | None = key(
         "type of EN 1998-1, 1 or 2, by default 1", default=None, least=1, most=2, named="type"
     )
-    s_ds: float | None = key("acceleration at short periods of ASCE 7", unit="m/s2", default=None, above=0.0)
+    s_ds: float | None = key(
+        "acceleration at short periods of ASCE 7", unit="m/s2", default=None, above=0.0, usual=(0.6, 40.0)
+    )
     s_d1: float | None = key("acceleration at 1 s of ASCE 7", unit="m/s2", default=None, above=0.0)
     t_l: float | None = key("transition period of ASCE 7", unit="s", default=None, above=0.0)
     periods: tuple[float, ...] | None = key("periods of a table", unit="s", default=None, least=0.0)
@@ -372,7 +394,11 @@ class TargetTable:
     )
     name: str | None = key("name of a table, target by default", default=None, label=True)
     damping: float | None = key(
-        "damping ratio, 0.05 by default; ASCE 7 has no other", default=None, least=0.0, most=_WIDEST
+        "damping ratio, 0.05 by default; ASCE 7 has no other",
+        default=None,
+        least=0.0,
+        most=_WIDEST,
+        usual=RATIOS,
     )
     period: float | None = key(
         "period of scale_to and of the range of the check, 0.2 to 2 times as long; by default the first period of "
@@ -444,9 +470,14 @@ class MotionTable:
         unit="s",
         default=None,
         above=0.0,
+        usual=_STEPS,
     )
     duration: float | None = key(
-        "length of a synthetic motion, 30 s by default", unit="s", default=None, above=0.0
+        "length of a synthetic motion, 30 s by default",
+        unit="s",
+        default=None,
+        above=0.0,
+        usual=(0.3, 3600.0),
     )
     seed: int = key(
         "seed of a synthetic motion or a suite, added to that of the command line",
@@ -459,22 +490,32 @@ class MotionTable:
         "factor of the amplitude, also after scale_to", default=None, most_items=_MOST_SCALED
     )
     pga: float | tuple[float, ...] | None = key(
-        "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED
+        "peak that the motion is scaled to",
+        unit="m/s2",
+        default=None,
+        most_items=_MOST_SCALED,
+        usual=_PEAKS,
     )
     sa: float | tuple[float, ...] | None = key(
         "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
         unit="m/s2",
         default=None,
         most_items=_MOST_SCALED,
+        usual=(0.1, 80.0),
     )
     sa_period: float | None = key(
         "period of the spectral acceleration, by default the first period of [building], before dampers",
         unit="s",
         default=None,
         above=0.0,
+        usual=_PERIODS,
     )
     sa_damping: float | None = key(
-        "damping ratio of the spectral acceleration, 0.05 by default", default=None, least=0.0, most=_WIDEST
+        "damping ratio of the spectral acceleration, 0.05 by default",
+        default=None,
+        least=0.0,
+        most=_WIDEST,
+        usual=RATIOS,
     )
     scale_to: ScaledBy | None = key(
         "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period",

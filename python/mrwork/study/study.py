@@ -260,8 +260,9 @@ class Study(Summarised):
     laws to be tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is
     searched for under every motion. `other_sets` are the dampers with other sets of laws that predict nearly as well;
     `placed` reads the study anew, with its dampers in other storeys. `suite` has the spectra of the test motions beside
-    the target, if there is one and each record has one level. `table` is what was read, `None` for a part of it; names
-    of files in it are relative to `folder`. `file` is the file that was read, if it was one.
+    the target, if there is one and each record has one level. `questions` are on unusual numbers of the study. `table`
+    is what was read, `None` for a part of it; names of files in it are relative to `folder`. `file` is the file that
+    was read, if it was one.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -291,6 +292,7 @@ class Study(Summarised):
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
     placed: Callable[[Mapping[str, int]], Study] | None = field(default=None, repr=False, compare=False)
+    questions: tuple[str, ...] = ()
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -304,6 +306,17 @@ class Study(Summarised):
         baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
         warnings = (self.building.warnings, *(each.damping_warnings for each in baselines))
         return next((sentences for sentences in warnings if sentences), ())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on the building, on baselines that change nothing and on unusual numbers, before any run."""
+        bare = digest_of_run(self.arrangements[0])
+        same = (
+            f"{each.row.label} is the building itself: what the baseline gives changes nothing."
+            for each in self.arrangements
+            if each.row.kind == "baseline" and digest_of_run(each) == bare
+        )
+        return (*self.building_warnings, *same, *self.questions)
 
     @property
     def at_zero(self) -> Arrangement:
@@ -435,6 +448,7 @@ class Study(Summarised):
             ),
             columns=("arrangement", "description"),
             rows=[(row.label, row.description) for row in self.rows],
+            notes=[f"warning: {each}" for each in self.warnings],
         )
 
 

@@ -312,7 +312,7 @@ class TuningResults(WithAxes, Summarised):
     settings of each law that are numbers.
     `places` are placements of the dampers, the best first, at which the laws are tuned.
     `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
-    `building_warnings` are sentences on modes of the building without damping or stiffness, `damper_warnings` on
+    `building_warnings` are sentences on the building and on unusual numbers of the study, `damper_warnings` on
     demand of the tuned laws outside the tested ranges of the dampers; `design_levels` are the levels of the motions
     that laws are tuned on, where the study names one or its records have several.
     """

@@ -22,7 +22,7 @@ pub const HISTORY_SIGNALS: &[Quantity] = &[
     Quantity::new("device_energy", Axis::Device, "J", "energy dissipated"),
     Quantity::new("element_deformation", Axis::Element, "m", "displacement across the passive element"),
     Quantity::new("element_force", Axis::Element, "N", "its resisting force, with spring and dashpot"),
-    Quantity::new("element_energy", Axis::Element, "J", "work on it, but for its spring and dashpot"),
+    Quantity::new("element_energy", Axis::Element, "J", "work on it, but for its spring"),
     Quantity::new("input_energy", Axis::Run, "J", "work of the ground"),
     Quantity::new("damping_energy", Axis::Run, "J", "energy dissipated by the damping of the building"),
 ];
@@ -87,9 +87,9 @@ impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
                 writer.put(motion.of_element(building, element)[column]);
             }
         }
-        writer.put_all(&self.reductions.energies.elements);
+        writer.put_all(&self.reductions.energies.with_dashpots);
         writer.put(self.reductions.energies.input);
-        writer.put(self.reductions.energies.damping);
+        writer.put(self.reductions.energies.damping_alone());
     }
 }
 

@@ -56,11 +56,11 @@ run_quantities! {
     device_energy: Device, "J", "energy dissipated by the device", last(r.energies.devices);
     peak_element_force: Element, "N", "peak force of the passive element with its spring and dashpot", last(r.element_force);
     peak_element_stroke: Element, "m", "its peak displacement", last(r.element_stroke);
-    element_energy: Element, "J", "work of the motion on it, but for its spring and dashpot", last(r.energies.elements);
+    element_energy: Element, "J", "work of the motion on it, but for its spring", last(r.energies.with_dashpots);
     input_energy: Run, "J", "work of the ground", last([r.energies.input]);
     kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);
     strain_energy: Run, "J", "strain energy at the end", last([r.strain]);
-    damping_energy: Run, "J", "energy dissipated by the damping of the building", last([r.energies.damping]);
+    damping_energy: Run, "J", "energy dissipated by the damping of the building beside its elements", last([r.energies.damping_alone()]);
     energy_error: Run, "1", "largest imbalance of the energies over the largest energy", last([r.energy_error()]);
 }
 

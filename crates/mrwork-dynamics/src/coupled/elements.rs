@@ -101,8 +101,11 @@ impl<R: Lanes> OutOfLine for Advance<'_, '_, R> {
         let Self { elements, energies, .. } = self;
         let (weight, reach) = (R::splat(self.weight), R::splat(self.reach));
         for (index, own) in elements.loops.iter_mut().enumerate() {
-            let power = elements.force[index] * elements.velocity[index];
-            energies.elements[index] = power.weighted(weight, energies.elements[index]);
+            let (force, velocity) = (elements.force[index], elements.velocity[index]);
+            energies.elements[index] = (force * velocity).weighted(weight, energies.elements[index]);
+            let damping = R::splat(elements.building.element_parameters[index].damping);
+            let power = velocity.weighted(damping, force) * velocity;
+            energies.with_dashpots[index] = power.weighted(weight, energies.with_dashpots[index]);
             own.next = own.rate.weighted(weight, own.next);
             if self.reach == 0.0 {
                 own.now = own.next;

@@ -7,12 +7,14 @@ use crate::real::Real;
 pub(crate) struct Energies<R> {
     /// Of the ground.
     pub(crate) input: R,
-    /// Of the building's own damping.
+    /// Of the damping of the building, with the dashpots of elements.
     pub(crate) damping: R,
     /// Of each device.
     pub(crate) devices: Vec<R>,
     /// On each element, but for its spring and dashpot.
     pub(crate) elements: Vec<R>,
+    /// On each element with its dashpot.
+    pub(crate) with_dashpots: Vec<R>,
 }
 
 impl<R: Real> Energies<R> {
@@ -23,7 +25,18 @@ impl<R: Real> Energies<R> {
             damping: zero,
             devices: vec![zero; building.n_devices()],
             elements: vec![zero; building.n_elements()],
+            with_dashpots: vec![zero; building.n_elements()],
         }
+    }
+
+    /// Work of the damping without that of the dashpots of elements.
+    #[inline(always)]
+    pub(crate) fn damping_alone(&self) -> R {
+        let mut alone = self.damping;
+        for (&whole, &part) in self.with_dashpots.iter().zip(&self.elements) {
+            alone = alone - (whole - part);
+        }
+        alone
     }
 
     /// Adds weighted powers of the ground and of the damping.

@@ -278,6 +278,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     if facts is None or len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
     dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
+    dampers += facts.passive
     yield panel(
         "front-building",
         "Building",
@@ -293,7 +294,7 @@ def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
     """The building with its dampers."""
     figure, axes = small_axes(labelled=True)
     axes.set_position((0.02, 0.02, 0.96, 0.94))
-    add_building(axes, facts, [damper.storey for damper in results.dampers])
+    add_building(axes, facts, [*(damper.storey for damper in results.dampers), *facts.passive_storeys])
     return figure
 
 

@@ -1,0 +1,176 @@
+"""What is asked about a study when it is read: coordinates, units, keys without effect; honest studies are silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork import buildings
+from mrwork.errors import SettingError
+from mrwork.study.reading import read_bare_building
+from tools.faults.planted_studies import FAULTS, sweep
+
+ROOT = Path(__file__).parents[2]
+MASS = "mass = [[1e5, 0, 0, 0], [0, 0.02, 0, 0], [0, 0, 1e5, 0], [0, 0, 0, 0.02]]"
+BEAM = f"""{MASS}
+stiffness = [[2.4e8, 0, -1.2e8, 1.8e8], [0, 7.2e8, -1.8e8, 1.8e8], [-1.2e8, -1.8e8, 1.2e8, -1.8e8],
+  [1.8e8, 1.8e8, -1.8e8, 3.6e8]]
+modal_damping = {{ ratios = [0.02] }}
+"""
+NAMED = "influence = [1, 0, 1, 0]\nfloors = [[1,0,0,0],[0,0,1,0]]\nstoreys = [[1,0,0,0],[-1,0,1,0]]\n"
+FRAME = (
+    "n_storeys = 2\nmasses = [5e4]\nstiffnesses = [6e7]\nheight = 3.2\nmodal_damping = { ratios = [0.02] }\n"
+)
+MOTION = '[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 4.0\n'
+
+
+def study(tmp_path: Path, building: str, more: str = "") -> mr.Study:
+    """The study of a building, under a short motion."""
+    path = tmp_path / "study.toml"
+    path.write_text(f"[building]\n{building}\n{MOTION}{more}")
+    return mr.read_study(path)
+
+
+@pytest.mark.parametrize("inertia", ["0.02", "20.0", "2e4"])
+def test_rotations_that_the_ground_is_said_to_move_are_asked_about(tmp_path: Path, inertia: str) -> None:
+    said = study(
+        tmp_path, BEAM.replace("0.02, 0", f"{inertia}, 0").replace("0.02]]", f"{inertia}]]")
+    ).warnings
+    assert any("influence" in each and "coordinate" in each for each in said)
+
+
+def test_rotations_with_their_influence_are_silent(tmp_path: Path) -> None:
+    assert study(tmp_path, BEAM + NAMED).warnings == ()
+
+
+def condensed(n: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Stiffness of a cantilever that bends and shears, condensed to its floors."""
+    i, j = np.meshgrid(np.arange(1.0, n + 1.0), np.arange(1.0, n + 1.0))
+    low, high = np.minimum(i, j), np.maximum(i, j)
+    return 1e7 * np.linalg.inv(low**2 * (3.0 * high - low) / 6.0 + 0.2 * low)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_a_condensed_frame_with_negative_forces_of_the_ground_is_silent(tmp_path: Path, n: int) -> None:
+    """K r of a frame that bends is negative at some floors, which the sign of K r alone would take for rotations."""
+    stiffness = condensed(n)
+    assert (stiffness @ np.ones(n)).min() < 0.0
+    given = f"mass = {(2e4 * np.eye(n)).tolist()}\nstiffness = {((stiffness + stiffness.T) / 2).tolist()}\n"
+    assert study(tmp_path, f"{given}modal_damping = {{ ratios = [0.02] }}").warnings == ()
+
+
+def test_a_stiff_coordinate_without_mass_is_named_with_its_damping(tmp_path: Path) -> None:
+    damper = (
+        '[[damper]]\nstorey = 2\npreset = "kwok2006"\ncount = 20\n[[controller]]\nlaw = "clipped_optimal"\n'
+    )
+    stiff = "masses = [0.02, 1e5]\nstiffnesses = [3.6e8, 1e7]\nrayleigh = { ratios = [0.02, 0.02] }"
+    with pytest.raises(
+        SettingError, match=r"mode 2 at 2\.165e\+04 Hz has 2 % of critical damping.*condense"
+    ) as told:
+        study(tmp_path, stiff, damper)
+    assert "mrwork respond" not in str(told.value)
+
+
+@pytest.mark.parametrize("given", ["loads = [450e3]", 'loads = ["450 kN"]', "p_delta = true\nmasses = [5e4]"])
+def test_a_frame_whose_weight_exceeds_its_stiffness_is_refused_wherever_it_is_read(
+    tmp_path: Path, given: str
+) -> None:
+    path, masses = tmp_path / "study.toml", "" if "masses" in given else "masses = [1e3]\n"
+    path.write_text(
+        f"[building]\nn_storeys = 1\n{masses}stiffnesses = [1e5]\nheight = 3\nmodal_damping = {{ ratios = [0.05] }}\n"
+        f"{given}\n{MOTION}"
+    )
+    for read in (mr.read_study, read_bare_building):
+        with pytest.raises(SettingError, match="falls under its weight"):
+            read(path)
+
+
+def test_ordinary_isolation_is_silent(tmp_path: Path) -> None:
+    one = "n_storeys = 1\nmasses = [2e5]\nstiffnesses = [1.5e8]\nmodal_damping = { ratios = [0.02] }\n"
+    for period in (1.5, 3.0, 5.0):
+        isolated = f'{one}isolation = {{ mass = "150 t", period = {period}, ratio = "15 %" }}\n'
+        assert study(tmp_path, isolated).warnings == ()
+
+
+@pytest.mark.parametrize("key", ["viscous", "yielding", "friction", "brace", "tuned_mass", "liquid_column"])
+def test_an_empty_list_of_a_baseline_takes_the_devices_of_the_building_out(tmp_path: Path, key: str) -> None:
+    built = {
+        "viscous": "storey = 1, damping = 4e5",
+        "yielding": "storey = 1, yield_force = 1e5, yield_displacement = 0.004",
+        "friction": "storey = 1, slip_load = 6e4, stiffness = 6e7",
+        "brace": "storey = 1, stiffness = 3e8, mass = 50.0",
+        "tuned_mass": "floor = 2, mass_ratio = 0.02",
+        "liquid_column": "floor = 2, mass_ratio = 0.02, width_ratio = 0.6, rms_velocity = 0.5",
+    }[key]
+    baseline = f'[[baseline]]\nlabel = "bare"\nbuilding = {{ {key} = [] }}\n'
+    plain = study(tmp_path, FRAME).building
+    if key in ("viscous", "yielding", "friction"):
+        made = study(tmp_path, f"{FRAME}{key} = [{{ {built} }}]\n", baseline)
+        bare = next(each.building for each in made.arrangements if each.row.kind == "baseline")
+        np.testing.assert_array_equal(bare.damping, plain.damping)
+        np.testing.assert_array_equal(bare.stiffness, plain.stiffness)
+        assert bare.elements == ()
+        assert made.building.elements != ()
+    else:
+        with pytest.raises(SettingError, match="not remove them"):
+            study(tmp_path, f"{FRAME}{key} = [{{ {built} }}]\n", baseline)
+
+
+@pytest.mark.parametrize(
+    "other", ["rayleigh = { ratios = [0.02, 0.02] }", "modal_damping = { ratios = [0.02] }"]
+)
+def test_damping_that_another_key_would_replace_is_refused(tmp_path: Path, other: str) -> None:
+    chain = "masses = [5e4, 5e4]\nstiffnesses = [6e7, 6e7]\nstorey_damping = [1e4, 1e4]\n"
+    matrix = "mass = [[5e4]]\nstiffness = [[6e7]]\ndamping = [[1e4]]\n"
+    for given in (chain, matrix):
+        with pytest.raises(SettingError, match="both give the damping"):
+            study(tmp_path, given + other)
+
+
+def test_a_baseline_without_p_delta_has_none(tmp_path: Path) -> None:
+    baseline = '[[baseline]]\nlabel = "bare"\nbuilding = { p_delta = false }\n'
+    made = study(tmp_path, f"{FRAME}p_delta = true\n", baseline)
+    bare = next(each.building for each in made.arrangements if each.row.kind == "baseline")
+    assert made.building.loads.any()
+    assert not bare.loads.any()
+
+
+def test_a_baseline_that_changes_nothing_is_told(tmp_path: Path) -> None:
+    (said,) = study(tmp_path, FRAME, '[[baseline]]\nlabel = "same"\nbuilding = { viscous = [] }\n').warnings
+    assert said.startswith("same is the building itself")
+
+
+def test_a_stated_unit_is_trusted_ten_times_more(tmp_path: Path) -> None:
+    (said,) = study(tmp_path, FRAME, "pga = 0.3\n").warnings
+    assert 'write "0.3 g" if that is meant' in said
+    assert study(tmp_path, FRAME, 'pga = "0.3 m/s2"\n').warnings == ()
+    assert study(tmp_path, FRAME, 'pga = ["0.01 g", "0.3 g"]\n').warnings == ()
+
+
+def test_scaled_motions_have_the_limit_of_files(tmp_path: Path) -> None:
+    for scale in ("pga = 300", 'sa = "0.3 g"\nsa_period = 80'):
+        with pytest.raises(SettingError, match="beyond any earthquake"):
+            study(tmp_path, FRAME, f"{scale}\n")
+
+
+def test_two_dozen_planted_faults_are_told_and_honest_studies_are_silent() -> None:
+    shares, asked = sweep(2 * len(FAULTS) + 2, 3)
+    assert asked == []
+    assert {kind: share for kind, share in shares.items() if share < 1.0} == {}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [each for each in sorted(ROOT.glob("studies/**/*.toml")) if "[building]" in each.read_text()],
+    ids=str,
+)
+def test_buildings_of_every_study_are_silent(path: Path) -> None:
+    assert read_bare_building(path).warnings == ()
+
+
+@pytest.mark.parametrize("name", [each.name for each in buildings.buildings()])
+def test_published_buildings_are_silent(name: str) -> None:
+    assert mr.building(name).warnings == ()
