@@ -324,7 +324,7 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 
 
 def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
-    """For each quantity, above, below, in a gap of its range or above its rating: the worst, its label, their number."""
+    """For each quantity, above, below or in a gap of its range, or above its rating: worst, label and number."""
     groups: dict[tuple[str, bool, bool, bool], list[tuple[str, Exceedance]]] = {}
     for label, each in exceedances:
         groups.setdefault((each.quantity, each.below, each.between, each.rated), []).append((label, each))
