@@ -9,6 +9,7 @@ import pytest
 from control_samples import shear_frame
 from loop_samples import (
     LAG,
+    at_samples,
     devices,
     five_storeys,
     friction,
@@ -286,10 +287,9 @@ def every_step() -> tuple[History, Responses]:
     """A run whose every step is a control sample, so that the history before its end holds all that is reduced."""
     loop = devices(rd1005())
     law = law_with_gains("clipped_optimal", plant_with(loop))
-    run, kept = run_of(five_storeys(), loop, law, sweep(), Hardware(sample_time=5e-4, step=5e-4))
+    _, kept = run_of(five_storeys(), loop, law, sweep(), Hardware(sample_time=5e-4, step=5e-4))
     assert kept.steps[0] == 1
-    starts = {name: values[:-1] for name, values in run.numbers.items()}
-    return History(time=run.time[:-1], numbers=starts), kept
+    return at_samples(kept), kept
 
 
 @pytest.mark.parametrize("name", ["displacement", "acceleration", "drift", "force", "current"])

@@ -266,7 +266,8 @@ def test_a_hum_leaves_the_forecast_of_a_rollout_alone(preview: float) -> None:
     with_hum, without = (
         simulate_loop(five_storeys(), loop, law, [each], hardware) for each in (humming(4.0), plain)
     )
-    for name in ("rms_drift", "mean_current"):
+    # Where the ground hardly moves, what the hum leaves of its first instants decides between equal commands.
+    for name in ("rms_drift", "peak_drift"):
         np.testing.assert_allclose(with_hum.numbers[name], without.numbers[name], rtol=2e-2)
 
 
