@@ -69,9 +69,7 @@ def prepare(workload: LoopWorkload, variant: LoopJaxVariant) -> Callable[[], Flo
         grouped = lax.map(lambda some: every(some, ground), gains.reshape(-1, group, gains.shape[1]))
         return jnp.swapaxes(grouped, 1, 2).reshape(len(gains), len(ground), -1)
 
-    steps = [workload.ground[:, :-1:2], workload.ground[:, 1::2], workload.ground[:, 2::2]]
-    ground = np.stack(steps, axis=-1)
-    run = compiled_run(JaxVariant(vector_bits=variant.vector_bits), all_runs, workload.gains, ground)
+    run = compiled_run(JaxVariant(vector_bits=variant.vector_bits), all_runs, workload.gains, workload.ground)
     return lambda: averaged(np.swapaxes(np.asarray(run()), 0, 1), workload.n_steps)
 
 

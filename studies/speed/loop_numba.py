@@ -128,7 +128,7 @@ def compiled(variant: NumbaVariant) -> Any:
     ) -> Floats:
         n_motions, n_candidates = ground.shape[0], gains.shape[0]
         n_blocks = (n_candidates + block - 1) // block
-        n_steps = ground.shape[1] // 2
+        n_steps = ground.shape[1]
         kept = np.empty((n_motions, n_candidates, N_REDUCTIONS))
         half, sixth = 0.5 * h, h / 6.0
         for group in numba.prange(n_motions * n_blocks):
@@ -141,8 +141,7 @@ def compiled(variant: NumbaVariant) -> Any:
             state = np.zeros((11, block))
             sums = np.zeros((N_REDUCTIONS, block))
             for step in range(n_steps):
-                g0, g1 = ground[motion, 2 * step], ground[motion, 2 * step + 1]
-                g2 = ground[motion, 2 * step + 2]
+                g0, g1, g2 = ground[motion, step, 0], ground[motion, step, 1], ground[motion, step, 2]
                 for j in range(block):
                     q = state[0, j], state[1, j], state[2, j], state[3, j], state[4, j]
                     v = state[5, j], state[6, j], state[7, j], state[8, j], state[9, j]

@@ -11,7 +11,6 @@ from mrwork.closed_loop import Device, Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError
-from mrwork.motions import GroundMotion
 from studies.common.arrays import Floats
 from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, N_REDUCTIONS, STEP, LoopWorkload
 
@@ -32,15 +31,10 @@ def prepare(workload: LoopWorkload, threads: int) -> Callable[[], Floats]:
         differential=True,
     )
     law = ControlLaw(name="clipped_optimal", gains={"gain": workload.gains[:, None, :]})
-    # The record runs straight between its samples, so that those at whole steps say it all.
-    motions = [
-        GroundMotion(name=f"motion {number}", dt=STEP, acceleration=np.ascontiguousarray(ground[::2]))
-        for number, ground in enumerate(workload.ground, start=1)
-    ]
     hardware = Hardware(sample_time=STEP, step=STEP)
 
     def run() -> Floats:
-        found = simulate_loop(uts, [pair], law, motions, hardware, threads=threads)
+        found = simulate_loop(uts, [pair], law, workload.records, hardware, threads=threads)
         return _columns(found)
 
     return run

@@ -126,7 +126,7 @@ class PlainLoop:
         ground = self.workload.ground[motion]
         states = np.zeros((self.workload.n_steps + 1, N_STATE))
         for k in range(self.workload.n_steps):
-            states[k + 1] = self.step(states[k], self.command(states[k]), ground[2 * k : 2 * k + 3])
+            states[k + 1] = self.step(states[k], self.command(states[k]), ground[k])
         return self.reductions(states)
 
 
@@ -152,7 +152,7 @@ def by_solve_ivp(workload: LoopWorkload) -> Callable[[], Floats]:
     def run() -> Floats:
         states = np.zeros((workload.n_steps + 1, N_STATE))
         for k in range(workload.n_steps):
-            states[k + 1] = interval(states[k], ground[2 * k], ground[2 * k + 2])
+            states[k + 1] = interval(states[k], ground[k, 0], ground[k, 2])
         return loop.reductions(states)[None, None]
 
     return run
@@ -169,9 +169,8 @@ def by_python_control(workload: LoopWorkload) -> Callable[[], Floats]:
 
     # Without an output function the outputs are the states.
     system = control.nlsys(update, inputs=3, states=N_STATE, dt=STEP)
-    inputs = np.stack([ground[:-1:2], ground[1::2], ground[2::2]])
     # One sample more, whose input changes nothing: its state is the end.
-    inputs = np.concatenate([inputs, inputs[:, -1:]], axis=1)
+    inputs = np.concatenate([ground, ground[-1:]]).T
     times = STEP * np.arange(workload.n_steps + 1)
 
     def run() -> Floats:

@@ -16,8 +16,8 @@ from scipy.linalg import solve_continuous_are
 
 from mrwork.buildings import building
 from mrwork.dampers import damper
-from mrwork.motions import synthetic_motion
-from mrwork.twins import half_steps
+from mrwork.motions import GroundMotion, synthetic_motion, trimmed
+from mrwork.twins import stage_values
 from studies.common.arrays import Floats
 
 N_STOREYS = 5
@@ -57,7 +57,8 @@ class LoopWorkload:
     device : (12,) laws of the damper in the coil's current: c.0, c.1, k.0, k.1, alpha.0, alpha.1, alpha.2, beta,
         delta.0, delta.1, x_s, f0.0 (the last cancels in the pair).
     gains : (n_candidates, 10) K, desired force [N] from floor displacements [m] and velocities [m/s].
-    ground : (n_motions, 2 n_steps + 1) ground acceleration [m/s^2] every half step.
+    records : of the ground.
+    ground : (n_motions, n_steps, 3) its acceleration [m/s^2] at start, middle and end of each step.
     """
 
     mass: Floats
@@ -65,12 +66,13 @@ class LoopWorkload:
     damping: Floats
     device: Floats
     gains: Floats
+    records: tuple[GroundMotion, ...]
     ground: Floats
 
     @property
     def n_steps(self) -> int:
         """Integration steps of a run."""
-        return int(self.ground.shape[1] // 2)
+        return int(self.ground.shape[1])
 
     def cut(self, *, candidates: int, motions: int, n_steps: int) -> LoopWorkload:
         """Return the first candidates, motions and steps."""
@@ -80,7 +82,8 @@ class LoopWorkload:
             damping=self.damping,
             device=self.device,
             gains=self.gains[:candidates],
-            ground=np.ascontiguousarray(self.ground[:motions, : 2 * n_steps + 1]),
+            records=tuple(trimmed(each, end=n_steps * STEP) for each in self.records[:motions]),
+            ground=np.ascontiguousarray(self.ground[:motions, :n_steps]),
         )
 
 
@@ -98,9 +101,10 @@ def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.
         # The offset, whose first coefficient is the last here, cancels in the pair.
         device=np.array(damper("static_hysteretic").preset("kwok2006").theta[:12]),
         gains=np.array([_gain(mass, uts.stiffness, uts.damping, of_gains) for _ in range(candidates)]),
+        records=tuple(shaken),
         ground=np.array(
             [
-                half_steps(motion.acceleration, motion.dt, STEP, round(motion.duration / STEP))
+                stage_values(motion.acceleration, motion.dt, STEP, round(motion.duration / STEP))
                 for motion in shaken
             ]
         ),

@@ -12,6 +12,7 @@ from law_formulas import Recorded, commands
 from loop_samples import (
     LAG,
     LARGEST,
+    at_samples,
     devices,
     five_storeys,
     law_with_gains,
@@ -49,8 +50,7 @@ def run_of(
         building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware, histories=True
     )
     assert response.outcome[0] == Outcome.FINISHED
-    assert response.histories is not None
-    return response.histories[0]
+    return at_samples(response)
 
 
 def onlookers(n: int = 2, *, lagged: bool = True) -> list[Device]:
@@ -155,7 +155,7 @@ def test_seeds_and_motions_have_noise_of_their_own_and_candidates_the_same() -> 
     three = replace(law, gains={name: np.tile(gain, (3, 1)) for name, gain in law.gains.items()})
     batch = simulate_loop(five_storeys(), onlookers(), three, [still(0.5), still(0.5)], of(1), histories=True)
     assert batch.histories is not None
-    seen = [read(run.command, 0.01) for run in batch.histories]
+    seen = [read(run.command[:-1], 0.01) for run in batch.histories]
     for candidate in (0, 1, 2):
         np.testing.assert_array_equal(seen[2 * candidate], first[:500])
         np.testing.assert_array_equal(seen[2 * candidate + 1], seen[1])

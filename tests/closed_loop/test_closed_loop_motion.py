@@ -9,6 +9,7 @@ import pytest
 from control_samples import shear_frame
 from loop_samples import (
     LAG,
+    at_samples,
     devices,
     five_storeys,
     friction,
@@ -283,12 +284,12 @@ def test_coordinates_do_not_matter() -> None:
 
 @pytest.fixture(scope="module")
 def every_step() -> tuple[History, Responses]:
-    """A run whose every integration step is a control sample, so that the history holds all that is reduced."""
+    """A run whose every step is a control sample, so that the history before its end holds all that is reduced."""
     loop = devices(rd1005())
     law = law_with_gains("clipped_optimal", plant_with(loop))
-    run, kept = run_of(five_storeys(), loop, law, sweep(), Hardware(sample_time=5e-4, step=5e-4))
+    _, kept = run_of(five_storeys(), loop, law, sweep(), Hardware(sample_time=5e-4, step=5e-4))
     assert kept.steps[0] == 1
-    return run, kept
+    return at_samples(kept), kept
 
 
 @pytest.mark.parametrize("name", ["displacement", "acceleration", "drift", "force", "current"])
@@ -373,14 +374,14 @@ def test_a_push_that_lasts_ends_in_equilibrium() -> None:
     assert abs(4.0 * spec.nominal[spec.names.index("f0")]) > 0.01 * 1.5 * building.total_mass
 
 
-def test_a_record_has_as_many_samples_as_fit_in_it() -> None:
+def test_a_record_has_as_many_samples_as_fit_in_it_and_its_end() -> None:
     building = five_storeys()
     for sample_time, count in ((0.01, 50), (0.003, 166), (0.004, 125), (1.0, 1)):
         run, _ = run_of(
             building, devices(friction()), passive(2), sweep(0.5), Hardware(sample_time=sample_time)
         )
-        assert len(run.time) == count
-    np.testing.assert_allclose(run.time[-1], 0.0)
+        assert len(run.time) == count + 1
+    np.testing.assert_allclose(run.time, [0.0, 1.0])
 
 
 def test_the_ground_runs_straight_between_samples() -> None:

@@ -30,11 +30,11 @@ def test_a_record_of_no_length_is_refused(refused: Refused) -> None:
     refused(simulate_loop, five_storeys(), devices(friction()), PASSIVE, [])
 
 
-def test_a_record_shorter_than_a_sample_is_one_sample() -> None:
+def test_a_record_shorter_than_a_sample_is_one_sample_and_its_end() -> None:
     response = simulate_loop(five_storeys(), devices(friction()), PASSIVE, [still(1e-5)], histories=True)
     assert response.outcome[0] == Outcome.FINISHED
     assert response.histories is not None
-    assert len(response.histories[0].time) == 1
+    assert len(response.histories[0].time) == 2
 
 
 def test_a_record_of_too_many_samples_is_refused(refused: Refused) -> None:

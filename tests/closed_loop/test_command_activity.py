@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from loop_samples import (
     LARGEST,
+    at_samples,
     devices,
     five_storeys,
     friction,
@@ -71,8 +72,7 @@ def switchings(command: Floats, largest: float) -> int:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_travel_and_switchings_are_those_of_the_commands_that_were_sent(name: str) -> None:
     found = run_of(law_of(name))
-    assert found.histories is not None
-    sent = found.histories[0].command
+    sent = at_samples(found).command
     seconds = len(sent) * 1e-3
     travel = np.abs(np.diff(sent, axis=0)).sum(axis=0) / seconds
     np.testing.assert_allclose(found.command_travel[0], travel, rtol=1e-12, atol=1e-12)
@@ -125,8 +125,7 @@ def test_no_dead_zone_and_no_slope_leave_the_bits(name: str) -> None:
 def test_a_dead_zone_sends_nothing_below_its_velocity(name: str, feedback: str) -> None:
     zone = 5e-3
     found = run_of(replace(law_of(name), dead_zone=zone), Hardware(feedback=feedback))  # type: ignore[arg-type] # a word
-    assert found.histories is not None
-    history = found.histories[0]
+    history = at_samples(found)
     if feedback == "state":
         slow = np.abs(history.rate) < zone
         np.testing.assert_array_equal(history.command[slow], 0.0)

@@ -13,6 +13,7 @@ import pytest
 from law_formulas import FORMULAS, SEARCHED, Recorded, commands
 from loop_samples import (
     LARGEST,
+    at_samples,
     devices,
     five_storeys,
     friction,
@@ -58,8 +59,7 @@ def law_of(spec: ControlLawSpec, loop: list[Device], *, strength: float = 1.0) -
 def run_of(law: ControlLaw, loop: list[Device], hardware: Hardware | None = None) -> History:
     response = simulate_loop(five_storeys(), loop, law, [sweep()], hardware, histories=True)
     assert response.outcome[0] == Outcome.FINISHED
-    assert response.histories is not None
-    return response.histories[0]
+    return at_samples(response)
 
 
 def candidates(spec: ControlLawSpec, loop: list[Device], count: int) -> ControlLaw:

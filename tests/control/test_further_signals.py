@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tuning_samples
-from loop_samples import LARGEST, devices, five_storeys, law_with_gains, plant_with, rd1005, sweep
+from loop_samples import LARGEST, at_samples, devices, five_storeys, law_with_gains, plant_with, rd1005, sweep
 from sentences import Refused
 
 import mrwork as mr
@@ -90,8 +90,7 @@ def further_in_numpy(building: Building, history: History) -> Floats:
 def run_of(law: ControlLaw, hardware: Hardware | None = None) -> History:
     found = simulate_loop(five_storeys(), devices(rd1005()), law, [MOTION], hardware, histories=True)
     assert found.outcome[0] == Outcome.FINISHED
-    assert found.histories is not None
-    return found.histories[0]
+    return at_samples(found)
 
 
 def signals_in_numpy(law: ControlLaw, history: History) -> Floats:
@@ -191,8 +190,7 @@ def test_a_law_in_python_reads_the_same_running_root_mean_squares() -> None:
 
     law = UserLaw(name="severity", command=command, rms_time=TIME)
     found = simulate_loop(five_storeys(), devices(rd1005()), law, [MOTION], histories=True)
-    assert found.histories is not None
-    history = found.histories[0]
+    history = at_samples(found)
     readings = np.hstack(
         [history.rate, np.reshape(history.ground_acceleration, (-1, 1)), history.acceleration]
     )

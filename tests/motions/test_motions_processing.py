@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from sentences import Refused
 
+from mrwork.errors import MrworkWarning
 from mrwork.motions import (
     GroundMotion,
     baseline_corrected,
@@ -87,13 +88,24 @@ def test_a_coarser_grid_folds_back_unless_it_is_band_limited() -> None:
     # 40 Hz exceeds the Nyquist frequency for 0.02 s: interpolation aliases it to 10 Hz with its full amplitude.
     fast = sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
     inner = slice(100, 400)
-    assert np.abs(resampled(fast, 0.02).acceleration[inner]).max() > 0.9
+    with pytest.warns(MrworkWarning, match="velocity is off"):
+        folded = resampled(fast, 0.02)
+    assert np.abs(folded.acceleration[inner]).max() > 0.9
     assert np.abs(resampled_band_limited(fast, 0.02).acceleration[inner]).max() < 2e-3
     slow = sine(amplitude=1.0, frequency=2.0, cycles=20.0, dt=0.002)
     kept = resampled_band_limited(slow, 0.02)
     assert_allclose(kept.acceleration[inner], np.sin(4.0 * np.pi * kept.time[inner]), atol=2e-3)
     assert kept.n_time == 501
     assert "limited to 25 Hz" in kept.changes[-1]
+
+
+def test_a_coarser_grid_of_a_record_that_it_holds_is_silent() -> None:
+    for motion in (
+        MOTION,
+        synthetic_motion(duration=5.0, dt=0.005),
+        sine(amplitude=1.0, frequency=2.0, cycles=8.0, dt=0.002),
+    ):
+        assert resampled(motion, 2.0 * motion.dt).n_time == (motion.n_time + 1) // 2
 
 
 def test_jitter_of_the_clock_moves_no_sample() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import mrwork as mr
 from mrwork import Device
 from mrwork.buildings import Building, building
+from mrwork.closed_loop import History, Responses
 from mrwork.control import (
     ControlLaw,
     LoopModel,
@@ -85,6 +86,13 @@ def still(duration: float = 1.0) -> GroundMotion:
 def pushed(acceleration: float, duration: float) -> GroundMotion:
     """A constant acceleration from the first instant."""
     return GroundMotion(name="pushed", dt=duration, acceleration=np.full(2, acceleration))
+
+
+def at_samples(found: Responses) -> History:
+    """The history of the first run at its control samples, without its end, where no command is computed."""
+    assert found.histories is not None
+    numbers = {name: each[:-1] for name, each in found.histories[0].numbers.items()}
+    return History(time=found.histories[0].time[:-1], numbers=numbers)
 
 
 def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> ControlLaw:

@@ -52,11 +52,13 @@ def commands(law: Any, n_steps: int = 400, **settings: Any) -> Any:
 def test_five_storeys_move_as_in_plain_steps() -> None:
     workload = loop_workload(1, 1, 1.0)
     plant, devices = five_storeys(workload)
+    # The record is coarser than the step, so that each step starts where the one before ended.
+    steps = workload.ground[0]
     found = run_loop(
         plant,
         devices,
         ClippedOptimal(jnp.asarray(workload.gains)),
-        jnp.asarray(workload.ground[0]),
+        jnp.append(steps[:, :2].ravel(), steps[-1, 2]),
         step_time=1e-3,
         largest_command=jnp.array([LARGEST_COMMAND]),
     )

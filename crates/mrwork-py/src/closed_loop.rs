@@ -260,7 +260,7 @@ pub fn respond<'py>(
     let history_width = closed_loop::width(HISTORY_SIGNALS, &building.dynamics);
     let mut summary = zeros(&[runs.len(), width])?;
     let lengths: Vec<usize> =
-        runs.iter().map(|run| n_samples(&motions[run.motion as usize], &hardware)).collect();
+        runs.iter().map(|run| n_samples(&motions[run.motion as usize], &hardware) + 1).collect();
     let mut rows: Option<Vec<Vec<f64>>> = histories
         .then(|| lengths.iter().map(|&samples| zeros(&[samples, history_width])).collect())
         .transpose()?;

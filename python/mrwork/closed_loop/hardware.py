@@ -99,6 +99,10 @@ class Hardware(Summarised):
     the acceleration of the ground from their sensors; with that of the observer, a Kalman filter estimates the state
     from the accelerations of the measured floors and the deformations and forces of the devices. Noise is white; its
     seed is the same for all laws and candidates under the same motion.
+
+    A ground record whose interval is shorter than an integration step (by more than a thousandth, for intervals that
+    are rounded) has several samples in a step: the step takes the line with their mean and first moment. Sensors of the
+    ground then read the mean over the step before. Other records are read at start, middle and end of each step.
     """
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"

@@ -179,10 +179,10 @@ _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 @array_dataclass(repr=False)
 class History(Labelled, WithAxes, Summarised):
-    """One run over time, at the control samples; first axis n_time.
+    """One run over time, at the control samples and at the end; first axis n_time.
 
-    The signals and their units are declared by the core, see `history_signals`. Energies are accumulated from the start
-    [J]; `state` is [q; q'], shape (n_time, 2n).
+    The signals and their units are declared by the core, see `history_signals`. At the end the last command is still
+    held. Energies are accumulated from the start [J]; `state` is [q; q'], shape (n_time, 2n).
     """
 
     _made_by: ClassVar[str] = "mr.simulate_loop(..., histories=True).histories"

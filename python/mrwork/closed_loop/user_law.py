@@ -86,7 +86,8 @@ class LoopSample(Summarised):
     acceleration
         Absolute accelerations of the floors as their sensors read them, shape (n_runs, n_floors) [m/s^2].
     ground_acceleration
-        Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2].
+        Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2]; of a record finer than the
+        integration step the mean over the step before.
     largest
         Largest command of each device, shape (n_devices,) [A or V].
     rms

@@ -6,6 +6,7 @@ Each function of the processing returns a new motion; its `changes` state what w
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -18,7 +19,7 @@ from mrwork.base.hints import SMALLEST
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import MrworkWarning, RecordError, SettingError
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import MotionPlots
@@ -236,6 +237,8 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
 # Of a motion, and bytes of each in the arrays of a Fourier transform.
 _MOST_SAMPLES = 4_000_000
 _BYTES = 48
+# Error of the velocity over its largest, up to 0.27 for a measured record of which every second sample is taken.
+_LOST = 0.3
 # Largest numerator and denominator of the ratio of steps in band-limited resampling.
 _LARGEST_RATIO = 1000
 
@@ -254,13 +257,24 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """Resample a motion every `dt` [s] by linear interpolation, as simulations interpolate it.
 
     A finer grid that contains the old samples gives the same motion. A coarser grid aliases frequencies above half its
-    rate; use `resampled_band_limited` there. A remainder of less than a step at the end is dropped.
+    rate, with a warning where the velocity changes by it; use `resampled_band_limited` there. A remainder of less than
+    a step at the end is dropped.
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
-    return replace_samples(
+    found = replace_samples(
         motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
     )
+    off = np.abs(found.velocity - np.interp(found.time, motion.time, motion.velocity)).max()
+    if off > _LOST * np.abs(motion.velocity).max():
+        warnings.warn(
+            f"ground motion {motion.name}: resampled every {dt:g} s its velocity is off by up to {off:.3g} m/s, since "
+            f"what lies between the new samples is lost; simulate it every {motion.dt:g} s, without `resample`, or use "
+            "`mr.motions.resampled_band_limited`",
+            MrworkWarning,
+            stacklevel=3,
+        )
+    return found
 
 
 @checked

@@ -131,7 +131,7 @@ class PlayedCommands:
         assert run.histories is not None
         return {
             best.row.label: PrescribedCommands.of_history(
-                run.histories[0].command, self.study.hardware.sample_time, asked.settings.interval
+                run.histories[0].command[:-1], self.study.hardware.sample_time, asked.settings.interval
             )
         }
 

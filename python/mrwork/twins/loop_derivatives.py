@@ -30,8 +30,8 @@ from mrwork.twins.loop_stepping import (
     LoopState,
     StepGround,
     at_rest,
-    half_steps,
     pulls_of,
+    stage_values,
     step,
 )
 from mrwork.twins.models import on_processor
@@ -205,13 +205,10 @@ def prescribed_loop(
     """The loop under a ground motion [m/s^2] every `dt` [s], from NumPy arrays; the first command has no delay [s]."""
     n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
     times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
-    halves = half_steps(acceleration, dt, step_time, n_steps)
+    ground = stage_values(acceleration, dt, step_time, n_steps)
     stretches = []
     for start in range(0, n_steps, _STRETCH):
-        here = [
-            _pad_stretch(each[start : start + _STRETCH])
-            for each in (halves[:-1:2], halves[1::2], halves[2::2])
-        ]
+        here = [_pad_stretch(each[start : start + _STRETCH]) for each in ground.T]
         weight = jnp.asarray(_pad_stretch(np.ones(min(_STRETCH, n_steps - start))))
         stretches.append((StepGround(*map(jnp.asarray, here)), weight))
     return PrescribedLoop(

@@ -416,6 +416,34 @@ def signals_of(
     }
 
 
+# Part of a step below which the interval of a record is finer, as FINER of `ground_motion.rs`.
+_FINER = 0.999
+
+
+def stage_values(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
+    """Ground acceleration at start, middle and end of each step, (n_steps, 3) [m/s^2].
+
+    That of a record finer than the step is the line `M0 - b/2, M0, M0 + b/2` with `b = 6 M0 - 12 M1`, which has the
+    mean M0 of the acceleration and the mean M1 of `(1 - s) a` over the step, s from 0 to 1: see `ground_motion.rs`.
+    """
+    if dt >= _FINER * step:
+        halves = half_steps(acceleration, dt, step, n_steps)
+        return np.stack([halves[:-1:2], halves[1::2], halves[2::2]], axis=1)
+    samples, length = np.arange(acceleration.size), step / dt
+    edges = length * np.arange(n_steps + 1)
+    places = np.union1d(edges, samples[samples < edges[-1]])
+    values = np.interp(places, samples, acceleration)
+    number = np.searchsorted(edges, places[:-1], side="right") - 1
+    # The ground is still after the last sample.
+    share = np.diff(places) / length * (places[1:] <= samples[-1])
+    left = [(edges[number + 1] - each) / length for each in (places[:-1], places[1:])]
+    first, last = share * values[:-1], share * values[1:]
+    mean = np.bincount(number, 0.5 * (first + last), n_steps)
+    moment = first * (2.0 * left[0] + left[1]) + last * (left[0] + 2.0 * left[1])
+    half = 3.0 * mean - np.bincount(number, moment, n_steps)
+    return np.stack([mean - half, mean, mean + half], axis=1)
+
+
 def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
     """Ground acceleration every half step, (2 n_steps + 1,) [m/s^2]: linear between samples, zero after the last."""
     if acceleration.ndim != 1 or not acceleration.size:

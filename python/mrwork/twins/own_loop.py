@@ -44,6 +44,7 @@ from mrwork.twins.loop_stepping import (
     rows_of,
     signals_of,
     stage,
+    stage_values,
     step,
     times,
 )
@@ -137,7 +138,10 @@ def respond(
     steps = np.zeros(len(runs), dtype=np.uint32)
     n_samples = [_n_samples(dt, len(acceleration), loop.sample_time) for dt, acceleration in loop.motions]
     n_columns = loop.widths[1]
-    rows = [np.full((n_samples[motion], n_columns), np.inf) for motion in runs[:, 1]] if histories else None
+    # A row for each sample, and one for the end of the last.
+    rows = (
+        [np.full((n_samples[motion] + 1, n_columns), np.inf) for motion in runs[:, 1]] if histories else None
+    )
     tries = np.zeros(len(runs), dtype=np.int64)
     bounds = [math.hypot(fastest[run[3]], additions[run[2]][0]) + additions[run[2]][1] for run in runs]
     pending = {
@@ -173,7 +177,12 @@ def respond(
                     if finite:
                         summary[run] = found[place]
                     if rows is not None:
-                        rows[run][:] = kept[place, : n_samples[motion]]
+                        dt, acceleration = loop.motions[motion]
+                        n_steps = n_samples[motion] * count
+                        halves = half_steps(acceleration, dt, loop.sample_time / count, n_steps)
+                        rows[run][:] = kept[place, : n_samples[motion] + 1]
+                        # The first signal is the record, which a step finer has other values of.
+                        rows[run][:, 0] = halves[:: 2 * count]
         pending = finer
     return Responded(summary, outcome, steps, rows)
 
@@ -261,7 +270,7 @@ def _steepest(device: LoopDevice, theta: Array, levels: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def _ground(motion: bytes, dt: float, step: float, n_steps: int) -> Floats:
-    values = half_steps(np.frombuffer(motion), dt, step, n_steps)
+    values = stage_values(np.frombuffer(motion), dt, step, n_steps).ravel()
     return np.concatenate([values, np.zeros(power_of_two(len(values), _FEWEST_VALUES) - len(values))])
 
 
@@ -311,7 +320,7 @@ def _run_group(
             shared=len(plants) == 1,
             # Commands that are still on their way, at most.
             depth=1 + power_of_two(-(-int(delay.max()) // steps), 1) if delay.any() else 1,
-            n_kept=power_of_two(n_samples, _FEWEST_SAMPLES) if histories else 0,
+            n_kept=power_of_two(n_samples + 1, _FEWEST_SAMPLES) if histories else 0,
         )
     )
     summary, bound, invalid, rows = (np.asarray(each)[: len(runs)] for each in found)
@@ -401,7 +410,7 @@ class _Run(NamedTuple):
         still = jnp.zeros(n)
         first = self._stage(motion, still, zero)
         signals = _joined(signals_of(self.plant, motion, first, still, zero))
-        width = len(self._row(0, motion, still, still))
+        width = len(self._row(zero, motion, still, still))
         kept = _Kept(
             Extent.none(len(signals)),
             still,
@@ -460,7 +469,9 @@ class _Run(NamedTuple):
             invalid=kept.invalid | jnp.isnan(raw).any(),
         )
         if n_kept:
-            kept = kept._replace(rows=kept.rows.at[k].set(self._row(k, motion, current, command)))
+            kept = kept._replace(
+                rows=kept.rows.at[k].set(self._row(self.ground[3 * k * self.steps], motion, current, command))
+            )
         start = _Carry(motion, received, commands, kept)
         last: _Carry = lax.fori_loop(0, self.steps, partial(self._integrate, k), start)
         return last
@@ -471,7 +482,7 @@ class _Run(NamedTuple):
         return age
 
     def _integrate(self, k: Array, j: Array, carry: _Carry) -> _Carry:
-        accelerations = StepGround(*lax.dynamic_slice(self.ground, (2 * (k * self.steps + j),), (3,)))
+        accelerations = StepGround(*lax.dynamic_slice(self.ground, (3 * (k * self.steps + j),), (3,)))
         command = carry.commands[self._age(j)]
         # Without a lag, the coil current equals the command.
         current = jnp.where(self._lagged, carry.received, command)
@@ -516,9 +527,8 @@ class _Run(NamedTuple):
         q, v = motion.q, motion.v
         return 0.5 * times(v, times(self.plant.mass, v)), 0.5 * times(q, times(self.plant.stiffness, q))
 
-    def _row(self, k: Array | int, motion: LoopState, current: Array, command: Array) -> Array:
+    def _row(self, a_g: Array, motion: LoopState, current: Array, command: Array) -> Array:
         """A row of the history, in the order of `_rust.history_signals`."""
-        a_g = self.ground[2 * k * self.steps]
         at = self._stage(motion, current, a_g)
         signals = signals_of(self.plant, motion, at, current, a_g)
         energies: Energies = motion.energies
@@ -564,7 +574,12 @@ class _Run(NamedTuple):
         error = jnp.where(kept.turnover == 0.0, 0.0, kept.imbalance / kept.turnover)
         summary["energy_error"] = error[None]
         numbers = jnp.concatenate([summary[name] for name, *_ in _rust.run_quantities()])
-        return numbers, kept.bound, kept.invalid, kept.rows
+        rows = kept.rows
+        if len(rows):
+            # No sample follows: the last command is still held.
+            end = self._row(self.ground[3 * n_steps - 1], last.motion, last.received, last.commands[0])
+            rows = rows.at[n_steps // self.steps].set(end)
+        return numbers, kept.bound, kept.invalid, rows
 
 
 def _joined(signals: Mapping[str, Array]) -> Array:

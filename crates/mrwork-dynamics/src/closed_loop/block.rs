@@ -30,6 +30,8 @@ pub struct Block<'a> {
     pub(super) runs: &'a [usize],
     /// Ground motion of each run.
     pub(super) motions: Vec<&'a GroundMotion>,
+    /// Its accelerations at start, middle and end of each step where it is finer than the step.
+    pub(super) stages: Vec<Option<&'a [[f64; 3]]>>,
     /// Number of control samples.
     pub(super) n_samples: usize,
     /// Integration steps per sample.
@@ -168,23 +170,49 @@ impl<R: Lanes> OutOfLine for IntegrateBlock<'_, '_, R> {
 /// Ground motion of all lanes.
 struct Ground<'a> {
     motions: &'a [&'a GroundMotion],
+    stages: &'a [Option<&'a [[f64; 3]]>],
+    step: f64,
     /// Whether all lanes have the same motion.
     uniform: bool,
 }
 
 impl<'a> Ground<'a> {
-    fn new(motions: &'a [&'a GroundMotion]) -> Self {
+    fn new(block: &'a Block<'_>, step: f64) -> Self {
+        let Block { motions, stages, .. } = block;
         let uniform = motions.iter().all(|motion| core::ptr::eq(*motion, motions[0]));
-        Self { motions, uniform }
+        Self { motions, stages, step, uniform }
     }
 
+    /// By the record.
     #[inline(always)]
-    fn acceleration<R: Lanes>(&self, time: f64) -> R {
+    fn record<R: Lanes>(&self, time: f64) -> R {
         if self.uniform {
             return R::splat(self.motions[0].acceleration(time));
         }
         let last = self.motions.len() - 1;
         R::from_fn(|lane| self.motions[lane.min(last)].acceleration(time))
+    }
+
+    /// At a stage of a step, in half steps after its start.
+    #[inline(always)]
+    fn stage<R: Lanes>(&self, number: usize, stage: usize) -> R {
+        let value = |lane: usize| match self.stages[lane] {
+            Some(stages) => stages[number][stage],
+            None if stage == 1 => self.motions[lane].acceleration(time(2 * number + 1, 0.5 * self.step)),
+            None => self.motions[lane].acceleration(time(number + stage / 2, self.step)),
+        };
+        if self.uniform {
+            return R::splat(value(0));
+        }
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| value(lane.min(last)))
+    }
+
+    /// As the sensor takes it.
+    #[inline(always)]
+    fn reading<R: Lanes>(&self, time: f64, step: f64) -> R {
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| self.motions[lane.min(last)].reading(time, step))
     }
 
     #[inline(always)]
@@ -272,14 +300,15 @@ fn integrate_block<R: Lanes>(
     let last = runs.len() - 1;
     let springs: Vec<_> = runs.iter().map(|&run| &batch.springs_of(run).rows).collect();
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
-    let ground = Ground::new(&block.motions);
+    let ground = Ground::new(block, step);
+    let is_fine = block.stages.iter().any(Option::is_some);
 
     devices.set_step(step);
     let mut coupled = Coupled { plant: Plant::<R>::at_rest(building, &springs, step), devices };
     let mut arrivals = Arrivals::<R>::new(batch, runs, steps);
     let mut controller = Controller::<'_, R>::new(batch, runs, block.directions);
     let mut reductions = Reductions::<R>::new(building, step);
-    let mut end = ground.acceleration::<R>(0.0);
+    let mut end = ground.record::<R>(0.0);
     let mut next_check = 0;
     for sample in 0..n_samples {
         if sample == next_check {
@@ -291,10 +320,11 @@ fn integrate_block<R: Lanes>(
         }
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
-            let start = end;
+            let start = if is_fine { ground.stage(index, 0) } else { end };
             coupled.evaluate(&start);
             if inner == 0 {
                 let now = time(sample, hardware.sample_time);
+                let of_hardware = hardware.sample_time / f64::from(hardware.steps);
                 R::out_of_line(Sample {
                     batch,
                     runs,
@@ -303,8 +333,14 @@ fn integrate_block<R: Lanes>(
                     motion: coupled.plant.motion(),
                     force: coupled.devices.force(),
                     ground_acceleration: &start,
+                    ground_reading: &ground.reading(time(index, step), of_hardware),
                     ground_velocity: &ground.velocity(now),
-                    preview: Preview { motions: &block.motions, now, reach: hardware.ground_preview },
+                    preview: Preview {
+                        motions: &block.motions,
+                        now,
+                        reach: hardware.ground_preview,
+                        step: of_hardware,
+                    },
                     controller: &mut controller,
                 });
                 reductions.take_commands(sample, controller.sent_at(sample), batch.ranges);
@@ -326,21 +362,34 @@ fn integrate_block<R: Lanes>(
                 R::out_of_line(WriteHistory {
                     building,
                     sample,
-                    motion: coupled.plant.motion(),
-                    force: coupled.devices.force(),
-                    current: coupled.devices.current(),
+                    coupled: &coupled,
                     command: controller.sent_at(sample),
+                    record: ground.record(time(index, step)),
                     ground_acceleration: start,
                     reductions: &reductions,
                     rows: histories,
                 });
             }
-            let middle = ground.acceleration::<R>(time(2 * index + 1, 0.5 * step));
-            end = ground.acceleration(time(index + 1, step));
+            let middle = ground.stage::<R>(index, 1);
+            end = ground.stage(index, 2);
             coupled.advance(&middle, &end, Some(&mut reductions.energies));
         }
     }
     R::out_of_line(BalanceEnergies { plant: &coupled.plant, into: &mut reductions });
+    if !histories.is_empty() {
+        coupled.evaluate(&end);
+        R::out_of_line(WriteHistory {
+            building,
+            sample: n_samples,
+            coupled: &coupled,
+            // No sample follows: the last command is still held.
+            command: controller.sent_at(n_samples - 1),
+            record: ground.record(time(n_samples * steps as usize, step)),
+            ground_acceleration: end,
+            reductions: &reductions,
+            rows: histories,
+        });
+    }
     (reductions, controller.command_invalid)
 }
 

@@ -1,9 +1,9 @@
-//! Histories of a run, on request: one row per control sample.
+//! Histories of a run, on request: one row per control sample, and one for the end of the last.
 
 use super::quantity::{Axis, Quantity};
 use super::reductions::Reductions;
 use crate::building::Building;
-use crate::coupled::PlantMotion;
+use crate::coupled::{Coupled, PlantMotion};
 use crate::lanes::Lanes;
 use crate::real::OutOfLine;
 
@@ -41,26 +41,27 @@ pub struct HistoryRows<'a> {
 }
 
 /// Writes one sample of all lanes, in the order of [`HISTORY_SIGNALS`].
-pub(super) struct WriteHistory<'a, 'b, R> {
+pub(super) struct WriteHistory<'a, 'b, 'c, R: Lanes> {
     pub(super) building: &'a Building,
     pub(super) sample: usize,
-    pub(super) motion: PlantMotion<'a, R>,
-    pub(super) force: &'a [R],
-    pub(super) current: &'a [R],
+    pub(super) coupled: &'a Coupled<'b, R>,
     pub(super) command: &'a [R],
+    /// Acceleration of the ground by the record, and that at which the motion was evaluated.
+    pub(super) record: R,
     pub(super) ground_acceleration: R,
     pub(super) reductions: &'a Reductions<R>,
-    pub(super) rows: &'a mut [HistoryRows<'b>],
+    pub(super) rows: &'a mut [HistoryRows<'c>],
 }
 
-impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
+impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, '_, R> {
     type Home = Self;
     #[inline(always)]
     fn run(self) {
-        let Self { building, sample, ref motion, force, .. } = self;
-        let PlantMotion { displacement, velocity, acceleration, .. } = *motion;
+        let Self { building, sample, coupled: Coupled { plant, devices }, .. } = self;
+        let (motion, force) = (plant.motion(), devices.force());
+        let PlantMotion { displacement, velocity, acceleration, .. } = motion;
         let mut writer = Writer { rows: self.rows, sample, column: 0 };
-        writer.put(self.ground_acceleration);
+        writer.put(self.record);
         writer.put_all(displacement);
         writer.put_all(velocity);
         for floor in 0..building.n_floors() {
@@ -80,7 +81,7 @@ impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
         }
         writer.put_all(force);
         writer.put_all(self.command);
-        writer.put_all(self.current);
+        writer.put_all(devices.current());
         writer.put_all(&self.reductions.energies.devices);
         for column in [0, 2] {
             for element in 0..building.n_elements() {

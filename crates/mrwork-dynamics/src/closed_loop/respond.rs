@@ -25,8 +25,8 @@ pub struct RunResult {
 /// Simulates a batch in which all devices are of the model `damper`.
 ///
 /// Summaries are written to `summary`, shape (runs, width of [`super::RUN_QUANTITIES`]), and histories, if requested, to one
-/// vector per run, shape (samples of its motion, width of [`super::HISTORY_SIGNALS`]). The summary of a run that did not
-/// reach its end is infinite.
+/// vector per run, shape (samples of its motion and one for its end, width of [`super::HISTORY_SIGNALS`]). The summary of
+/// a run that did not reach its end is infinite.
 ///
 /// # Errors
 /// If the arguments do not match, or the batch was cancelled.
@@ -49,7 +49,7 @@ pub fn respond(
     if let Some(histories) = &histories {
         let samples =
             batch.runs.iter().map(|run| n_samples(&batch.motions[run.motion as usize], batch.hardware));
-        let expected = samples.map(|samples| samples * history::width(batch.building));
+        let expected = samples.map(|samples| (samples + 1) * history::width(batch.building));
         if !histories.iter().map(Vec::len).eq(expected) {
             let (found, expected) = (histories.len(), batch.runs.len());
             return Err(DynamicsError::MatrixSize { name: "histories", found, expected });

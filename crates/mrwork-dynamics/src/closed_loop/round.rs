@@ -59,6 +59,17 @@ pub(super) fn round(
         let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
         groups.entry((steps, samples, pattern(run))).or_default().push(run);
     }
+    // Of a record finer than the step, made once for all lanes.
+    let mut stages = BTreeMap::new();
+    for (&(steps, samples, _), runs) in &groups {
+        for &run in runs {
+            let motion = batch.runs[run].motion;
+            stages.entry((motion, steps)).or_insert_with(|| {
+                let step = batch.hardware.sample_time / f64::from(steps);
+                batch.motions[motion as usize].stages(step, samples * steps as usize)
+            });
+        }
+    }
     let width = if directions.is_some() { set.vector_width() } else { set.middle_width() };
     let full: usize = groups.values().map(|runs| runs.len().div_ceil(width)).sum();
     // Blocks are cut finer only where there are fewer than threads: a block takes as long with half of its lanes.
@@ -79,10 +90,12 @@ pub(super) fn round(
             blocks.iter().map(|block| (block, output.lend(block.runs))).collect();
         let done = on_threads(threads, work, |(cut, mut rows): (&Cut<'_>, Vec<Vec<f64>>)| {
             let motion = |run: &usize| &batch.motions[batch.runs[*run].motion as usize];
+            let finer = |run: &usize| stages.get(&(batch.runs[*run].motion, cut.steps))?.as_deref();
             let block = Block {
                 batch,
                 runs: cut.runs,
                 motions: cut.runs.iter().map(motion).collect(),
+                stages: cut.runs.iter().map(finer).collect(),
                 n_samples: cut.samples,
                 steps: cut.steps,
                 directions,

@@ -195,6 +195,8 @@ pub(super) struct Sample<'a, 'b, R: Lanes> {
     pub(super) motion: PlantMotion<'a, R>,
     pub(super) force: &'a [R],
     pub(super) ground_acceleration: &'a R,
+    /// As its sensor takes it.
+    pub(super) ground_reading: &'a R,
     pub(super) ground_velocity: &'a R,
     pub(super) preview: Preview<'a>,
     pub(super) controller: &'a mut Controller<'b, R>,
@@ -230,7 +232,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
         self.controller.ground_acceleration = self.reading(
             Channel::GroundAcceleration,
             hardware.ground_acceleration,
-            *self.ground_acceleration,
+            *self.ground_reading,
             before,
         );
         for device in 0..self.force.len() {

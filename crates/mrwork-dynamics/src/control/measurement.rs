@@ -49,6 +49,8 @@ pub(crate) struct Preview<'a> {
     pub(crate) now: f64,
     /// Time that is known ahead, zero for none [s].
     pub(crate) reach: f64,
+    /// Integration step of the hardware [s].
+    pub(crate) step: f64,
 }
 
 impl Preview<'_> {
@@ -62,7 +64,7 @@ impl Preview<'_> {
     #[inline(always)]
     pub(crate) fn acceleration<R: Lanes>(&self, ahead: f64) -> R {
         let last = self.motions.len() - 1;
-        R::from_fn(|lane| self.motions[lane.min(last)].acceleration(self.now + ahead))
+        R::from_fn(|lane| self.motions[lane.min(last)].reading(self.now + ahead, self.step))
     }
 }
 
