@@ -184,7 +184,15 @@ def test_a_stiffness_without_size_is_refused() -> None:
 
 
 def test_a_budget_beyond_all_use_is_said_to_be_too_large(refused: Refused) -> None:
-    refused(design, budget=5e4, timing=LoopTiming(delay=1e-3, driver_rate=190.0))
+    refused(design, limits={"rms_drift": 4e-3}, budget=1e12, timing=LoopTiming(delay=1e-3, driver_rate=190.0))
+
+
+def test_a_sampled_design_leaves_a_budget_unused_that_accelerations_have_no_use_for() -> None:
+    """Its program has noise on the forces, which does not grow with the budget."""
+    timing = LoopTiming(delay=1e-3, driver_rate=190.0)
+    enough, plenty = design(budget=5e3, timing=timing), design(budget=1e9, timing=timing)
+    assert plenty.reachable_ratio == pytest.approx(enough.reachable_ratio, rel=1e-7)
+    np.testing.assert_allclose(plenty.certificate.forces, enough.certificate.forces, rtol=1e-6)
 
 
 def test_the_weights_of_a_record_follow_its_content(tmp_path: Path) -> None:

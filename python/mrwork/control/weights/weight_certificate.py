@@ -11,6 +11,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.lqr import Weights
 from mrwork.control.linear.plant import Plant
+from mrwork.control.linear.riccati import LyapunovEquations
 from mrwork.control.weights.limits import LimitedOutputs
 from mrwork.control.weights.riccati_dual import (
     DualPoint,
@@ -19,7 +20,7 @@ from mrwork.control.weights.riccati_dual import (
     riccati_law_gain,
     static_law_gain,
 )
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations
+from mrwork.control.weights.system import DesignSystem
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
 
