@@ -90,14 +90,15 @@ class TracedFunction(Summarised):
 
     def __call__(self, point: Any, data: Any = None) -> Array:
         """Value at a point, of these `data` instead of its own if they are given."""
-        evaluate: Callable[[Array, Any], Array] = partial(_evaluate, self.compute, self.box, self.coordinates)
-        return evaluate_on_processor(evaluate, self._checked(point), self.data if data is None else data)
+        return self._value(self.compute, point, self.data if data is None else data)
 
     def parameters(self, point: Any) -> Array:
         """All parameters at a point, as the function takes them."""
-        begin()
-        every: Array = _evaluate(_parameters, self.box, self.coordinates, self._checked(point), None)
-        return every
+        return self._value(_parameters, point, None)
+
+    def _value(self, compute: Callable[[Array, Any], Array], point: Any, data: Any) -> Array:
+        evaluate: Callable[[Array, Any], Array] = partial(_evaluate, compute, self.box, self.coordinates)
+        return evaluate_on_processor(evaluate, self._checked(point), data)
 
     def _checked(self, point: Any) -> Array:
         given = point if isinstance(point, Array) else np.asarray(point)
