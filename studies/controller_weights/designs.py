@@ -109,7 +109,7 @@ def _figures(found: DesignedWeights) -> dict[str, Any]:
 def _program_error(found: DesignedWeights) -> float | None:
     """Least t^2 of the program over that of the Riccati equations, minus 1."""
     check = found.certificate
-    return None if check.program_ratio is None else abs(check.program_ratio**2 / check.bound**2 - 1.0)
+    return None if check.program_ratio is None else abs(check.program_ratio**2 / check.ratio**2 - 1.0)
 
 
 def drawn_pair(draws: int) -> Device:

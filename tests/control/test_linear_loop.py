@@ -127,3 +127,14 @@ def test_a_delay_of_part_of_a_sample_lies_between_those_of_whole_samples() -> No
     ]
     assert delays[0] - delays[1] == pytest.approx(0.5 * STEP, rel=0.02)
     assert delays[0] - delays[2] == pytest.approx(STEP, rel=1e-6)
+
+
+def test_rounding_is_no_decay_and_no_margin() -> None:
+    """An undamped frame at rest is not stable, and with a dashpot it has no least gain."""
+    frame = mr.buildings.shear_building(name="four", masses=[300.0] * 4, stiffnesses=[4e5] * 4)
+    plant = plant_of(frame, frame.storeys[:1])
+    assert not loop_margins(plant, np.zeros((1, 8))).stable
+    regulator = regulator_of_state(plant, plant.energy, 1e-5)
+    margins = loop_margins(plant, regulator.gain)
+    assert margins.stable
+    assert margins.devices[0].gain_down == 0.0

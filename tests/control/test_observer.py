@@ -182,3 +182,11 @@ def test_a_free_mode_that_no_sensor_sees_is_refused(refused: Refused) -> None:
     building = frame("adrift", np.eye(2), np.zeros((2, 2)), stiffness)
     system = plant_of(building, building.storeys[1:])
     refused(observer_of, system, accelerations(system), TS)
+
+
+def test_a_ground_that_moves_nothing_leaves_nothing_to_correct() -> None:
+    still = replace(five_storeys(), influence=np.zeros(5))
+    system = plant_of(still, still.storeys[:1])
+    observer = observer_of(system, sensors(system), TS)
+    assert not observer.gain.any()
+    assert not observer.covariance.any()

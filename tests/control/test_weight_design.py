@@ -75,9 +75,10 @@ def limits_of(building: Building) -> np.ndarray:
 def test_the_program_agrees_with_riccati_equations_to_four_digits(name: str, budget: float) -> None:
     check = design(mr.building(name), limits=LIMITS, budget=budget).certificate
     assert check.program_ratio is not None
-    assert check.program_ratio == pytest.approx(check.bound, rel=1e-5)
+    assert check.program_ratio == pytest.approx(check.ratio, rel=1e-5)
     assert check.violation <= 1e-8
-    assert check.gap <= 1e-8
+    # The noise that the design adds to the states counts for as much.
+    assert 0.0 < check.gap <= 1e-2
 
 
 def test_a_tall_building_is_designed_on_modes_and_finished_on_all_of_them() -> None:
@@ -100,6 +101,54 @@ def test_rms_values_are_those_of_a_lyapunov_equation_in_si() -> None:
     np.testing.assert_allclose(whole, found.certificate.rms, rtol=1e-5)
     assert np.max(whole / limits_of(frame())) == pytest.approx(found.reachable_ratio, rel=1e-5)
     assert force[0] == pytest.approx(BUDGET, rel=1e-5)
+
+
+def lightly_damped() -> Building:
+    ten = mr.buildings.shear_building(name="ten", masses=[1e5] * 10, stiffnesses=[2e8] * 10)
+    return mr.buildings.with_modal_damping(ten, ratios=[0.002])
+
+
+@pytest.mark.parametrize(
+    ("building", "budget"),
+    [(frame(), 800.0), (frame(), 400.0), (mr.building("dyke1996"), 60.0), (lightly_damped(), 2e5)],
+)
+def test_the_bound_is_of_the_ground_alone(building: Building, budget: float) -> None:
+    """The same weights, and R such that the force under the ground alone is the budget, reach less than the ratio."""
+    limits = {"rms_drift": 2e-3, "rms_acceleration": 2.5}
+    found = design(building, limits=limits, budget=budget)
+    A, B, _, C, D = in_si(building)
+    soil = KanaiTajimi().filter_matrices()
+    w = np.concatenate([np.zeros(2 * building.n_coordinates), soil.noise])
+    ground = 2.0 * np.pi * KanaiTajimi().intensity * np.outer(w, w)
+    W = np.diag(found.output_weights)
+
+    def reached(share: float) -> tuple[float, float]:
+        R = share * found.control_weight + D.T @ W @ D
+        P = scipy.linalg.solve_continuous_are(A, B, C.T @ W @ C, R, s=C.T @ W @ D)
+        gain = np.linalg.solve(R, B.T @ P + D.T @ W @ C)
+        X = scipy.linalg.solve_continuous_lyapunov(A - B @ gain, -ground)
+        y = np.einsum("ij,jk,ik->i", C - D @ gain, X, C - D @ gain)
+        return float(np.sqrt((gain @ X @ gain.T)[0, 0])), float(np.sqrt(np.max(y)))
+
+    share = scipy.optimize.brentq(lambda share: reached(share)[0] / budget - 1.0, 0.8, 1.0, xtol=1e-9)
+    n = len(building.floors)
+    over = np.concatenate(
+        [np.full(n, 1.0 / limits["rms_drift"]), np.full(n, 1.0 / limits["rms_acceleration"])]
+    )
+    C, D = over[:, None] * C, over[:, None] * D
+    W = np.diag(found.output_weights / over**2)
+    attained = reached(share)[1]
+    check = found.certificate
+    # The weights are those of the program with noise, and so not quite those of the ground.
+    assert check.bound <= attained * (1.0 + 1e-9)
+    assert attained <= min(check.ratio, 1.005 * check.bound)
+
+
+def test_a_ratio_near_one_is_not_said_to_be_out_of_reach() -> None:
+    check = designed().certificate
+    level = np.sqrt(check.ratio * check.bound)
+    found = design(frame(), limits={name: level * limit for name, limit in LIMITS.items()}, budget=BUDGET)
+    assert found.in_words[0].startswith("Whether all limits can be met with this budget is not determined")
 
 
 def test_no_other_regulator_within_the_budget_does_better() -> None:
@@ -166,7 +215,7 @@ def test_a_designer_solves_again_what_a_new_one_finds(refused: Refused) -> None:
     other = {"rms_drift": 3e-3, "rms_acceleration": 5.0}
     again = designer.design(other, 700.0)
     fresh = design(frame(), limits=other, budget=700.0)
-    assert again.certificate.program_ratio == pytest.approx(again.certificate.bound, rel=1e-5)
+    assert again.certificate.program_ratio == pytest.approx(again.certificate.ratio, rel=1e-5)
     assert again.reachable_ratio == pytest.approx(fresh.reachable_ratio, rel=1e-8)
     refused(designer.design, {"rms_drift": 1e-3})
 

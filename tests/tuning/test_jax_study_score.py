@@ -17,10 +17,10 @@ import tuning_samples
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.errors import SettingError
 from mrwork.study import TuneTable
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes
-from mrwork.twins.traced_function import TracedFunction
 
 LAW = "proportional_direct"
 # The building of two storeys has a gain of one number in a setting, and its designs take no time.
@@ -38,7 +38,7 @@ def study() -> mr.Study:
 
 
 @cache
-def score_of(coordinates: Any = "unit") -> TracedFunction:
+def score_of(coordinates: Any = "unit") -> mr.jax.StudyScore:
     return mr.jax.study_score(study(), LAW, coordinates=coordinates, threads=1)
 
 
@@ -56,6 +56,30 @@ def test_value_and_gradient_are_those_of_the_loop() -> None:
     found = jax.value_and_grad(score_of())(place())
     assert float(found[0]) == pytest.approx(value, rel=1e-12)
     np.testing.assert_allclose(found[1], expected[: len(names)], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("coordinates", ["theta", "unit", "latent"])
+def test_a_study_with_the_law_of_a_point_has_its_score(coordinates: Any, tmp_path: Path) -> None:
+    """To the bit; what the function holds, the weight of the drifts, is shown and among the settings."""
+    score = score_of(coordinates)
+    point = 0.93 * jnp.array(score.start)
+    assert "drifts 1" in score.held
+    assert score.held in str(score)
+    settings = score.settings(point)
+    assert settings["drifts"] == 1.0
+    assert score.law(point) == {"law": LAW, "settings": settings}
+    numbers = ", ".join(f"{name} = {value!r}" for name, value in settings.items())
+    law = f'[[controller]]\nlaw = "{LAW}"\nlabel = "found"\nsettings = {{ {numbers} }}\n'
+    text = tuning_samples.study_file(tmp_path, motions=MOTION, tune=law, building=tuning_samples.TWO_STOREYS)
+    results = mr.run_study(mr.read_study(text))
+    row = next(number for number, each in enumerate(results.rows) if each.label == "found")
+    assert results.score(row) == float(score(point))
+
+
+def test_a_point_without_a_law_has_no_settings() -> None:
+    for point in (place() * 0.0 + 1.5, place() * jnp.nan, jnp.stack([place(), place()])):
+        with pytest.raises(SettingError, match="not one inside the ranges"):
+            score_of().settings(point)
 
 
 @pytest.mark.parametrize("coordinates", ["theta", "latent"])

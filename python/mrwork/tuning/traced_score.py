@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.values import Floats
@@ -19,6 +19,7 @@ from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
+from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import LARGEST
@@ -41,7 +42,7 @@ class _StudyScore:
     def values(self, settings: Floats) -> Floats:
         """Scores of settings, (..., n_free), shape (...)."""
         given = np.asarray(settings)
-        units, _, inside = self._places(given)
+        units, _, inside = self.places(given)
         values = np.full(len(units), math.inf)
         if inside.any():
             values[inside] = self.slopes.values(units[inside])
@@ -50,14 +51,14 @@ class _StudyScore:
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
         """Scores of settings, (..., n_free), and their derivatives."""
         given = np.asarray(settings)
-        units, rates, inside = self._places(given)
+        units, rates, inside = self.places(given)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
         for row in np.flatnonzero(inside):
             values[row], slopes[row] = self.slopes.at(units[row])
             slopes[row] *= rates[row]
         return values.reshape(given.shape[:-1]), slopes.reshape(given.shape)
 
-    def _places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
         rows, free = settings.reshape(-1, len(self.box.names)), list(self.box.free)
         # Rounding of a range that is logarithmic leaves its ends.
@@ -68,6 +69,40 @@ class _StudyScore:
         places[:, free] = np.clip(self.box.unit_from_theta(known), 0.0, 1.0)
         slopes[:, free] = 1.0 / self.box.unit_slope(known)
         return places, slopes, inside
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["data"],
+    meta_fields=["title", "compute", "box", "units", "coordinates", "start", "held"],
+)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class StudyScore(TracedFunction):
+    """A `TracedFunction` that is the score of a study, with the law of a point."""
+
+    compute: _StudyScore
+
+    def settings(self, point: ArrayLike) -> dict[str, Any]:
+        """All settings of the law at a point, shape (n_free,), those that are held among them.
+
+        A study with a law of these settings has the score of the point, to the bit.
+
+        Raises
+        ------
+        SettingError
+            If the point is not one inside the ranges.
+        """
+        units, _, inside = self.compute.places(np.asarray(self.parameters(point)))
+        if inside.shape != (1,) or not inside[0]:
+            raise SettingError(
+                f"the point {np.asarray(point).tolist()} is not one inside the ranges; give {len(self.names)} numbers "
+                "from `lower` to `upper`"
+            )
+        return dict(self.compute.slopes.space.candidate(units[0], exact=True).settings)
+
+    def law(self, point: ArrayLike) -> dict[str, Any]:
+        """The law of a point, shape (n_free,), as `mr.study_of(laws=[...])` takes it; see `settings`."""
+        return {"law": self.compute.slopes.space.law, "settings": self.settings(point)}
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:
@@ -105,11 +140,12 @@ def _refuse_second(of: _StudyScore, primals: object, tangents: object) -> Any:  
 @checked
 def study_score(
     study: Study, law: str | TuneTable, *, coordinates: Coordinates = "theta", threads: Threads = 0
-) -> TracedFunction:
+) -> StudyScore:
     """The score of a study as a function of the free settings of a law, for JAX: that which `mr.tune` minimises.
 
     Its derivatives go through the closed loop: building, dampers, driver, observer, delay, sampled commands, as they
-    are simulated.
+    are simulated. Settings that are not free are held: those of the table, `drifts = 1` of a regulator without weights,
+    and the starts of others. `print` shows them, and `score.settings(point)` and `score.law(point)` have them all.
 
     Parameters
     ----------
@@ -125,9 +161,10 @@ def study_score(
 
     Returns
     -------
-    TracedFunction
-        Of a point, shape (n_free,), the score; infinite outside the ranges and where the settings make no law or a run
-        has no end, with derivatives of zero. A derivative is not a number where settings next to the point make no law.
+    StudyScore
+        A `TracedFunction`: of a point, shape (n_free,), the score; infinite outside the ranges and where the settings
+        make no law or a run has no end, with derivatives of zero. A derivative is not a number where settings next to
+        the point make no law.
 
     Raises
     ------
@@ -140,6 +177,7 @@ def study_score(
     >>> score = mr.jax.study_score(mr.read_study("study.toml"), "proportional_direct")  # doctest: +SKIP
     >>> jax.grad(score)(jnp.array(score.start))  # doctest: +SKIP
     Array([-0.0123, 0.0045], dtype=float64)
+    >>> mr.study_of(building=building, motions=motions, laws=[score.law(score.start)])  # doctest: +SKIP
     """
     begin()
     if isinstance(law, TuneTable):
@@ -166,7 +204,7 @@ def study_score(
         upper=tuple(each.upper for each in free),
         log=tuple(each.scale == "log" for each in free),
     )
-    return TracedFunction.of(
+    return StudyScore.of(
         f"Score of {plan.law} in {study.title}",
         _StudyScore(slopes=slopes, box=box),
         box=box,
@@ -174,4 +212,5 @@ def study_score(
         coordinates=coordinates,
         start=np.array([each.value(each.start, exact=True) for each in free]),
         data=None,
+        held=settings_in_words({**space.held, LARGEST: space.largest_command}, study.command_unit),
     )

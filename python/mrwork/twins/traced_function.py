@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,7 @@ _ROUNDING = 1e-12
 @partial(
     jax.tree_util.register_dataclass,
     data_fields=["data"],
-    meta_fields=["title", "compute", "box", "units", "coordinates", "start"],
+    meta_fields=["title", "compute", "box", "units", "coordinates", "start", "held"],
 )
 # JAX keeps functions by weak references, and ends the process where there can be none.
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
@@ -33,8 +33,9 @@ class TracedFunction(Summarised):
     """A function of a point, shape (n_free,), for JAX; of many, (..., n_free), it has so many values.
 
     A point gives the parameters `names`, or, with the coordinates "unit" or "latent", their places between the bounds,
-    as in `mr.objective`. `start` is one. It is a pytree, whose leaves `data` are records, measured forces and weights;
-    given as a second argument, they are operands of a compiled program and not constants in it.
+    as in `mr.objective`. `start` is one; `held` says what a point does not decide. It is a pytree, whose leaves `data`
+    are records, measured forces and weights; given as a second argument, they are operands of a compiled program and
+    not constants in it.
     """
 
     title: str
@@ -43,6 +44,7 @@ class TracedFunction(Summarised):
     units: tuple[str, ...]
     coordinates: Coordinates
     start: tuple[float, ...]
+    held: str
     data: Any
 
     @classmethod
@@ -56,8 +58,10 @@ class TracedFunction(Summarised):
         coordinates: Coordinates,
         start: Floats,
         data: Any,
-    ) -> TracedFunction:
+        held: str = "",
+    ) -> Self:
         """The function `compute` of all parameters and `data`, with these parameters, (n_params,), as its start."""
+        fixed = sorted({*range(len(box.names))} - {*box.free})
         return cls(
             title=title,
             compute=compute,
@@ -65,6 +69,7 @@ class TracedFunction(Summarised):
             units=units,
             coordinates=coordinates,
             start=tuple(box.points_inside(start, coordinates).tolist()),
+            held=held or ", ".join(f"{box.names[k]} {format_rounded(box.lower[k])}" for k in fixed),
             data=data,
         )
 
@@ -85,8 +90,15 @@ class TracedFunction(Summarised):
 
     def __call__(self, point: Any, data: Any = None) -> Array:
         """Value at a point, of these `data` instead of its own if they are given."""
-        evaluate: Callable[[Array, Any], Array] = partial(_evaluate, self.compute, self.box, self.coordinates)
-        return evaluate_on_processor(evaluate, self._checked(point), self.data if data is None else data)
+        return self._value(self.compute, point, self.data if data is None else data)
+
+    def parameters(self, point: Any) -> Array:
+        """All parameters at a point, as the function takes them."""
+        return self._value(_parameters, point, None)
+
+    def _value(self, compute: Callable[[Array, Any], Array], point: Any, data: Any) -> Array:
+        evaluate: Callable[[Array, Any], Array] = partial(_evaluate, compute, self.box, self.coordinates)
+        return evaluate_on_processor(evaluate, self._checked(point), data)
 
     def _checked(self, point: Any) -> Array:
         given = point if isinstance(point, Array) else np.asarray(point)
@@ -108,7 +120,7 @@ class TracedFunction(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"{self.title}, for JAX",
-            facts=(("coordinates", self.coordinates),),
+            facts=(("coordinates", self.coordinates), *([("held", self.held)] if self.held else [])),
             columns=("parameter", "start", "lower", "upper", "unit"),
             rows=[
                 (name, *(format_rounded(each) for each in numbers), unit)
@@ -117,6 +129,10 @@ class TracedFunction(Summarised):
                 )
             ],
         )
+
+
+def _parameters(theta: Array, _: Any) -> Array:
+    return theta
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))

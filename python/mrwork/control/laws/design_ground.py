@@ -11,9 +11,9 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.law_problem import DesignProblem
-from mrwork.control.linear.riccati import attempt_each
+from mrwork.control.linear.riccati import LyapunovEquations, attempt_each
 from mrwork.control.weights.limits import LimitedOutputs, sine_force
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations, design_system
+from mrwork.control.weights.system import DesignSystem, design_system
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity, SpectrumKind, StationaryGround, stationary_ground
 

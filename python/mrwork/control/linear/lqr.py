@@ -436,6 +436,9 @@ def observer_of(
     G_z = measurements.G * np.sqrt(ground) / deviation
     # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
     unit = float(np.linalg.norm(E_z))
+    if not unit:
+        # The ground moves nothing, and of its noise the unmodelled part is a fraction.
+        unit, unmodelled = 1.0, 0.0
     E_z, C_z = E_z / unit, C_z * unit
     solution = kalman_gains(
         A_z,

@@ -23,6 +23,8 @@ Complexes = NDArray[np.complex128]
 # States of the sampled loop with its chain of past commands up to which its poles are found.
 _MOST_STATES = 1200
 _FREQUENCIES = 2000
+# Decay of a pole in a sample below which it is rounding, and a gain from which on less of it is none.
+_ROUNDING, _LEAST_GAIN = 1e-12, 1e-6
 # Frequencies that are evaluated together, for the memory.
 _AT_ONCE = 2048
 # Places about each pole, in half widths of its resonance.
@@ -242,7 +244,7 @@ class _SampledLoop:
         closed[n : n + (past - 1) * m, n + m :] = np.eye((past - 1) * m)
         closed[n + (past - 1) * m :, :n] = -self.K
         poles = np.linalg.eigvals(closed).astype(np.complex128)
-        return bool(np.abs(poles).max() < 1.0), poles
+        return bool(np.abs(poles).max() < 1.0 - _ROUNDING), poles
 
     def angles(self, closed: Complexes) -> Floats:
         """Angles of z between 0 and pi, dense about the poles of the open and of the closed loop, shape (n,)."""
@@ -286,7 +288,7 @@ def _margins(
     points = [(angle, float(transfer(np.array(angle)).real)) for angle in (*crossings, 0.0, np.pi)]
     factors = [(-1.0 / value, angle) for angle, value in points if math.isfinite(value) and value < 0.0]
     up = min(((k, angle) for k, angle in factors if k > 1.0), default=(math.inf, math.nan))
-    down = max((k for k, _ in factors if k <= 1.0), default=0.0)
+    down = max((k for k, _ in factors if _LEAST_GAIN < k <= 1.0), default=0.0)
     with np.errstate(divide="ignore"):
         levels = np.log(np.abs(L))
     units = np.array(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
 from functools import cache
 from time import perf_counter
 from typing import Literal, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
@@ -17,6 +18,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.control.linear.plant import symmetric
 from mrwork.errors import MrworkWarning, SettingError
 
 T = TypeVar("T")
@@ -55,7 +57,7 @@ class RiccatiSolutions(Summarised):
     `gain` is K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
     (n_batch, n_states, n_measurements). P is the cost to go s'P s of a regulator, or the covariance of the error of an
     observer, shape (n_batch, n_states, n_states). `residual` is relative to the terms, in coordinates in which P is the
-    identity; `status` is the `RiccatiStatus` of each row.
+    identity, or where P is singular in those of `scaling`; `status` is the `RiccatiStatus` of each row.
     """
 
     gain: Floats
@@ -114,7 +116,9 @@ def regulator_gains(
     `A'P A - P - (A'P B + N)(R + B'P B)^-1 (B'P A + N') + Q = 0`, by structure-preserving doubling (Chu, Fan & Lin,
     Linear Algebra and its Applications 396, 2005, 55-80; Chu, Fan, Lin & Wang, Int. J. Control 77(8), 2004, 767-788).
     Newton's iteration (Kleinman, IEEE Trans. Automatic Control 13(1), 1968, 114-115) then refines P to rounding and
-    shows that A - B K is stable. A row has the same bits in every batch and with every number of threads.
+    shows that A - B K is stable. A row that it does not solve, such as one whose P is singular since a damped mode is
+    not weighed, is solved once more by the Schur form and Newton's iteration. A row has the same bits in every batch
+    and with every number of threads.
 
     Each matrix has a leading axis of n_batch, or none if all rows share it; so one plant may have many weights.
 
@@ -166,10 +170,10 @@ def regulator_gains(
 
 
 def solve_riccati(
-    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats
+    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> tuple[Floats, Floats]:
     """Gain K of f = -K s and P of one equation; see `regulator_gains`."""
-    solutions = regulator_gains(A, B, Q, R, N, scaling=scaling, threads=1)
+    solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
     solutions.check()
     return solutions.gain[0], solutions.P[0]
 
@@ -285,7 +289,108 @@ def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutio
         gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
     except ValueError as error:
         raise SettingError(str(error)) from error
+    unsolved = (RiccatiStatus.NO_STABILISING_SOLUTION, RiccatiStatus.NOT_CONVERGED)
+    for row in np.flatnonzero(np.isin(status, unsolved)):
+        own = {name: matrices[row if len(matrices) > 1 else 0] for name, matrices in given.items()}
+        if (again := _judge_again(own, time)) is not None:
+            gain[row], P[row], residual[row] = again
+            status[row] = RiccatiStatus.SOLVED
     return RiccatiSolutions(gain=gain, P=P, residual=residual, status=status)
+
+
+_MOST_STEPS = 40
+# Largest residual over its terms, and largest share of a gain by which Newton's step still moves it.
+_OF_TERMS = 1e-7
+# A gain of this share of its terms is rounding.
+_ROUNDING = 1e-13
+# Slowest decay of a loop over its rates below which rounding decides whether it is stable.
+_LEAST_DECAY = 3e-8
+
+
+def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Floats, float] | None:
+    """Gain, P and residual of an equation that the compiled solver has refused; `None` if it has no solution.
+
+    That solver works in coordinates in which P is the identity, and there are none where P is singular, as for a mode
+    that is damped and not weighed. Here the given coordinates z of s = T z are kept, and a solution has a small
+    residual over its terms, a stable loop, and a gain that Newton's step no longer moves.
+    """
+    n, m = given["control"].shape
+    norm = np.linalg.norm
+    T = given.get("scaling")
+    if T is None:
+        T = np.diag(scipy.linalg.matrix_balance(given["state"], permute=False, separate=True)[1][0])
+    upper = np.linalg.cholesky(symmetric(given["control_weight"])).T
+    Q, one = T.T @ symmetric(given["state_weight"]) @ T, np.eye(m)
+    A = np.linalg.solve(T, given["state"] @ T)
+    B = np.linalg.solve(T, given["control"]) @ np.linalg.inv(upper)
+    N = T.T @ given.get("cross_weight", np.zeros((n, m))) @ np.linalg.inv(upper)
+    step = float(time == "discrete")
+    rate = A - step * np.eye(n)
+
+    def gain_of(P: Floats) -> tuple[Floats, Floats]:
+        """K, and the part of the cost that it saves."""
+        cross = B.T @ P @ (A if step else np.eye(n)) + N.T
+        K: Floats = np.linalg.solve(one + step * B.T @ P @ B, cross).astype(np.float64)
+        return K, cross.T @ K
+
+    def by_schur() -> Floats:
+        solve = scipy.linalg.solve_discrete_are if step else scipy.linalg.solve_continuous_are
+        return gain_of(np.asarray(solve(A, B, Q, one, s=N) if m else Q, dtype=np.float64))[0]
+
+    # A stable plant has a second start, which is the solution where nothing is weighed.
+    starts: list[Callable[[], Floats]] = [by_schur, lambda: np.zeros((m, n))]
+    for start in starts if np.any(Q) or np.any(N) else reversed(starts):
+        try:
+            K = start()
+            for _ in range(_MOST_STEPS):
+                loop = LyapunovEquations(rate - B @ K, step)
+                P = loop.cost(symmetric(Q - 2.0 * N @ K + K.T @ K))
+                before, (K, saved) = K, gain_of(P)
+                size, of_terms = norm(K), norm(B) * norm(P) + norm(N)
+                if settled := bool(norm(K - before) <= _OF_TERMS * size or size <= _ROUNDING * of_terms):
+                    break
+        except (np.linalg.LinAlgError, SettingError, ValueError):
+            continue
+        moved = P @ rate
+        terms = (moved + moved.T + step * rate.T @ moved, -saved, Q)
+        residual = norm(sum(terms)) / max(sum(map(norm, terms)), np.finfo(float).tiny)
+        stable = loop.slowest < -_LEAST_DECAY * norm(rate, 2)
+        if settled and stable and residual <= _OF_TERMS:
+            back = np.linalg.inv(T)
+            return np.linalg.solve(upper, K @ back), symmetric(back.T @ P @ back), float(residual)
+    return None
+
+
+class LyapunovEquations:
+    """`A X + X A' + step A X A' + Q = 0` and its adjoint for many Q, by the real Schur form of A.
+
+    A sampled loop is first transformed to a continuous one (Cayley): Bartels and Stewart, Comm. ACM 15(9), 1972.
+    """
+
+    def __init__(self, A: Floats, step: float = 0.0) -> None:
+        # (2 + step A)^-1, by which a sampled equation becomes that of A (1 + step A / 2)^-1.
+        self._half = np.linalg.inv(np.eye(len(A)) + 0.5 * step * A)
+        self._schur, self._basis = scipy.linalg.schur(A @ self._half)
+        self.slowest = float(np.linalg.eigvals(self._schur).real.max())
+        if not self.slowest < 0.0:
+            raise SettingError(
+                f"a loop with a pole at {self.slowest:.3g} 1/s is not stable, so its rms values do not exist"
+            )
+
+    def covariance(self, Q: Floats) -> Floats:
+        """X of `A X + X A' + step A X A' + Q = 0`."""
+        return self._solve(self._half @ Q @ self._half.T, adjoint=False)
+
+    def cost(self, Q: Floats) -> Floats:
+        """P of `A'P + P A + step A'P A + Q = 0`."""
+        return self._solve(self._half.T @ Q @ self._half, adjoint=True)
+
+    def _solve(self, Q: Floats, *, adjoint: bool) -> Floats:
+        right = -self._basis.T @ Q @ self._basis
+        forms = ("T", "N") if adjoint else ("N", "T")
+        solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
+        X = self._basis @ solution @ self._basis.T / scale
+        return np.asarray(0.5 * (X + X.T), dtype=np.float64)
 
 
 # An equation of so many states is timed where one takes seconds; larger ones take longer than by their cube, because

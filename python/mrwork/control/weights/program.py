@@ -19,10 +19,10 @@ from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Plant, symmetric
-from mrwork.control.linear.riccati import solve_riccati
+from mrwork.control.linear.riccati import LyapunovEquations, solve_riccati
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits, as_forces
 from mrwork.control.weights.riccati_dual import SquaredRows, first_multipliers, regulate
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations, design_system
+from mrwork.control.weights.system import DesignSystem, design_system
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.linear.riccati import solve_riccati
-from mrwork.control.weights.system import SMALLER_BUDGET, DesignSystem, LyapunovEquations, sampled_gain
+from mrwork.control.linear.riccati import LyapunovEquations, solve_riccati
+from mrwork.control.weights.system import SMALLER_BUDGET, DesignSystem
 from mrwork.errors import SettingError
 
 _STEPS = 80
@@ -70,10 +70,12 @@ def regulate(system: DesignSystem, rows: SquaredRows, multipliers: Floats) -> Re
     A, B, step, weights = system.A, system.B, system.step, multipliers @ rows.forms
     Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
     R = (rows.D.T * weights) @ rows.D
+    one = np.eye(len(A))
     if step:
-        gain, P = sampled_gain(A, B, Q, R, N, step)
+        sums = (one + step * A, step * B, step * Q, step * R, step * N)
+        gain, P = solve_riccati(*sums, scaling=one, time="discrete")
     else:
-        gain, P = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
+        gain, P = solve_riccati(A, B, Q, R, N, scaling=one)
     try:
         loop = LyapunovEquations(A - B @ gain, step)
     except SettingError as error:

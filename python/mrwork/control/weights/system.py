@@ -14,84 +14,16 @@ import scipy
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Plant, deformation_rates, hold_input, symmetric
+from mrwork.control.linear.riccati import LyapunovEquations
 from mrwork.control.weights.limits import LimitedOutputs, LoopTiming, RmsLimits
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
-
-
-class LyapunovEquations:
-    """`A X + X A' + step A X A' + Q = 0` and its adjoint for many Q, by the real Schur form of A.
-
-    A sampled loop is first transformed to a continuous one (Cayley): Bartels and Stewart, Comm. ACM 15(9), 1972.
-    """
-
-    def __init__(self, A: Floats, step: float = 0.0) -> None:
-        # (2 + step A)^-1, by which a sampled equation becomes that of A (1 + step A / 2)^-1.
-        self._half = np.linalg.inv(np.eye(len(A)) + 0.5 * step * A)
-        self._schur, self._basis = scipy.linalg.schur(A @ self._half)
-        self.slowest = float(np.linalg.eigvals(self._schur).real.max())
-        if not self.slowest < 0.0:
-            raise SettingError(
-                f"a loop with a pole at {self.slowest:.3g} 1/s is not stable, so its rms values do not exist"
-            )
-
-    def covariance(self, Q: Floats) -> Floats:
-        """X of `A X + X A' + step A X A' + Q = 0`."""
-        return self._solve(self._half @ Q @ self._half.T, adjoint=False)
-
-    def cost(self, Q: Floats) -> Floats:
-        """P of `A'P + P A + step A'P A + Q = 0`."""
-        return self._solve(self._half.T @ Q @ self._half, adjoint=True)
-
-    def _solve(self, Q: Floats, *, adjoint: bool) -> Floats:
-        right = -self._basis.T @ Q @ self._basis
-        forms = ("T", "N") if adjoint else ("N", "T")
-        solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
-        X = self._basis @ solution @ self._basis.T / scale
-        return np.asarray(0.5 * (X + X.T), dtype=np.float64)
-
 
 SMALLER_BUDGET = (
     "where the budget is more force than the limits have use for, force costs nothing and the gain is not determined: "
     "give a smaller one"
 )
 """What to do where an equation of a design has no solution in double precision."""
-
-_DOUBLINGS = 60
-_LARGEST_NORM = 1e60
-
-
-def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: float) -> tuple[Floats, Floats]:
-    """Gain and P of `P = F'P F - (F'P E + h N) (h R + E'P E)^-1 (E'P F + h N') + h Q`, F = 1 + h A, E = h B.
-
-    The compiled solver judges a solution by the residual in units in which it is the identity, which the tiny costs of
-    past commands do not meet; the gain is exact to many digits all the same, and the design checks its rms values by
-    Lyapunov equations. So this equation is solved here, by structure-preserving doubling alone (Chu, Fan, Lin & Wang,
-    Int. J. Control 77(8), 2004, 767-788).
-    """
-    one = np.eye(len(A))
-    forward, entry = one + step * A, step * B
-    of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, entry.T)
-    F, G = forward - entry @ of_N, symmetric(entry @ of_B / step)
-    H = symmetric(step * (Q - N @ of_N))
-    for _ in range(_DOUBLINGS):
-        W = one + G @ H
-        try:
-            right, left = np.linalg.solve(W, F), np.linalg.solve(W.T, F.T).T
-        except np.linalg.LinAlgError:
-            break
-        added = F.T @ H @ right
-        F, G, H = F @ right, symmetric(G + left @ G @ F.T), symmetric(H + added)
-        # A mode that is not stabilised grows quadratically.
-        if not max(np.linalg.norm(F), np.linalg.norm(H)) < _LARGEST_NORM:
-            break
-        if np.linalg.norm(added) <= 1e-15 * np.linalg.norm(H):
-            gain = np.linalg.solve(R + step * B.T @ H @ B, B.T @ H @ forward + N.T)
-            return np.asarray(gain, dtype=np.float64), H
-    raise SettingError(
-        f"the Riccati equation of the sampled loop has no stabilising solution; {SMALLER_BUDGET}"
-    )
-
 
 PROCESS_NOISE = 0.02
 """White noise on every state: what it would add within one natural period, over the rms of the state.

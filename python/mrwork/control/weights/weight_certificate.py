@@ -11,6 +11,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.lqr import Weights
 from mrwork.control.linear.plant import Plant
+from mrwork.control.linear.riccati import LyapunovEquations
 from mrwork.control.weights.limits import LimitedOutputs
 from mrwork.control.weights.riccati_dual import (
     DualPoint,
@@ -19,7 +20,7 @@ from mrwork.control.weights.riccati_dual import (
     riccati_law_gain,
     static_law_gain,
 )
-from mrwork.control.weights.system import DesignSystem, LyapunovEquations
+from mrwork.control.weights.system import DesignSystem
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
 
@@ -44,11 +45,14 @@ class CaseCheck(Summarised):
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
-    `rms` of each limited output and `forces`, the rms desired force of each device [N], are those under the regulators
-    of the weights, roots of the mean square over the cases. `ratio` is the largest rms over its limit, `bound` the
-    least ratio of any linear law within the budget, from the dual, and `gap` is ratio / bound - 1. `violation` is the
-    largest relative excess of an output over `bound` times its limit, or of a force over its budget. `program_ratio` is
-    that of the semidefinite program before the refinement; `None` if it was not solved, or for modes only.
+    The design solves its program with a small white noise on every state beside the ground. `rms` of each limited
+    output and `forces`, the rms desired force of each device [N], are those under the regulators of the weights with
+    this noise, roots of the mean square over the cases, and `ratio` is the largest rms over its limit; under the ground
+    alone all are somewhat less. `bound` is a lower bound on the ratio of any linear law within the budget under the
+    ground alone, from the dual (with the c of a semi-active condition as found), and `gap` is ratio / bound - 1: the
+    least ratio lies between the two. `violation` is the largest relative excess of an output over the optimum of the
+    program times its limit, or of a force over its budget. `program_ratio` is that of the semidefinite program before
+    the refinement; `None` if it was not solved, or for modes only.
     """
 
     names: tuple[str, ...]
@@ -85,7 +89,11 @@ class WeightCertificate(Summarised):
         return Summary(
             title="Certificate of a weight design",
             facts=(
-                ("ratio", f"{self.ratio:.6g}, at least {self.bound:.6g}{program}"),
+                (
+                    "ratio",
+                    f"{self.ratio:.6g} with the noise of the design{program}, at least {self.bound:.6g} under the "
+                    "ground alone",
+                ),
                 ("violation", f"{self.violation:.1e}"),
                 ("law's gain", self.law_in_words),
             ),
@@ -135,7 +143,14 @@ def certificate_of(
             )
         )
     rms, force = np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(forces, axis=0))
-    ratio, bound = float(np.max(rms / limits)), float(np.sqrt(point.value))
+    ratio, optimum = float(np.max(rms / limits)), float(np.sqrt(point.value))
+    # The dual of the ground alone at these multipliers; its share does not depend on the scale of the limits.
+    budget_costs = float(point.multipliers[len(limits) :][: len(budgets)].sum())
+    of_ground = sum(
+        np.sum(system.ground * own.riccati) for system, own in zip(systems, point.regulated, strict=True)
+    )
+    share = of_ground / sum(own.cost for own in point.regulated)
+    bound = float(np.sqrt(max(share * (point.value + budget_costs) - budget_costs, 0.0)))
     return WeightCertificate(
         names=outputs.names,
         units=outputs.units,
@@ -145,8 +160,8 @@ def certificate_of(
         budgets=budgets,
         ratio=ratio,
         bound=bound,
-        gap=ratio / bound - 1.0,
-        violation=float(max(ratio / bound - 1.0, np.max(force / budgets) - 1.0, 0.0)),
+        gap=ratio / bound - 1.0 if bound else float("inf"),
+        violation=float(max(ratio / optimum - 1.0, np.max(force / budgets) - 1.0, 0.0)),
         program_ratio=program_ratio,
         cases=tuple(cases),
     )
@@ -191,10 +206,10 @@ class DesignedWeights(Summarised):
 
     `gain` is K of the desired force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
     of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
-    the factor `reachable_ratio` with the budget; above 1 they cannot be reached, and `budget_factor` is that of all
-    budgets with which they can, infinite if none up to 100 does. `binding` says what keeps the ratio from being lower,
-    `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for the design.
-    `spectra` are those of the cases.
+    the factor `reachable_ratio` with the budget; where the `bound` of the certificate is above 1 they cannot be
+    reached, and `budget_factor` is that of all budgets with which they can, infinite if none up to 100 does. `binding`
+    says what keeps the ratio from being lower, `engine` what solved it, and `origin` sentences on ground and budget,
+    where a study has asked for the design. `spectra` are those of the cases.
     """
 
     plant: Plant
@@ -333,6 +348,11 @@ class DesignedWeights(Summarised):
         ratio = self.reachable_ratio
         if ratio <= 1.0:
             first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
+        elif self.certificate.bound <= 1.0:
+            first = (
+                "Whether all limits can be met with this budget is not determined: the least factor by which they are "
+                f"is between {self.certificate.bound:.5g} and {ratio:.5g}."
+            )
         elif self.budget_factor is not None and np.isfinite(self.budget_factor):
             first = (
                 "The limits cannot be met with this budget: the least factor by which all are met at once is "

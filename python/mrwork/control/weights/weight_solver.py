@@ -183,8 +183,10 @@ class WeightDesigner:
         )
 
     def _system(self, plant: Plant, spectrum: SpectralDensity, n_modes: int | None) -> DesignSystem:
+        # Noise is added to forces in the driver as well, in the unit of the forces that the limits have use for.
+        forces = self._budgets if self._timing is None else np.minimum(self._budgets, self._useful_force())
         return design_system(
-            plant, self._outputs, spectrum, budgets=self._budgets, timing=self._timing, n_modes=n_modes
+            plant, self._outputs, spectrum, budgets=forces, timing=self._timing, n_modes=n_modes
         )
 
     def _systems_of(self, n_modes: int | None) -> list[DesignSystem]:
