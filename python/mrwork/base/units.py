@@ -175,7 +175,7 @@ _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
 }
 
 # The mark of an inch by itself; around a unit it is a quotation mark.
-_INCH: Final = re.compile(r"(?:[\"\u2033\u201d])(?=/|$)")
+_INCH: Final = re.compile(r"(?:[\"\u2033\u201d]|\u2032\u2032)(?=/|$)")
 
 # Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s.
 _VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
