@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -373,7 +372,7 @@ def read_damper_test(
     with np.errstate(over="ignore", invalid="ignore"):
         si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
     if step is not None:
-        si["time"] = step * np.arange(si["displacement"].size)
+        si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     nominal = nominal_from_name(file.stem)
     test = build_damper_test(
         name=file.stem,
@@ -465,6 +464,8 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
     named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
     findings = [Finding.note("not_used", f"not used: {'; '.join(parts)}")] if parts else []
+    if table.encoding:
+        findings.append(Finding.note("encoding", f"the text is no UTF-8 and was read as {table.encoding}"))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
         message = f"{len(table.further)} more sheets have a record: {further}"
@@ -521,8 +522,6 @@ def read_damper_tests(
     )
 
 
-# A number with a unit of current or voltage anywhere in a name: 500mA_run3, sine 0.5 A, dec_3x21V.
-_COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(m?[AV])(?![A-Za-z\d])")
 _IN_COLUMNS: Final[tuple[TestQuantity, ...]] = (*REQUIRED, "velocity")
 
 
@@ -562,7 +561,14 @@ def _guess(file: Path) -> ListedTest:
     )
     if command:
         columns[COMMAND] = command
-    remarks = [*(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS), about_command]
+    marked = _marked(table)
+    if marked:
+        columns[MARKERS] = UNKNOWN
+    remarks = [
+        marked,
+        *(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS),
+        about_command,
+    ]
     if UNKNOWN not in columns.values():
         remarks.append(_read(file, columns))
     return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
@@ -581,14 +587,8 @@ def _stated_command(
         return f"{scalar.column}:{scalar.unit}", ""
     nominal = nominal_from_name(file.stem)
     if nominal.command is not None:
-        return f"{nominal.command.values:g} {nominal.command.unit}", ""
-    numbers = {
-        f"{match[1].replace('x', '.').replace(',', '.')} {match[2]}"
-        for match in _COMMAND_IN_NAME.finditer(file.stem)
-    }
-    if len(numbers) == 1:
-        (number,) = numbers
-        return number, "the command is guessed from the name of the file"
+        guessed = "" if nominal.is_regular else "the command is guessed from the name of the file"
+        return f"{nominal.command.values:g} {nominal.command.unit}", guessed
     return "", "the command is not known; give it as 0.5 A, or as COLUMN:UNIT"
 
 
