@@ -99,7 +99,12 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
     if nominal.command is None:
-        return test
+        if not nominal.several or test.commands or unclear:
+            return test
+        message = f"the file name says {' and '.join(nominal.several)}, so its command is not known"
+        action = "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it"
+        finding = Finding.warning("command_unclear", message, action=action)
+        return replace(test, findings=(*test.findings, finding))
     value, unit = float(nominal.command.values), nominal.command.unit
     recorded = {own: command for command, own in test.commands}
     named = f"{value:g} {unit}"
@@ -151,13 +156,14 @@ _COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(
 class Nominal:
     """Nominal values from a file name: amplitude [m], frequency [Hz], and the command in A or V; `None` if absent.
 
-    A name that `is_regular` states them together, as 10mm1Hz0x5A.
+    A name that `is_regular` states them together, as 10mm1Hz0x5A; `several` are commands of a name with more than one.
     """
 
     amplitude: float | None = None
     frequency: float | None = None
     command: Command | None = None
     is_regular: bool = True
+    several: tuple[str, ...] = ()
 
 
 def nominal_from_name(stem: str) -> Nominal:
@@ -177,9 +183,10 @@ def nominal_from_name(stem: str) -> Nominal:
         if len(named) == 1:
             ((value, own),) = named
             command = Command(value / 1000.0 if own[0] == "m" else value, "V" if own[-1] == "V" else "A")
-        if match is None or command is not None:
+        if match is None or named:
             motion = Nominal() if match is None else nominal_from_name(match[0])
-            return replace(motion, command=command, is_regular=False)
+            several = tuple(f"{value:g} {own}" for value, own in sorted(named)) if command is None else ()
+            return replace(motion, command=command, is_regular=False, several=several)
     unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
     return Nominal(
         # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.
