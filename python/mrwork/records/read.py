@@ -36,6 +36,7 @@ from mrwork.records.columns import (
     SKIP,
     ColumnChoice,
     StatedCommand,
+    check_specification,
     choose_columns,
     find_column,
     guess_columns,
@@ -350,7 +351,8 @@ def read_damper_test(
     source = str(file)
     given = dict(columns or {})
     table = open_table(file, partial(tells_a_test, source=str(file)))
-    if given.pop(MARKERS, "") == SKIP:
+    if MARKERS in given:
+        check_specification(MARKERS, given.pop(MARKERS))
         table = table.without_markers()
     step = stated_step(given.get("time", ""))
     try:
