@@ -41,7 +41,8 @@ _OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "velocity": frozenset(),
     "force": frozenset({"cell"}),
     "current": frozenset({"shunt"}),
-    "voltage": frozenset(),
+    # In English a force.
+    "voltage": frozenset({"tension", "tensión"}),
 }
 # Set point of the driver, in amperes or volts: the unit decides.
 _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
@@ -68,8 +69,7 @@ _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
         "current", "i", "strom", "corriente", "courant", "intensité", "電流", "电流", *_COMMAND,
     }),
     "voltage": frozenset({
-        "voltage", "volt", "v", "u", "spannung", "voltaje", "tensión", "tension", "電圧", "电压",
-        "電壓", *_COMMAND,
+        "voltage", "volt", "v", "u", "spannung", "voltaje", "電圧", "电压", "電壓", *_COMMAND,
     }),
 }  # fmt: skip
 # German joins words, and Japanese and Chinese have no blanks: Kolbenweg, Dämpferkraft, 減衰力. The first are other
