@@ -179,7 +179,7 @@ def test_a_sentence_names_the_verb_of_an_option_that_the_verb_at_hand_lacks(tmp_
 def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:
     told, alarms = shares(24)
     assert alarms == []
-    # Two rigs of each kind; what is told least often in 300 rigs, 97 % of a kind, may be missed once.
+    # Two rigs of each of eleven kinds, of which one may be missed.
     assert float(np.mean([*told.values()])) > 0.9
 
 
