@@ -97,7 +97,9 @@ def test_a_number_with_its_unit_is_the_number_times_the_factor(
 @given(unit=st.sampled_from(EVERY_UNIT), other=st.sampled_from(EVERY_UNIT))
 def test_a_unit_of_another_quantity_is_refused(unit: tuple[str, str], other: tuple[str, str]) -> None:
     found = number_in(f"1 {other[1]}", SI[unit[0]])
-    assert isinstance(found, float) == (other[1] in FACTORS[unit[0]])
+    # A weight is that of a mass.
+    is_weight = unit[0] == "mass" and other[1] in ("lbf", "kip", "kgf", "tf")
+    assert isinstance(found, float) == (is_weight or other[1] in FACTORS[unit[0]])
 
 
 @pytest.mark.parametrize(
@@ -133,6 +135,42 @@ def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
     found = number_in(f"1 {symbol}", "kg")
     assert isinstance(found, str)
     assert "whose unit is not known" in found
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        # 135 kip weigh what 135 000 lb of mass do.
+        ("135 kip", "kg", 135e3 * 0.45359237),
+        ("135 kips", "kg", 135e3 * 0.45359237),
+        ("135000 lb", "kg", 135e3 * 0.45359237),
+        ("135000 lbf", "kg", 135e3 * 0.45359237),
+        ("45 Mg", "kg", 45e3),
+        ("61 tonnes", "kg", 61e3),
+        ("2 lb s2/in", "kg", 2.0 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
+        # The pound of a force is that of force.
+        ("300 lb", "N", 300.0 * 0.45359237 * STANDARD_GRAVITY),
+        ("12 lb/in", "N/m", 12.0 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
+        ("12 kip/in", "N/m", 12e3 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
+        ("36 ksi", "Pa", 36e3 * 0.45359237 * STANDARD_GRAVITY / 0.0254**2),
+        ("12 inches", "m", 0.3048),
+    ],
+)
+def test_units_are_read_by_the_quantity_that_is_asked(text: str, unit: str, expected: float) -> None:
+    assert number_in(text, unit) == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_ton_and_a_milli_g_are_no_mass() -> None:
+    assert "short (2000 lb), long (2240 lb) or metric" in str(number_in("120 ton", "kg"))
+    assert "is expected" in str(number_in("45 mg", "kg"))
+    assert (quantity_of("Mg"), quantity_of("mg"), quantity_of("lb")) == ("mass", "acceleration", "force")
+
+
+@pytest.mark.parametrize("unit", ["kg", "N", "m", "N/m", "m/s2", "s", "Pa"])
+def test_every_unit_that_a_refusal_lists_is_read(unit: str) -> None:
+    listed = str(number_in("1 furlong", unit)).partition("its unit may be ")[2].split(", ")
+    assert listed[0] == unit
+    assert all(isinstance(number_in(f"1 {each}", unit), float) for each in listed)
 
 
 def test_a_frequency_in_hz_is_no_circular_frequency() -> None:

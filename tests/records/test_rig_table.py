@@ -180,7 +180,7 @@ def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
             "command": "0.5 A",
         },
     )
-    assert loose.columns["command"] == "500 mA"
+    assert loose.columns["command"] == "0.5 A"
     assert loose.doubt == "the command is guessed from the name of the file"
     assert [unknown.columns[key] for key in ("time", "displacement", "force")] == ["?", "?", "?"]
     assert "no column for the force among 'a', 'b', 'c', 'd'" in unknown.doubt

@@ -66,7 +66,8 @@ _COMMAND_SPELLINGS: Final[Mapping[str, CommandUnit]] = {
     "inch": "in",
 }
 
-# A pound-force is 0.45359237 kg times standard gravity, both exact by definition.
+# A pound-force is a pound of mass times standard gravity, both exact by definition.
+_POUND: Final = 0.45359237
 _POUND_FORCE: Final = 4.4482216152605
 
 _PREFIXES: Final[Mapping[str, float]] = {
@@ -100,12 +101,18 @@ _SYMBOLS: Final[Mapping[str, _Unit]] = {
     "g": _Unit(STANDARD_GRAVITY, _ACCELERATION_POWERS, "m"),
     "kg": _Unit(1.0, {"kg": 1}),
     "t": _Unit(1e3, {"kg": 1}),
+    "Mg": _Unit(1e3, {"kg": 1}),
+    "lbm": _Unit(_POUND, {"kg": 1}),
+    "slug": _Unit(_POUND_FORCE / 0.3048, {"kg": 1}),
     "N": _Unit(1.0, _FORCE, "GMkmu"),
     "lbf": _Unit(_POUND_FORCE, _FORCE),
     "kip": _Unit(1e3 * _POUND_FORCE, _FORCE),
+    "daN": _Unit(10.0, _FORCE),
     "kgf": _Unit(STANDARD_GRAVITY, _FORCE),
     "tf": _Unit(1e3 * STANDARD_GRAVITY, _FORCE),
     "Pa": _Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
+    "psi": _Unit(_POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
+    "ksi": _Unit(1e3 * _POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
     "J": _Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
     "A": _Unit(1.0, {"A": 1}, "kmun"),
     "V": _Unit(1.0, {"V": 1}, "kmun"),
@@ -117,8 +124,22 @@ _PREFIXED: Final[Mapping[str, _Unit]] = {
 }
 
 
-def _unit_of(text: str) -> _Unit | None:
-    """The unit of a text as "kN s/mm", symbols with blanks between and at most one slash; `None` if it is not known."""
+# Words that programs of test rigs write for units, in front of or after a slash.
+_WORDS: Final = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "millisecond": "ms",
+    "milliseconds": "ms", "newton": "N", "newtons": "N", "kilonewton": "kN", "kilonewtons": "kN", "meter": "m",
+    "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm",
+    "millimetres": "mm", "inch": "in", "inches": "in", "in.": "in", "volt": "V", "volts": "V", "amp": "A", "amps": "A",
+    "ampere": "A", "amperes": "A", "lb": "lbf", "lbs": "lbf", "kips": "kip", "tonne": "t",
+    "tonnes": "t", "slugs": "slug",
+}  # fmt: skip
+
+
+def _unit_of(text: str, pound: str = "lbf") -> _Unit | None:
+    """The unit of a text as "kN s/mm", symbols with blanks between and at most one slash; `None` if it is not known.
+
+    A `pound` is that of force, "lbf", or of mass, "lbm".
+    """
     factor, powers = 1.0, Counter[str]()
     for sign, part in zip((1, -1), text.split("/", 1), strict=False):
         symbols = part.split()
@@ -126,7 +147,9 @@ def _unit_of(text: str) -> _Unit | None:
             return None
         for symbol in symbols:
             power = int(symbol[-1]) if len(symbol) > 1 and symbol[-1] in "234" else 1
-            unit = _PREFIXED.get(symbol[:-1] if power > 1 else symbol)
+            bare = symbol[:-1] if power > 1 else symbol
+            word = _WORDS.get(bare.casefold(), bare)
+            unit = _PREFIXED.get(pound if bare in ("lb", "lbs") else bare) or _PREFIXED.get(word)
             if unit is None:
                 return None
             size = unit.factor**power
@@ -139,13 +162,13 @@ _KNOWN: Final[Mapping[MeasuredQuantity, str]] = {
     "time": "s, ms, us, min",
     "frequency": "Hz",
     "rate": "1/s",
-    "displacement": "m, cm, mm, um, in",
-    "velocity": "m/s, cm/s, mm/s, in/s",
+    "displacement": "m, cm, mm, um, in, ft",
+    "velocity": "m/s, cm/s, mm/s, in/s, ft/s",
     "acceleration": "m/s2, cm/s2, gal, mm/s2, g, mg, in/s2, ft/s2",
-    "mass": "kg, t",
-    "force": "N, kN, lbf, kip, kgf, tf, MN",
-    "stiffness": "N/m, kN/m, MN/m, N/mm",
-    "damping": "N s/m, kN s/m, MN s/m",
+    "mass": "kg, t, Mg, lbm, slug",
+    "force": "N, kN, lbf, kip, kgf, tf, MN, daN",
+    "stiffness": "N/m, kN/m, MN/m, N/mm, kN/mm, lbf/in, kip/in",
+    "damping": "N s/m, kN s/m, MN s/m, lbf s/in, kip s/in",
     "current": "A, mA",
     "voltage": "V, mV",
     "current rate": "A/s",
@@ -159,6 +182,12 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
     }
 )
 """Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
+
+# Units of weight, in which masses are given: the mass is the weight over standard gravity.
+_OF_WEIGHT: Final = ("lbf", "kip", "kgf", "tf")
+# Tons of several masses: what each is.
+_TONS: Final = frozenset({"ton", "tons"})
+_WHICH_TON: Final = "a ton may be short (2000 lb), long (2240 lb) or metric (1000 kg)"
 
 # Ratios and angles, which no record has, with the factors of their other units: in products these are no units.
 _PURE: Final[Mapping[str, Mapping[str, float]]] = {
@@ -175,7 +204,7 @@ _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
 }
 
 # The mark of an inch by itself; around a unit it is a quotation mark.
-_INCH: Final = re.compile(r"(?:[\"\u2033\u201d])(?=/|$)")
+_INCH: Final = re.compile(r"(?:[\"\u2033\u201d]|\u2032\u2032)(?=/|$)")
 
 # Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s.
 _VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
@@ -183,16 +212,6 @@ _VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
 _ACCELERATION: Final = re.compile(
     r"(m|cm|mm|in|ft)(?:/|p|_per_|_)s(?:ec)?(?:(?:\^|\*\*|_)?2|/s(?:ec)?|²)|(m|cm|mm|in|ft)_?s-2", re.ASCII
 )
-
-
-# Words that programs of test rigs write for units, in front of or after a slash.
-_WORDS: Final = {
-    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "millisecond": "ms",
-    "milliseconds": "ms", "newton": "n", "newtons": "n", "kilonewton": "kn", "kilonewtons": "kn", "meter": "m",
-    "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm",
-    "millimetres": "mm", "inch": "in", "inches": "in", "in.": "in", "volt": "v", "volts": "v", "amp": "a", "amps": "a",
-    "ampere": "a", "amperes": "a", "lb": "lbf", "lbs": "lbf", "kips": "kip",
-}  # fmt: skip
 
 
 # Characters of the longest spelling of a unit, with room.
@@ -215,12 +234,7 @@ def number_in(text: str, unit: str) -> float | str:
     number, _, given = (part.strip() for part in text.strip().partition(" "))
     if glued := _GLUED.fullmatch(text.strip()):
         number, given = glued.groups()
-    # Usual units of the dimension of each, that one first.
-    like = (
-        next((units for units in (*FACTORS.values(), *_PURE.values()) if each in units), (each,))
-        for each in unit.split(" or ")
-    )
-    known = ", ".join(name for units in like for name in units)
+    known = ", ".join(name for each in unit.split(" or ") for name in _readable(each))
     example = f'"1 {known.split(", ")[:2][-1]}"'
     try:
         value = float(number)
@@ -234,14 +248,32 @@ def number_in(text: str, unit: str) -> float | str:
         return value
     if given in _PURE.get(unit, {}):
         return value * _PURE[unit][given]
-    given_unit = _unit_of(given) if len(given) <= _LONGEST else None
-    if given_unit is None:
+    if _TONS & set(given.casefold().split()):
+        return f"is {text!r}; {_WHICH_TON}, so give another unit: {known}"
+    wanted = [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]
+    read = [_unit_of(given, pound) for pound in ("lbf", "lbm")] if len(given) <= _LONGEST else [None]
+    if fitting := [each for each in read if each is not None and each.powers in wanted]:
+        return value * fitting[0].factor
+    if read[0] is None:
         pure = any(given in units for units in _PURE.values())
         which = f"where a number [{unit}] is expected" if pure else "whose unit is not known"
         return f"is {text!r}, {which}; its unit may be {known}"
-    if given_unit.powers not in [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]:
-        return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
-    return value * given_unit.factor
+    if unit == "kg" and _WORDS.get(given.casefold(), given) in _OF_WEIGHT:
+        return value * read[0].factor / STANDARD_GRAVITY
+    return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
+
+
+def _readable(unit: str) -> list[str]:
+    """Units that a number in `unit` may have: that one first, usual ones, and every other symbol of the dimension."""
+    usual = next((units for units in (*FACTORS.values(), *_PURE.values()) if unit in units), (unit,))
+    own = _unit_of(unit)
+    alike = [
+        name
+        for name, each in _PREFIXED.items()
+        if own is not None and own.powers and each.powers == own.powers
+    ]
+    weights = ["lb", *_OF_WEIGHT] if unit == "kg" else ["lb"] if unit == "N" else []
+    return list(dict.fromkeys([*usual, *alike, *weights]))
 
 
 def question_on(
@@ -274,10 +306,9 @@ def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
     symbol, spelled = _symbol_of(unit)
-    for quantity, factors in FACTORS.items():
-        if symbol in factors or (quantity, spelled) in _IN_ANY_CASE:
-            return quantity
-    return None
+    exact = (quantity for quantity, factors in FACTORS.items() if symbol in factors)
+    in_any_case = (quantity for quantity in FACTORS if (quantity, spelled) in _IN_ANY_CASE)
+    return next(exact, None) or next(in_any_case, None)
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:
@@ -316,7 +347,7 @@ def _symbol_of(unit: str) -> tuple[str, str]:
     if len(symbol) > _LONGEST:
         return "", ""
     text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
-    text = "/".join(_WORDS.get(part, part) for part in text.split("/"))
+    text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
     if match := _VELOCITY.fullmatch(text):
         text = f"{match[1]}/s"
     elif match := _ACCELERATION.fullmatch(text):

@@ -15,12 +15,13 @@ from typing import Any
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.base.summary import list_names
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet, named, print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import OutputError, RecordError, escape_text
+from mrwork.errors import OutputError, RecordError, SettingError, escape_text
 from mrwork.identification.fit_file import read_fit
 from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
@@ -130,7 +131,16 @@ def run(options: argparse.Namespace) -> int:
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = destination.continues and is_complete(place)
-    steps.left, several = (_PAGE, False) if fitted else _expected(options, rows)
+    spare = ""
+    several = False
+    if not fitted:
+        tests = _read([row for row in rows if row.use == "fit"])
+        several = len({test.command_in_words for test in tests if test.commands}) > 1
+        if several:
+            _refuse_lone_commands(options, rows, tests)
+            if not any(_is_enough([*tests[:index], *tests[index + 1 :]]) for index in range(len(tests))):
+                spare = "; the laws of the command need every fitted test, so record further motions for it"
+    steps.left = _PAGE if fitted else _expected(options, tests, several=several)
     common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
     threads = ["--threads", str(options.threads)]
     if not fitted:
@@ -160,10 +170,10 @@ def run(options: argparse.Namespace) -> int:
     given = [str(place), "--summary", *common]
     if status := steps.step("writing the summary", lambda: _verb("report", given), _PAGE):
         return status
-    return _end(options, place, uses, steps)
+    return _end(options, place, uses, steps, spare)
 
 
-def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: _Steps) -> int:
+def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: _Steps, spare: str) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
     from mrwork.store.run_folder import REPORT
@@ -201,10 +211,8 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: 
     show(said)
     show(f"Tested: {fit.tested.in_words}.")
     if not uses["test"]:
-        show(
-            "No test was kept for test: set the use of some rows of "
-            f"{options.folder / TABLE_NAME} to test, and run the command again with --replace."
-        )
+        how = f"set the use of some rows of {options.folder / TABLE_NAME} to test, and run the command again with"
+        show(f"No test was kept for test{spare or f': {how} --replace'}.")
     for warning in fit.warnings:
         show(f"warning: {warning}")
     show(f"Summary: {place / SUMMARY}")
@@ -285,16 +293,40 @@ def _read(rows: Sequence[ListedTest]) -> tuple[DamperTest, ...]:
         return reading.tests(on_read=on_read)
 
 
-def _expected(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[float, bool]:
-    """Seconds that all steps will take, from a trial of the model on the fitted tests; and whether commands differ."""
+def _refuse_lone_commands(
+    options: argparse.Namespace, rows: Sequence[ListedTest], tests: tuple[DamperTest, ...]
+) -> None:
+    """Refuse fitted tests of which those that remain without one motion run at one command, if a kept one helps."""
+    if _is_enough(tests):
+        return
+    for row in rows:
+        if row.use in ("calibration", "test") and _is_enough([*tests, *_read([row])]):
+            raise RecordError(
+                f"{options.folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
+                f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"
+            )
+
+
+def _is_enough(tests: Sequence[DamperTest]) -> bool:
+    """Whether the tests run at two commands without any that the choice of laws leaves out together."""
+    from mrwork.uncertainty.bands.prediction import folds_of, rests_of  # loads SciPy
+    from mrwork.uncertainty.choice.law_search import default_fold
+
+    try:
+        folds = folds_of(tests, default_fold(tests))
+    except SettingError:
+        return False
+    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
+
+
+def _expected(options: argparse.Namespace, tests: tuple[DamperTest, ...], *, several: bool) -> float:
+    """Seconds that all steps will take, from a trial of the model on the fitted tests, at `several` commands or one."""
     import numpy as np
 
     from mrwork.identification.objective import Objective
     from mrwork.identification.problem import Problem
     from mrwork.identification.settings import FitSettings
 
-    tests = _read([row for row in rows if row.use == "fit"])
-    commands = {test.command_in_words for test in tests if test.commands}
     models = options.model.split(",")
     spec = damper("normalised_bouc_wen")
     objective: Objective = Problem.of(spec, tests, FitSettings(), threads=options.threads).objective
@@ -303,9 +335,8 @@ def _expected(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[
     began = time.perf_counter()
     objective(spec.nominal * spread)
     batch = time.perf_counter() - began
-    several = len(commands) > 1
     choice = _START + len(models) * (_OF_MODEL + _PER_BATCH * batch * (1.0 if several else 0.3))
-    return choice * (1.0 + _LATER) + _PAGE, several
+    return choice * (1.0 + _LATER) + _PAGE
 
 
 def _check_same(place: Path, rows: Sequence[ListedTest]) -> None:

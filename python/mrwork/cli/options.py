@@ -68,7 +68,9 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         "--column",
         "QUANTITY=NAME[:UNIT]",
         "heading of a column that is not recognised, with its unit where the file does not tell it, as in "
-        "force=F:kN, or the command as a number, as in command=0.5A; repeat for more",
+        "force=F:kN, or its number from 1; the command as a number, as in command=0.5A; the step or rate of a record "
+        "without times, as in time=200Hz; NAME=none leaves a column out, markers=skip lines that mark events; repeat "
+        "for more",
     )
     add_number(records, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
     add_number(records, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from codecs import BOM_UTF8
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -29,7 +30,7 @@ from mrwork.files.layout import (
     sampled_layout,
     split,
 )
-from mrwork.files.named_columns import ColumnTable
+from mrwork.files.named_columns import ASIAN_WORDS, ColumnTable, unused_parts
 from mrwork.files.rows import Cells, RowForm, Rows, number_in, read_rows, without_empty_lines
 from mrwork.store.input_file import RECORD, bytes_of, start_of
 
@@ -105,8 +106,9 @@ _WINDOW: Final = 20
 class RegularTable(ColumnTable):
     """A text table whose rows have been read.
 
-    In the columns `sure` commas can only be decimal ones. Requests without any of them, and for columns that have not
-    been read, are left to the table that `careful` opens, if any. `lines` gives the index of the line of a row.
+    In the columns `sure` commas can only be decimal ones. Where the rows are `in_doubt`, requests without any of them,
+    and for columns that have not been read, are left to the table that `careful` opens. `lines` gives the index of the
+    line of a row.
     """
 
     layout: Layout
@@ -116,7 +118,8 @@ class RegularTable(ColumnTable):
     lines: Callable[[int], int]
     sure: frozenset[int]
     stamps: frozenset[str]
-    careful: Callable[[], ColumnTable] | None
+    in_doubt: bool
+    careful: Callable[[], ColumnTable]
 
     def __post_init__(self) -> None:
         self.names = self.layout.names
@@ -129,7 +132,7 @@ class RegularTable(ColumnTable):
         known = rows.width is not None or all(
             place in rows.columns or place in rows.no_numbers for place in places
         )
-        if self.careful is not None and (
+        if self.in_doubt and (
             self.stamps.intersection(wanted) or not (known and self.sure.intersection(places))
         ):
             return self.careful().read(wanted)
@@ -146,21 +149,29 @@ class RegularTable(ColumnTable):
         """Line of a row."""
         return f"line {self.lines(row) + 1}" if row < self.rows.n_rows else f"row {row + 1}"
 
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Lines among the rows that are none."""
+        return self.careful().markers
+
+    def without_markers(self) -> ColumnTable:
+        """The table without those lines."""
+        return self.careful().without_markers()
+
 
 def regular_table(
     data: bytes, encoding: str, *, source: str, sha256: str, careful: Callable[[], ColumnTable]
 ) -> RegularTable | None:
     """Read the bytes of a table; `None` where its lines must be looked at one by one, as `careful` does."""
-    if encoding == "utf-8":
-        data = data.removeprefix(BOM_UTF8)
+    data = data.removeprefix(BOM_UTF8) if encoding == "utf-8" else decode_text(data).encode()
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     head = data[: data.rfind(b"\n", 0, _HEAD) + 1] if len(data) > _HEAD else data
-    lines = head.decode(encoding).split("\n")
+    lines = head.decode().split("\n")
     if is_labview(lines):
         return None
     data, dropped = without_empty_lines(data)
-    sampled = sampled_layout(lines, _middle(data, encoding))
+    sampled = sampled_layout(lines, _middle(data))
     if sampled is None:
         return None
     layout, with_texts = sampled
@@ -177,10 +188,9 @@ def regular_table(
     cells = Cells(source=source, names=layout.names, delimiter=layout.delimiter)
     form = RowForm(
         cells=cells,
-        encoding=encoding,
         texts=_texts(fields, len(layout.names)) if with_texts else {},
         n_empty=len(fields[0]) - len(layout.names),
-        header=None if layout.header is None else lines[layout.header].strip().encode(encoding),
+        header=None if layout.header is None else lines[layout.header].strip().encode(),
     )
     read = read_rows(rows, form)
     if read is None:
@@ -201,14 +211,15 @@ def regular_table(
         lines=lambda row: first + row + int(np.searchsorted(skipped, first + row, side="right")),
         sure=sure,
         stamps=stamps_of(layout.names, [text.strip() for text in fields[0]]),
-        careful=careful if form.texts or in_doubt else None,
+        in_doubt=bool(form.texts) or in_doubt,
+        careful=careful,
     )
 
 
-def _middle(data: bytes, encoding: str) -> list[str]:
+def _middle(data: bytes) -> list[str]:
     """Lines from the middle one on, of a text without blank lines and comments."""
     start = _after_lines(data, (data.count(b"\n") + 1) // 2)
-    return data[start : start + _HEAD].decode(encoding, errors="replace").split("\n")[:_WINDOW]
+    return data[start : start + _HEAD].decode(errors="replace").split("\n")[:_WINDOW]
 
 
 def _after_lines(data: bytes, count: int) -> int:
@@ -247,8 +258,8 @@ def open_delimited(path: Path) -> ColumnTable:
     """Open a text file: columns separated by tabs, semicolons, blanks or commas, below names and any further header.
 
     Lines that start with ``#`` are comments; if no header follows them, the last one is the header, as written by
-    `numpy.savetxt`. Decimal commas are read where the delimiter is no comma. Text that is not UTF-8 is taken as
-    Latin-1, which concerns units such as \N{MICRO SIGN}m and remarks only.
+    `numpy.savetxt`. Decimal commas are read where the delimiter is no comma. See `encoding_of` for text that is not
+    UTF-8.
     """
     data = read_text_bytes(path)
     return table_of_text(data, source=str(path), sha256=hashlib.sha256(data).hexdigest())
@@ -264,10 +275,12 @@ def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
             lines, layout = labview_layout(lines, source)
         return DelimitedTable(source=source, sha256=sha256, lines=lines, layout=layout)
 
-    return (
-        regular_table(data, encoding_of(data), source=source, sha256=sha256, careful=line_by_line)
-        or line_by_line()
+    encoding = encoding_of(data)
+    table = (
+        regular_table(data, encoding, source=source, sha256=sha256, careful=line_by_line) or line_by_line()
     )
+    table.encoding = _ENCODINGS.get(encoding, "")
+    return table
 
 
 class DelimitedTable(ColumnTable):
@@ -323,6 +336,32 @@ class DelimitedTable(ColumnTable):
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
         return f"line {self._data[row] + 1}" if row < len(self._data) else f"row {row + 1}"
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Lines among the rows that are none: words with fewer than two numbers, in front of them or beside."""
+        return tuple(f"line {index + 1} '{self._lines[index].strip()[:40]}'" for index in self._marked())
+
+    def without_markers(self) -> ColumnTable:
+        """The table without those lines."""
+        marked = self._marked()
+        table = copy(self)
+        table._data = tuple(index for index in self._data if index not in marked)
+        table.unused = (*self.unused, *unused_parts("marker", self.markers, "skipped"))
+        return table
+
+    def _marked(self) -> dict[int, None]:
+        begins_with_number = is_number(self._cells.of_line(self._lines[self._data[0]])[0])
+        marked: dict[int, None] = {}
+        for index in self._data:
+            fields = self._cells.of_line(self._lines[index])
+            words = [any(map(str.isalpha, each)) and each.casefold() not in MISSING for each in fields]
+            is_row = len(fields) == len(self.names) and sum(map(is_number, fields)) > 1
+            is_row = is_row and (is_number(fields[0]) or not (words[0] and begins_with_number))
+            if not is_row and any(words):
+                marked[index] = None
+        # Where most lines are so, the file is no table of numbers.
+        return marked if 2 * len(marked) < len(self._data) else {}
 
     def _parse_line_by_line(self, columns: Sequence[int]) -> Floats:
         texts: list[list[str]] = []
@@ -388,19 +427,42 @@ def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:
     return Layout(delimiter=delimiter, names=names, units=(), data=data)
 
 
+# Codecs of texts that are not UTF-8, as sentences call them.
+_ENCODINGS: Final = {
+    "utf-16": "UTF-16", "cp932": "Shift-JIS", "gb18030": "GBK", "cp1252": "Windows-1252", "latin-1": "Latin-1",
+}  # fmt: skip
+_WIDE: Final = (BOM_UTF16_LE, BOM_UTF16_BE)
+
+
 def encoding_of(data: bytes) -> str:
-    """Encoding of a text: UTF-8, or else Latin-1, in which every byte is a character."""
+    """Codec of a text: UTF-8, UTF-16 by its mark, Shift-JIS or GBK by words for quantities, else Windows-1252.
+
+    Latin-1, in which every byte is a character, is left for bytes that Windows-1252 does not have.
+    """
+    if data.startswith(_WIDE):
+        return "utf-16"
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return "latin-1"
+        head = data[:_HEAD]
+        found = {name: _count_words(head.decode(name, errors="ignore")) for name in ("cp932", "gb18030")}
+        likely = max(found, key=lambda name: found[name])
+        others = head.translate(None, bytes(_NOT_IN_1252)) == head
+        return likely if found[likely] else "cp1252" if others else "latin-1"
     return "utf-8"
+
+
+_NOT_IN_1252: Final = (0x81, 0x8D, 0x8F, 0x90, 0x9D)
+
+
+def _count_words(text: str) -> int:
+    return sum(text.count(word) for word in ASIAN_WORDS)
 
 
 def decode_text(data: bytes) -> str:
     """Text of the bytes of a file, without a byte-order mark."""
     encoding = encoding_of(data)
-    return (data.removeprefix(BOM_UTF8) if encoding == "utf-8" else data).decode(encoding)
+    return (data.removeprefix(BOM_UTF8) if encoding == "utf-8" else data).decode(encoding, errors="replace")
 
 
 def read_text_bytes(path: Path) -> bytes:
@@ -408,9 +470,8 @@ def read_text_bytes(path: Path) -> bytes:
     head = start_of(path, RECORD, _LONGEST_LINE)
     if not head.strip():
         raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise RecordError(f"{path}: the text is UTF-16; save it as UTF-8")
-    byte = _BINARY.search(head)
+    is_wide = head.startswith(_WIDE)
+    byte = None if is_wide else _BINARY.search(head)
     if byte is not None:
         raise RecordError(
             f"{path}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
@@ -422,7 +483,7 @@ def read_text_bytes(path: Path) -> bytes:
             "header; check that this is a table with one row per line"
         )
     data = bytes_of(path, RECORD)
-    if (zero := data.find(b"\0")) >= 0:
+    if not is_wide and (zero := data.find(b"\0")) >= 0:
         raise RecordError(
             f"{path}: byte {zero} is 0x00, which no text has; the file is damaged, export the record again"
         )

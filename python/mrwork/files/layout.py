@@ -227,7 +227,13 @@ def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _He
     The names are next above a row of units, else the nearest; units may also stand above them.
     """
     nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
-    fitting = [index for index in nearest if rows.width <= len(_texts(lines[index], rows)) <= rows.raw_width]
+    fitting = [
+        index
+        for index in nearest
+        for texts in [_texts(lines[index], rows)]
+        # A line such as "Start,," marks an event.
+        if rows.width <= len(texts) <= rows.raw_width and 2 * sum(map(bool, texts)) >= rows.width
+    ]
     are_units = [_are_units(_texts(lines[index], rows)) for index in fitting]
     if not fitting:
         return _Header(names=nearest[0]) if nearest else None

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
+from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.child_reader import Member, members_of
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
@@ -46,6 +47,8 @@ def _values(member: Member) -> NDArray[np.generic] | None:
     return member.array.T
 
 
+# A test has as many samples at least.
+_FEWEST_ROWS: Final = 10
 _HDF5: Final = b"\x89HDF"
 # Bytes that matrices may take in all, whatever the size of the file: three sparse ones of a building with 4096
 # coordinates.
@@ -84,13 +87,26 @@ Block = bytes | memoryview
 
 
 def open_matlab(path: Path) -> ColumnTable:
-    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct."""
+    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct.
+
+    Without vectors they are the columns of its only matrix, or its rows where these are longer, by their numbers.
+    """
     data, variables = _variables(path, RECORD)
     columns = {
         name: array.ravel()
         for name, array in variables.items()
         if array is not None and array.size == max(array.shape, default=0)
     }
+    matrices = [
+        name
+        for name, array in variables.items()
+        if array is not None and array.ndim == 2 and min(array.shape) > 1 and max(array.shape) >= _FEWEST_ROWS
+    ]
+    if max((each.size for each in columns.values()), default=0) < 2 and len(matrices) == 1:
+        matrix = np.asarray(variables[matrices[0]])
+        rows = matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
+        columns = dict(zip(numbered_names(len(rows)), rows, strict=True))
+        variables.pop(matrices[0])
     if not columns:
         listed = ", ".join(f"'{name}'" for name in variables) or "nothing"
         raise RecordError(

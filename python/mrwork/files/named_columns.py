@@ -11,6 +11,7 @@ import importlib.util
 import os
 import re
 import shlex
+import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -40,37 +41,64 @@ _OF_SENSORS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "velocity": frozenset(),
     "force": frozenset({"cell"}),
     "current": frozenset({"shunt"}),
-    "voltage": frozenset(),
+    # In English a force.
+    "voltage": frozenset({"tension", "tensión"}),
 }
 # Set point of the driver, in amperes or volts: the unit decides.
 _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
 # `v` and `u` have different meanings on different rigs; the unit after them decides. Programs of rigs write the names
-# in the language of their user.
+# in the language of their user: English, German, Spanish, French, Japanese, Chinese.
 _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
-    "time": frozenset({"time", "t", "zeit", "tiempo", "temps"}),
+    "time": frozenset({
+        "time", "t", "zeit", "uhrzeit", "tiempo", "hora", "temps", "heure", "時間", "時刻", "时间",
+    }),
     "displacement": frozenset({
         "displacement", "disp", "displ", "stroke", "position", "pos", "x", "u", "extension",
-        "elongation", "deflection", "weg", "hub", "desplazamiento", "carrera", "déplacement",
-        "deplacement",
+        "elongation", "deflection", "weg", "hub", "verschiebung", "auslenkung", "verformung",
+        "desplazamiento", "carrera", "posición", "posicion", "déplacement", "deplacement", "course",
+        "変位", "変位量", "ストローク", "位置", "位移", "行程",
     }),
-    "velocity": frozenset({"velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse"}),
-    "force": frozenset({"force", "load", "f", "kraft", "fuerza"}),
-    "current": frozenset({"current", "i", "strom", "corriente", "courant", *_COMMAND}),
-    "voltage": frozenset({"voltage", "volt", "v", "u", "spannung", "voltaje", *_COMMAND}),
+    "velocity": frozenset({
+        "velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse", "速度",
+    }),
+    "force": frozenset({
+        "force", "load", "f", "kraft", "last", "fuerza", "carga", "effort", "charge", "荷重", "力",
+        "抗力", "载荷", "荷载", "載荷", "阻尼力",
+    }),
+    "current": frozenset({
+        "current", "i", "strom", "corriente", "courant", "intensité", "電流", "电流", *_COMMAND,
+    }),
+    "voltage": frozenset({
+        "voltage", "volt", "v", "u", "spannung", "voltaje", "電圧", "电压", "電壓", *_COMMAND,
+    }),
 }  # fmt: skip
+# German joins words, and Japanese and Chinese have no blanks: Kolbenweg, Dämpferkraft, 減衰力. The first are other
+# quantities: thrust, acceleration, pressure, stress and power.
+_AT_END_OF_COMPOUNDS: Final = (
+    "schub", "加速度", "圧力", "压力", "壓力", "応力", "应力", "電力",
+    "zeit", "weg", "hub", "verschiebung", "geschwindigkeit", "kraft", "last", "strom", "spannung",
+    *(stem for stems in _STEMS.values() for stem in sorted(stems) if stem > "\u2e80"),
+)  # fmt: skip
+ASIAN_WORDS: Final = frozenset(word for word in _AT_END_OF_COMPOUNDS if not word.isascii())
+"""Words for quantities that tell the encoding of a text."""
 # Words in the name of a column of which the quantity is no sample of the measured signal.
 _NOT_MEASURED: Final = frozenset({
     "command", "commanded", "setpoint", "set", "target", "demand", "reference", "ref", "desired",
-    "soll", "sollwert", "error", "limit", "min", "max", "minimum", "maximum", "peak", "valley",
+    "soll", "sollwert", "führungs", "consigne", "consigna", "目標", "指令", "设定", "目标", "error",
+    "limit", "min", "max", "minimum", "maximum", "peak", "valley",
     "mean", "rms", "count", "cycle", "cycles", "segments", "offset", "date", "stamp", "of",
 })  # fmt: skip
 # Only with these words is a voltage or current the command of the damper, and not the signal of a sensor.
 _OF_COMMAND: Final = frozenset({
     "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
     "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
+    "spulen", "steuer", "treiber", "dämpfer", "erreger", "bobine", "コイル", "励磁", "線圈", "线圈",
+    "制御", "控制", "駆動", "驱动", "阻尼器", "減振器", "ダンパ", "ダンパー",
 })  # fmt: skip
 # With these words a voltage is that of the coil, and not the signal of a sensor.
-_OF_DRIVER: Final = frozenset({"coil", "driver", "spule", "bobina"})
+_OF_DRIVER: Final = frozenset(
+    {"coil", "driver", "spule", "spulen", "bobina", "bobine", "コイル", "線圈", "线圈"}
+)
 # Beside those words, what sets the force of a damper that follows no current or voltage.
 _SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
@@ -78,7 +106,12 @@ _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
 _BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]\s*")
 _SEPARATOR: Final = re.compile(r"[\s_,:/]+")
-_WORD: Final = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèóñ]+|[A-ZÄÖÜ]+(?![a-zäöü])")
+_WORD: Final = re.compile(r"[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]+(?![a-zß-ÿ])|[\u3005\u3040-\u30ff\u3400-\u9fff]+")
+
+
+def plain_name(name: str) -> str:
+    """A name with one way to write each character: no wide or composed ones, no blanks that are doubled."""
+    return " ".join(unicodedata.normalize("NFKC", name).split())
 
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
@@ -86,7 +119,7 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     if len(name) > LONGEST_NAME:
         return None
     words, at_end = _words_and_unit(name)
-    match = _NAME.fullmatch(name)
+    match = _NAME.fullmatch(plain_name(name))
     if match is not None and match[1].casefold() in _STEMS[quantity] | _OF_SENSORS[quantity]:
         unit = (match[2] or "").strip()
         in_words = (
@@ -119,7 +152,7 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     if len(name) > LONGEST_NAME:
         return None
     words, at_end = _words_and_unit(name)
-    match = _NAME.fullmatch(name)
+    match = _NAME.fullmatch(plain_name(name))
     for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
         unit, own = command_unit_of(text), _words(said)
         if unit and own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
@@ -133,7 +166,7 @@ def is_second_choice(quantity: TestQuantity, name: str) -> bool:
 
 
 def _long_stems(quantity: TestQuantity) -> frozenset[str]:
-    return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1)
+    return frozenset(stem for stem in _STEMS[quantity] if len(stem) > 1 or not stem.isascii())
 
 
 def unit_at_end(name: str) -> str:
@@ -148,6 +181,7 @@ def without_unit(name: str) -> str:
 
 def _words_and_unit(name: str) -> tuple[str, str]:
     """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
+    name = plain_name(name)
     match = _BRACKETED.fullmatch(name)
     if match is not None:
         return match[1], match[2]
@@ -158,12 +192,19 @@ def _words_and_unit(name: str) -> tuple[str, str]:
 
 
 def _words(text: str) -> frozenset[str]:
-    return frozenset(word.casefold() for word in _WORD.findall(text))
+    """The words of a text, in small letters; compound ones as their last and what is before it."""
+    words = [word.casefold() for word in _WORD.findall(text)]
+    parts: set[str] = set()
+    for word in words:
+        ends = [stem for stem in _AT_END_OF_COMPOUNDS if word.endswith(stem)]
+        last = max(ends, key=len, default=word)
+        parts |= {last, word.removesuffix(last)}
+    return frozenset(parts - {""})
 
 
 def is_plain(quantity: TestQuantity, name: str) -> bool:
     """Whether a name has one word, besides a unit."""
-    match = _NAME.fullmatch(name)
+    match = _NAME.fullmatch(plain_name(name))
     if match is None or match[1].casefold() not in _STEMS[quantity]:
         return False
     rest = (match[2] or "").strip()
@@ -199,6 +240,10 @@ class Missing:
     unit: str = ""
 
 
+NO_COLUMN: Final = "COLUMN"
+"""Stands for the heading of a column that is not known."""
+
+
 def column_option(key: str, column: str, unit: str) -> str:
     """A --column option as a shell takes it."""
     return f"--column {shlex.quote(f'{key}={column}:{unit}')}"
@@ -207,11 +252,11 @@ def column_option(key: str, column: str, unit: str) -> str:
 def suggested_options(
     missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
 ) -> str:
-    """Options for all that is missing, with the likeliest of the `free` columns; empty where one has none."""
+    """Options for all that is missing, with the likeliest of the `free` columns, or `NO_COLUMN`."""
     left = [name for name in free if name not in {each.column for each in missing}]
     numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
     options: list[str] = []
-    is_sure = True
+    is_sure, is_open = True, False
     suggested: set[str] = set()
     for each in missing:
         if each.column and each.column in suggested:
@@ -219,7 +264,9 @@ def suggested_options(
             continue
         column = each.column or _likely_column(each.quantity, left, units, numbers)
         if not column:
-            return ""
+            is_open = True
+            options.append(f"--column {each.quantity}={NO_COLUMN}:{next(iter(FACTORS[each.quantity]))}")
+            continue
         suggested.add(column)
         left = [name for name in left if name != column]
         stated = units.get(column, "")
@@ -227,7 +274,7 @@ def suggested_options(
         is_sure = is_sure and bool(each.column and unit)
         unit = unit or likely_unit(each.quantity, column, numbers.get(column))
         options.append(column_option(each.quantity, column, unit))
-    return f"{'as in' if is_sure else 'likely'} {' '.join(options)}"
+    return f"{'with' if is_open else 'as in' if is_sure else 'likely'} {' '.join(options)}"
 
 
 def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> str:
@@ -274,7 +321,8 @@ class ColumnTable(ABC):
     `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
-    record of their own.
+    record of their own. `encoding` is that of a text which is not UTF-8, `markers` are lines among its rows that are
+    none, such as those of events.
     """
 
     names: tuple[str, ...]
@@ -283,6 +331,16 @@ class ColumnTable(ABC):
     stamps: frozenset[str] = frozenset()
     unused: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
+    encoding: str = ""
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Lines among the rows of a text that are none, each with its number."""
+        return ()
+
+    def without_markers(self) -> ColumnTable:
+        """The table without those lines."""
+        return self
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:

@@ -95,7 +95,6 @@ class RowForm:
     """
 
     cells: Cells
-    encoding: str
     texts: Mapping[int, tuple[int, str]]
     n_empty: int
     header: bytes | None
@@ -154,7 +153,7 @@ def read_rows(rows: bytes, form: RowForm) -> Rows | None:
         or (form.texts and b' "' in rows)
         or ((form.texts or with_commas) and not alike)
         or (form.texts and b"\n\n" in b"\n" + rows.translate(None, _OF_NUMBERS) + b"\n")
-        or not (rows.isascii() or _is_text(rows, form.encoding))
+        or not (rows.isascii() or _is_text(rows))
     ):
         return None
     # A quoted field may contain the end of a line, and a header that is repeated changes what is a row.
@@ -186,9 +185,9 @@ def read_rows(rows: bytes, form: RowForm) -> Rows | None:
     return Rows(n_rows=n_rows, columns=columns, no_numbers=no_numbers)
 
 
-def _is_text(rows: bytes, encoding: str) -> bool:
+def _is_text(rows: bytes) -> bool:
     """Whether all characters beyond ASCII are none of a number and none between fields."""
-    return _LIKE_ASCII.search(rows.translate(None, _ASCII).decode(encoding)) is None
+    return _LIKE_ASCII.search(rows.translate(None, _ASCII).decode()) is None
 
 
 def _blocks(rows: bytes) -> Iterator[bytes]:
@@ -233,7 +232,7 @@ def _without_gaps(text: bytes, form: RowForm) -> bytes:
 def _line_by_line(block: bytes, form: RowForm, *, with_commas: bool) -> Rows | None:
     """Rows, with what must be refused in them; `None` where a line is no row."""
     texts: list[list[str]] = []
-    lines = block.decode(form.encoding).split("\n")
+    lines = block.decode().split("\n")
     for line in lines:
         if RULE.fullmatch(line):
             return None

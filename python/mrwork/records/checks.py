@@ -272,6 +272,8 @@ def held_samples(samples: Floats) -> int:
 
 # The longest dampers of bridges have about 2 m.
 _LONGEST_STROKE: Final = 5.0
+# That of a damper of 1 kN.
+_LONG_STROKE: Final = 1.0
 # Rods and mounts are stressed by some 20 MPa at full force, and then stretch by 1e-4 of their length to either side: by
 # 0.1 mm for a damper of 1 kN with its fixture of half a metre. Lengths grow from a damper of 1 kN to one of 200 kN by
 # about this power of the force.
@@ -279,13 +281,16 @@ _SHORTEST_STROKE: Final = 1e-4
 _OF_FORCE: Final = 1e3
 _GROWS: Final = 0.4
 # The seal of the smallest cylinder takes some newtons; the largest magnetorheological dampers built have 400 to 500 kN.
-_SMALLEST_FORCE: Final = 2.0
+_SMALLEST_FORCE: Final = 5.0
 _LARGEST_FORCE: Final = 6e5
 _NEWTONS: Final = ((1e6, "MN"), (1e3, "kN"), (1.0, "N"))
 # Slow tests have some mm/s, and are sampled twenty times in a second or more often; recoil dampers reach some 15 m/s
 # and 100 g, and mounts are tested up to some 300 Hz.
 _SLOWEST: Final = 5e-4
 _COARSE_STEP: Final = 0.05
+# At steps of half a second nothing faster than this has been seen, [m/s].
+_COARSEST: Final = 0.5
+_SLOW: Final = 0.01
 _FASTEST: Final = 20.0
 _LARGEST_ACCELERATION: Final = 1e4
 _HIGHEST_FREQUENCY: Final = 500.0
@@ -296,10 +301,11 @@ _LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
 def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of a stroke that is longer than that of any damper, or that its rod and mounts alone would give."""
     stroke, force = float(np.ptp(test.displacement)), float(np.abs(test.force).max())
-    if stroke > _LONGEST_STROKE:
-        message = f"the displacement spans {stroke:.3g} m, more than any damper"
-        action = "check its channel and its unit"
-    elif stroke < _SHORTEST_STROKE * (force / _OF_FORCE) ** _GROWS:
+    scale = (force / _OF_FORCE) ** _GROWS
+    if stroke > min(_LONGEST_STROKE, _LONG_STROKE * scale):
+        message = f"the displacement spans {stroke:.3g} m, more than any damper of {_in_newtons(force)}"
+        action = "check its channel and its unit: are mm taken for m?"
+    elif stroke < _SHORTEST_STROKE * scale:
         message = (
             f"the displacement spans {1e6 * stroke:.3g} um, no more than rod and mounts of a damper of "
             f"{_in_newtons(force)} stretch"
@@ -330,7 +336,7 @@ def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a motion that is far slower, and sampled so, or far faster than a damper is tested."""
     speed = float(np.percentile(np.abs(motion.velocity), 99.0))
     acceleration = 2.0 * np.pi * motion.frequency * speed
-    slow = speed < _SLOWEST and test.dt >= _COARSE_STEP
+    slow = test.dt >= _COARSE_STEP and (speed < _SLOWEST or (test.dt >= _COARSEST and speed < _SLOW))
     fast = speed > _FASTEST or motion.frequency > _HIGHEST_FREQUENCY or acceleration > _LARGEST_ACCELERATION
     if not slow and not fast:
         return

@@ -23,6 +23,7 @@ from mrwork.dampers.command import LARGEST_COMMAND, Command
 from mrwork.errors import MrworkError, RecordError, Restorable, SettingError, UnitError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import (
+    NO_COLUMN,
     QUANTITIES,
     ColumnTable,
     Missing,
@@ -31,6 +32,7 @@ from mrwork.files.named_columns import (
     column_option,
     is_plain,
     is_second_choice,
+    plain_name,
     scalar_unit_in_name,
     suggested_options,
     unit_at_end,
@@ -39,6 +41,11 @@ from mrwork.files.named_columns import (
 )
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
+MARKERS: Final = "markers"
+"""Key of a mapping of columns for lines among the rows that are none, which `SKIP` leaves out."""
+SKIP: Final = "skip"
+LEFT_OUT: Final = "none"
+"""Entry of a mapping of columns, by quantity or heading, for what is not read."""
 
 _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "time": "t_s", "displacement": "displacement_mm", "velocity": "velocity_mps", "force": "force_N",
@@ -96,10 +103,28 @@ def parse_column_option(option: str) -> tuple[str, str]:
 
 def check_specification(name: str, specification: str) -> None:
     """Check an entry of a mapping of columns without a file."""
-    if name == COMMAND:
+    if specification.strip() == LEFT_OUT:
+        if name in REQUIRED:
+            raise SettingError(f"the {name} cannot be left out; give its column, as in {name}=COLUMN:UNIT")
+    elif name == MARKERS:
+        if specification.strip() != SKIP:
+            raise SettingError(f"the markers are '{specification}'; give {SKIP}, or correct these lines")
+    elif name == COMMAND:
         StatedCommand.of(specification)
     else:
         _parse_specification(_quantity(name), specification)
+
+
+def stated_step(specification: str) -> float | None:
+    """The step [s] of a record without a column of times, from "0.005 s" or a rate, "200 Hz"; `None` of a column."""
+    number = _NUMBER_AND_UNIT.fullmatch(specification.strip())
+    scales = [number and factor_of(number[2], quantity) for quantity in ("time", "frequency")]
+    if number is None or scales == [None, None]:
+        return None
+    value = float(number[1].replace(",", "."))
+    if value <= 0.0:
+        raise SettingError(f"the time is '{specification}'; give a step or a sampling rate above zero")
+    return value * scales[0] if scales[0] else 1.0 / (value * float(scales[1] or 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +144,7 @@ class StatedCommand:
         """A command that is a column with the unit that its name or the file gives it."""
         if self.quantity is not None or self.value is not None:
             return self
-        name = _find(self.column, names, source)
+        name = find_column(self.column, names, source)
         if self.unit is not None:
             return replace(self, column=name)
         for unit in (units.get(name, ""), unit_at_end(name)):
@@ -202,12 +227,13 @@ def choose_columns(
     units: Mapping[str, str],
     stamps: Collection[str],
     read: ReadColumn,
+    absent: Collection[str] = (),
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
     `columns`: quantity to ``"COLUMN:UNIT"`` or ``"COLUMN"``, with precedence over the names; other quantities are found
     by name. `units`: units that the file states apart, by name. `stamps`: columns of times of the day. `read`: reads a
-    column, for the unit that a message suggests.
+    column, for the unit that a message suggests. `absent`: quantities without a column.
     """
     named = _Names(names=names, free=names, units=units, stamps=stamps, source=source)
     chosen: dict[TestQuantity, ColumnChoice] = {}
@@ -218,7 +244,7 @@ def choose_columns(
     named = replace(named, free=tuple(name for name in names if name not in taken))
     unclear: list[_UnclearError] = []
     for quantity in QUANTITIES:
-        if quantity in chosen:
+        if quantity in chosen or quantity in absent:
             continue
         try:
             choice = named.recognise(quantity)
@@ -253,7 +279,7 @@ class _Names:
     def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
         column, unit = _parse_specification(quantity, specification)
-        name = _find(column, self.names, self.source)
+        name = find_column(column, self.names, self.source)
         if not unit:
             stated = (self.units.get(name, ""), unit_at_end(name))
             unit = next((each for each in stated if quantity_of(each) is not None), "")
@@ -303,7 +329,7 @@ class _Names:
     ) -> MrworkError:
         """The first problem, with the options that solve all of them."""
         taken = {choice.column for choice in chosen.values()}
-        free = [name for name in self.free if name not in taken]
+        free = [name for name in self.free if name not in taken and self.names.count(name) == 1]
         units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
         options = suggested_options([each.missing for each in unclear], free, units, read)
         first = unclear[0]
@@ -312,13 +338,16 @@ class _Names:
         others = [
             each.missing.quantity for each in unclear[1:] if not column or each.missing.column != column
         ]
-        if not options:
-            unit = next(iter(FACTORS[first.missing.quantity]))
-            how = f"{first.remedy} with --column {first.missing.quantity}=COLUMN:{unit}; or leave out what is no record"
-        elif others and not self._is_nameless:
+        if others and not self._is_nameless:
             how = f"the {' and the '.join(others)} cannot be told either; give them, {options}"
+        elif NO_COLUMN in options:
+            how = f"{first.remedy} {options}"
         else:
             how = f"{first.remedy}, {options}"
+        if f"time={NO_COLUMN}" in options:
+            how += "; without a column of times give the step or sampling rate, as in --column 'time=200 Hz'"
+        if NO_COLUMN in options:
+            how += "; or leave out what is no record"
         return first.kind(f"{self.source}: {first.problem}; {how}")
 
     def _without(self, quantity: TestQuantity) -> _UnclearError:
@@ -429,13 +458,14 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
     return column, unit
 
 
-def _find(column: str, names: Sequence[str], source: str) -> str:
-    """Return the one name equal to `column`, or else the one equal except for case, or else except for its unit."""
-    wanted = column.casefold()
+def find_column(column: str, names: Sequence[str], source: str) -> str:
+    """Return the one name equal to `column`, or else except for case, or except for its unit; or that of its number."""
+    wanted = plain_name(column).casefold()
     alike = (
         [name for name in names if name == column]
-        or [name for name in names if name.casefold() == wanted]
+        or [name for name in names if plain_name(name).casefold() == wanted]
         or [name for name in names if without_unit(name).casefold() == wanted]
+        or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
     )
     if len(alike) == 1:
         return alike[0]

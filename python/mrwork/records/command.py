@@ -99,7 +99,12 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
     if nominal.command is None:
-        return test
+        if not nominal.several or test.commands or unclear:
+            return test
+        message = f"the file name says {' and '.join(nominal.several)}, so its command is not known"
+        action = "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it"
+        finding = Finding.warning("command_unclear", message, action=action)
+        return replace(test, findings=(*test.findings, finding))
     value, unit = float(nominal.command.values), nominal.command.unit
     recorded = {own: command for command, own in test.commands}
     named = f"{value:g} {unit}"
@@ -143,17 +148,28 @@ _NAME: Final = re.compile(
 )
 
 
+# A number with a unit of current or voltage anywhere in a name: 500mA_run3, sine 0.5 A, dec_3x21V.
+_COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(m?[AV])(?![A-Za-z\d])")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nominal:
-    """Nominal values from a file name: amplitude [m], frequency [Hz], and the command in A or V; `None` if absent."""
+    """Nominal values from a file name: amplitude [m], frequency [Hz], and the command in A or V; `None` if absent.
+
+    A name that `is_regular` states them together, as 10mm1Hz0x5A; `several` are commands of a name with more than one.
+    """
 
     amplitude: float | None = None
     frequency: float | None = None
     command: Command | None = None
+    is_regular: bool = True
+    several: tuple[str, ...] = ()
 
 
 def nominal_from_name(stem: str) -> Nominal:
     """Read amplitude, frequency and command, in A or V, from a file name; the decimal point may be written ``x``.
+
+    The command may stand apart from them, as in ``run3_500mA``, where it is the only one.
 
     Examples
     --------
@@ -161,8 +177,16 @@ def nominal_from_name(stem: str) -> Nominal:
     0.25
     """
     match = _NAME.search(stem)
-    if match is None:
-        return Nominal()
+    if match is None or match["command"] is None:
+        named = {(_value(number), unit) for number, unit in _COMMAND_IN_NAME.findall(stem)}
+        command = None
+        if len(named) == 1:
+            ((value, own),) = named
+            command = Command(value / 1000.0 if own[0] == "m" else value, "V" if own[-1] == "V" else "A")
+        if match is None or named:
+            motion = Nominal() if match is None else nominal_from_name(match[0])
+            several = tuple(f"{value:g} {own}" for value, own in sorted(named)) if command is None else ()
+            return replace(motion, command=command, is_regular=False, several=several)
     unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
     return Nominal(
         # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.
@@ -173,4 +197,4 @@ def nominal_from_name(stem: str) -> Nominal:
 
 
 def _value(text: str) -> float:
-    return float(text.replace("x", ".").replace("X", "."))
+    return float(re.sub("[xX,]", ".", text))

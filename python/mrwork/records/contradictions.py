@@ -266,12 +266,18 @@ _NOISIER: Final = 2.0
 _Kept = slice | NDArray[np.intp]
 
 OFF_BY_FACTOR: Final = "velocity_factor"
+OFF_BY_CLOCK: Final = "time_factor"
+# Steps of a clock that is slow or fast by a thousand, and the units that were confused, by the ratio of the velocity to
+# the derivative: damper tests are sampled at 20 Hz to 50 kHz.
+_SLOW_CLOCK: Final = 0.05
+_FAST_CLOCK: Final = 2e-5
+_CLOCKS: Final = {1e3: ("ms", "s"), 1e6: ("us", "s"), 1e-3: ("s", "ms"), 1e-6: ("s", "us")}
 
 
 def refuse_velocity(test: DamperTest) -> None:
     """Refuse a test whose velocity is a known factor times the derivative of the displacement."""
     for finding in test.findings:
-        if finding.code == OFF_BY_FACTOR:
+        if finding.code in (OFF_BY_FACTOR, OFF_BY_CLOCK):
             raise RecordError(f"{test.label}: {finding.message}")
 
 
@@ -410,7 +416,7 @@ def velocity_agrees(
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
         rescaled = _compare_velocities(velocity / factor, displacement, motion, kept)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
-            return velocity, "measured", (_off_by(factor),)
+            return velocity, "measured", (_off_by(factor, smoother.dt),)
 
     delayed = comparison.delay(motion.acceleration[kept], smoother)
     delay = delayed.value
@@ -448,11 +454,20 @@ def velocity_agrees(
 _CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"
 
 
-def _off_by(factor: float) -> Finding:
-    """Finding of a velocity that is a factor times the derivative, with the explanation of a known factor."""
+def _off_by(factor: float, dt: float) -> Finding:
+    """Finding of a velocity that is a factor times the derivative at steps `dt` [s], with its explanation if known."""
     times = f"the velocity is {factor:.4g} times the displacement's derivative"
     measured = Measured(value=factor, unit="")
     size = abs(factor)
+    for ratio, (own, taken) in _CLOCKS.items():
+        clock_is_off = dt >= _SLOW_CLOCK if ratio > 1.0 else dt <= _FAST_CLOCK
+        if clock_is_off and abs(size / ratio - 1.0) <= _OF_UNITS:
+            message = (
+                f"{times}, and its steps are {dt:.4g} s, as where a time in {own} is taken for one in {taken}"
+            )
+            action = f"give the unit of the time, as in --column time=COLUMN:{own}; if the time is right, the unit of "
+            action += "the velocity or the displacement is not"
+            return Finding.warning(OFF_BY_CLOCK, message, action=action, measured=measured)
     nearest = min(_CONFUSED, key=lambda ratio: abs(np.log(size / ratio)))
     if abs(size / nearest - 1.0) > _OF_UNITS:
         return _inconsistent(f"{times}, so one of the two is not in its stated unit", _CHECK, measured)

@@ -502,7 +502,8 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
         return replace(motion, command=command, command_unit=spec.current.unit)
     raise RecordError(
         f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
-        f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
+        f"{test.command_in_words or 'none'}; give it, as in --column command=0.5{spec.current.unit} or in a table of "
+        "tests, as mrwork check FILES --table begins it, or a model in the other unit"
     )
 
 

@@ -79,8 +79,8 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     alike = [np.array(rows) for rows in groups.values() if len(rows) >= _FEWEST_ALIKE]
     if not alike:
         return []
-    force, velocity = _loops(tests)
-    force = force - _slope(force, velocity, alike) * velocity
+    force_there, velocity = _loops(tests)
+    force = force_there - _slope(force_there, velocity, alike) * velocity
     levels = np.array([np.median(force[rows]) for rows in alike])
     beside = np.concatenate([force[rows] - level for rows, level in zip(alike, levels, strict=True)])
     spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
@@ -89,6 +89,8 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     findings = []
     for row, difference in zip(np.concatenate(alike), beside, strict=True):
         if abs(difference) <= limit:
+            continue
+        if abs(force_there[row] - _of_others(row, alike, force_there, velocity)) <= limit:
             continue
         test = tests[row]
         ratio = float(np.expm1(difference))
@@ -104,6 +106,13 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
             )
         )
     return findings
+
+
+def _of_others(row: int, alike: Sequence[NDArray[np.intp]], force: Floats, velocity: Floats) -> float:
+    """Log force of a test by the others at its command alone: a damper without current is more viscous than others."""
+    others = next(rows[rows != row] for rows in alike if row in rows)
+    slope = min(max(_slope(force, velocity, [others]), 0.0), 1.0)
+    return float(np.median(force[others] + slope * (velocity[row] - velocity[others])))
 
 
 def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
@@ -256,7 +265,7 @@ _SAID_BY: Final[tuple[tuple[tuple[Verb, ...], str], ...]] = (
     (_EVERY, "velocity_difference velocity_held"),
     (_TOLD_ONCE, "velocity_derived rest_before_motion"),
     # All other verbs refuse it.
-    (("check",), "velocity_factor"),
+    (("check",), "velocity_factor time_factor"),
     # The force, with which every simulation is compared.
     (_EVERY, "force_unusual force_still force_sign_flipped force_sign_unclear force_delay"),
     (_EVERY, "moving_mass breakaway loop_drift"),
@@ -264,7 +273,7 @@ _SAID_BY: Final[tuple[tuple[tuple[Verb, ...], str], ...]] = (
     (_OF_FILES, "force_offset moving_average"),
     # What the file says of the test.
     (_EVERY, "command_negative command_unusual command_unclear command_mislabelled record_repeated"),
-    (_TOLD_ONCE, "command_varies command_rings"),
+    (_TOLD_ONCE, "command_varies command_rings encoding"),
     (_OF_FILES, "name_disagrees name_not_used not_used files_not_read further_records"),
     # Asked for on the command line; that a repair found no cause is news.
     (_TOLD_ONCE, " ".join(f"repaired_{kind}" for kind in REPAIR_KINDS)),

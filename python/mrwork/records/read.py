@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -19,23 +18,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
+from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.named_columns import ColumnTable, TestQuantity
+from mrwork.files.named_columns import QUANTITIES, ColumnTable, TestQuantity
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
 from mrwork.records.columns import (
     COMMAND,
     COMMANDS,
+    LEFT_OUT,
+    MARKERS,
     REQUIRED,
+    SKIP,
     ColumnChoice,
     StatedCommand,
+    check_specification,
     choose_columns,
+    find_column,
     guess_columns,
     scalar_command,
+    stated_step,
     tells_a_test,
     unclear_commands,
 )
@@ -315,7 +321,9 @@ def read_damper_test(
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
         ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file tells the unit, for columns whose names do not state it; the
         name may leave out a unit at its end. ``command`` is a column of current or voltage, or a number with its unit,
-        as ``"0.5 A"``, which goes before the columns of the file.
+        as ``"0.5 A"``, which goes before the columns of the file; ``time`` may likewise be a step or a sampling rate,
+        as ``"200 Hz"``. A column may be given by its number from 1. ``"none"`` leaves out a quantity, or the column
+        with that heading; ``markers`` is ``"skip"`` where lines among the rows mark events.
     keep_velocity
         As for `test_from_arrays`.
 
@@ -341,17 +349,32 @@ def read_damper_test(
     """
     file = Path(path)
     source = str(file)
+    given = dict(columns or {})
     table = open_table(file, partial(tells_a_test, source=str(file)))
+    if MARKERS in given:
+        check_specification(MARKERS, given.pop(MARKERS))
+        table = table.without_markers()
+    step = stated_step(given.get("time", ""))
     try:
-        chosen, scalar = _assign_columns(table, columns or {}, source)
+        chosen, scalar = _assign_columns(table, given, source)
     except MrworkError as error:
-        error.of_columns = True
-        raise
+        marked = _marked(table)
+        refusal = type(error)(f"{error}; {marked}") if marked else error
+        refusal.of_columns = True
+        raise refusal from None
     of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
-    numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
+    try:
+        numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
+    except RecordError as error:
+        marked = _marked(table)
+        refusal = RecordError(f"{source}: {marked}") if marked else error
+        refusal.of_columns = bool(marked)
+        raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
         si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
+    if step is not None:
+        si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     nominal = nominal_from_name(file.stem)
     test = build_damper_test(
         name=file.stem,
@@ -375,11 +398,30 @@ def read_damper_test(
     return replace(test, findings=(*test.findings, *unused_finding(table, used)))
 
 
+# Marker lines that a sentence shows; more are counted.
+_MOST_SHOWN: Final = 3
+
+
+def _marked(table: ColumnTable) -> str:
+    """What to do about lines among the rows that are none; empty where there are none."""
+    markers = table.markers
+    if not markers:
+        return ""
+    lines = f"{counted(len(markers), 'line')} among the rows of numbers {'is' if len(markers) == 1 else 'are'} no row"
+    shown = list_names(markers, _MOST_SHOWN)
+    return f"{lines}, {shown}; skip what marks events with --column {MARKERS}={SKIP}, or correct the file"
+
+
 def _assign_columns(
     table: ColumnTable, columns: Mapping[str, str], source: str
 ) -> tuple[dict[TestQuantity, ColumnChoice], StatedCommand | None]:
     """The column of every quantity, and a command that is a number, or a column of another unit than A and V."""
-    given = dict(columns)
+    absent = {name for name, specification in columns.items() if specification.strip() == LEFT_OUT}
+    if stated_step(columns.get("time", "")) is not None:
+        absent.add("time")
+    given = {name: specification for name, specification in columns.items() if name not in absent}
+    headings = [find_column(name, table.names, source) for name in absent - {*QUANTITIES, COMMAND}]
+    absent |= {*COMMANDS} if COMMAND in absent else set()
     stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
     scalar: StatedCommand | None = None
     if stated is not None:
@@ -388,19 +430,28 @@ def _assign_columns(
             scalar = stated
         else:
             given[stated.quantity] = stated.column
-    elif not given.keys() & set(COMMANDS):
+    elif not (given.keys() | absent) & set(COMMANDS):
         scalar = scalar_command(table.names, table.units, source=source)
+
+    rows = cache(table.without_markers)
 
     def numbers_of(name: str) -> Floats | None:
         try:
-            return table.read([name])[name]
+            return rows().read([name])[name]
         except RecordError:
             return None
 
     # A scalar command is none of the other quantities, whatever the unit in its name.
-    names = tuple(name for name in table.names if scalar is None or name != (scalar.column or None))
+    others = {*headings, *([] if scalar is None else [scalar.column])}
+    names = tuple(name for name in table.names if name not in others)
     chosen = choose_columns(
-        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of
+        names,
+        given,
+        units=table.units,
+        stamps=table.stamps,
+        source=source,
+        read=numbers_of,
+        absent=absent,
     )
     if stated is not None and stated.quantity is None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
@@ -415,6 +466,8 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
     named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
     findings = [Finding.note("not_used", f"not used: {'; '.join(parts)}")] if parts else []
+    if table.encoding:
+        findings.append(Finding.note("encoding", f"the text is no UTF-8 and was read as {table.encoding}"))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
         message = f"{len(table.further)} more sheets have a record: {further}"
@@ -471,8 +524,6 @@ def read_damper_tests(
     )
 
 
-# A number with a unit of current or voltage anywhere in a name: 500mA_run3, sine 0.5 A, dec_3x21V.
-_COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(m?[AV])(?![A-Za-z\d])")
 _IN_COLUMNS: Final[tuple[TestQuantity, ...]] = (*REQUIRED, "velocity")
 
 
@@ -512,7 +563,14 @@ def _guess(file: Path) -> ListedTest:
     )
     if command:
         columns[COMMAND] = command
-    remarks = [*(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS), about_command]
+    marked = _marked(table)
+    if marked:
+        columns[MARKERS] = UNKNOWN
+    remarks = [
+        marked,
+        *(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS),
+        about_command,
+    ]
     if UNKNOWN not in columns.values():
         remarks.append(_read(file, columns))
     return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
@@ -531,14 +589,8 @@ def _stated_command(
         return f"{scalar.column}:{scalar.unit}", ""
     nominal = nominal_from_name(file.stem)
     if nominal.command is not None:
-        return f"{nominal.command.values:g} {nominal.command.unit}", ""
-    numbers = {
-        f"{match[1].replace('x', '.').replace(',', '.')} {match[2]}"
-        for match in _COMMAND_IN_NAME.finditer(file.stem)
-    }
-    if len(numbers) == 1:
-        (number,) = numbers
-        return number, "the command is guessed from the name of the file"
+        guessed = "" if nominal.is_regular else "the command is guessed from the name of the file"
+        return f"{nominal.command.values:g} {nominal.command.unit}", guessed
     return "", "the command is not known; give it as 0.5 A, or as COLUMN:UNIT"
 
 

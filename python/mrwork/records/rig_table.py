@@ -18,7 +18,7 @@ from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
 from mrwork.files.named_columns import listed_files
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
-from mrwork.records.columns import COMMAND, REQUIRED, check_specification
+from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
@@ -44,7 +44,7 @@ _DOUBT: Final = "doubt"
 _SPECIFIED: Final = (*REQUIRED, "velocity", COMMAND)
 FACTS: Final = ("damper", "serial", "date", "operator", "temperature")
 """Columns that say which specimen was tested, when, by whom and how warm it was; a temperature has its unit."""
-_HEADER: Final = ("file", "use", *_SPECIFIED, *FACTS, _DOUBT)
+_HEADER: Final = ("file", "use", *_SPECIFIED, MARKERS, *FACTS, _DOUBT)
 
 
 @checked
@@ -179,7 +179,8 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     The column `file` is required; paths are relative to the folder of the table. `use` is fit, calibration, test or
     unused; empty is unused. `time`, `displacement`, `force` and `velocity` name the columns of the record as
     ``COLUMN:UNIT``, `command` a number with its unit (``0.5 A``) or ``COLUMN:UNIT``; where they are empty or absent,
-    the record and its name tell. `damper`, `serial`, `date`, `operator` and `temperature` (``23 C``) are facts for the
+    the record and its name tell. `markers` is "skip" where lines among the rows mark events. `damper`, `serial`,
+    `date`, `operator` and `temperature` (``23 C``) are facts for the
     page. `doubt` is not read.
 
     Raises
@@ -244,11 +245,12 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     check_output(place, replace=False, otherwise="delete it")
     check_given_once(rows)
     told = [name for name in FACTS if any(name in row.facts for row in rows)]
-    lines: list[Sequence[str]] = [("file", "use", *_SPECIFIED, *told, _DOUBT)]
+    specified = [*_SPECIFIED, *([MARKERS] if any(MARKERS in row.columns for row in rows) else [])]
+    lines: list[Sequence[str]] = [("file", "use", *specified, *told, _DOUBT)]
     for row in rows:
         file, folder = Path(row.file).resolve(), place.parent.resolve()
         name = file.relative_to(folder) if file.is_relative_to(folder) else file
-        entries = (row.columns.get(key, "") for key in _SPECIFIED)
+        entries = (row.columns.get(key, "") for key in specified)
         facts = (row.facts.get(key, "") for key in told)
         lines.append((name.as_posix(), row.use or UNUSED, *entries, *facts, row.doubt))
     with replacing(place) as stream:
@@ -262,7 +264,7 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
     use = next((each for each in get_args(Use) if each == name), None)
     uses = (*get_args(Use), UNUSED)
     check_known(name, uses, f"the use is '{name}'", otherwise="give one of", kind=SettingError)
-    columns = {key: entries[key] for key in _SPECIFIED if key in entries}
+    columns = {key: entries[key] for key in (*_SPECIFIED, MARKERS) if key in entries}
     if use is not None:
         for key, specification in columns.items():
             if UNKNOWN in (specification, specification.rpartition(":")[2].strip()):

@@ -703,4 +703,4 @@ def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName], commands: Floa
         if each.scale == "log" and each.unit in ("N", "N s/m")
     }
     laws = " ".join(f"--law {name}={law}" for name, law in {**own, **given}.items())
-    return f"--model {plain.name} {laws} --driver-lag"
+    return f"--model {plain.name} {laws}"

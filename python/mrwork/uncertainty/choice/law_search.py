@@ -452,19 +452,18 @@ def prepare_search(
             f"({', '.join(plain.names)}), which then remain constant"
         )
     spec = plain.with_current_laws(given, unit=unit)
+    typed = laws_to_type(plain, given, tested_commands(spec, tests))
     varying = [test.name for test in tests if not command_is_constant(test, spec)]
     if varying:
         raise SettingError(
             f"laws are chosen from tests at constant commands, and that of {varying[0]} varies; leave such tests out, "
-            f"or give the laws, as in mrwork identify FILES {laws_to_type(plain, given, tested_commands(spec, tests))}"
+            f"or give the laws, as in mrwork identify FILES {typed} --driver-lag"
         )
     if len(tests) < 2:
         raise SettingError(
             "laws are chosen by tests left out of their fits, and one test was given; give more"
         )
-    if leave_out is None:
-        motions = _count(tests, "motion")
-        leave_out = "motion" if motions >= _MOTIONS else "test"
+    leave_out = leave_out or default_fold(tests)
     short = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
     commands = np.array(sorted(levels_of(spec, short)))
     level_of = [
@@ -481,7 +480,7 @@ def prepare_search(
     if most < 1:
         raise SettingError(
             f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "
-            "from tests at two or more: add tests, or give the laws (--law k_w=linear)"
+            f"from tests at two or more: add tests, or give the laws, as in mrwork identify FILES {typed}"
         )
     return LawSearch(
         plain=plain,
@@ -499,8 +498,10 @@ def prepare_search(
     )
 
 
-def _count(tests: tuple[DamperTest, ...], fold: Fold) -> int:
+def default_fold(tests: Sequence[DamperTest]) -> Fold:
+    """Tests that are left out together: those of one motion from three motions on, else each test."""
     try:
-        return len(folds_of(tests, fold))
+        motions = len(folds_of(tests, "motion"))
     except SettingError:
-        return 1
+        motions = 1
+    return "motion" if motions >= _MOTIONS else "test"

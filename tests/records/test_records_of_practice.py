@@ -1,0 +1,191 @@
+"""Records in the forms of loggers and programs: without times or names, with events, in other encodings and words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from scipy.io import savemat
+
+from mrwork.errors import MrworkError, RecordError, SettingError
+from mrwork.records import DamperTest, read_damper_test
+from mrwork.records.columns import parse_column_option
+from tools.faults.planted_rigs import shares
+
+# 4 Hz through friction and a dashpot, at 200 Hz.
+TIME = 0.005 * np.arange(200)
+STROKE = 10.0 * np.sin(8.0 * np.pi * TIME)
+SPEED = 80.0 * np.pi * np.cos(8.0 * np.pi * TIME)
+FORCE = 400.0 * np.tanh(0.2 * SPEED) + 0.5 * SPEED
+
+
+def text(names: str, *columns: np.ndarray, delimiter: str = ",") -> list[str]:
+    return [names, *(delimiter.join(f"{x:.6g}" for x in row) for row in zip(*columns, strict=True))]
+
+
+def write(path: Path, lines: list[str], encoding: str = "utf-8") -> Path:
+    path.write_bytes("\n".join([*lines, ""]).encode(encoding))
+    return path
+
+
+def test_a_record_without_times_takes_a_step_or_a_rate(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", text("Force (N),Stroke (mm)", FORCE, STROKE))
+    with pytest.raises(RecordError, match="step or sampling rate, as in --column 'time=200 Hz'"):
+        read_damper_test(path)
+    for stated in ("200 Hz", "0.005s", "5 ms"):
+        test = read_damper_test(path, columns={"time": stated})
+        assert (test.dt, test.n_time) == (pytest.approx(0.005, rel=1e-12), 200)
+    with pytest.raises(SettingError, match="above zero"):
+        read_damper_test(path, columns={"time": "0 s"})
+
+
+def test_columns_have_numbers_in_every_format(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"data": np.stack([TIME, STROKE, FORCE], axis=1)})
+    write(tmp_path / "b.csv", text("A,B,C", TIME, STROKE, FORCE))
+    columns = {"time": "1:s", "displacement": "2:mm", "force": "3:N"}
+    for name in ("a.mat", "b.csv"):
+        test = read_damper_test(tmp_path / name, columns=columns)
+        assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
+        assert np.allclose(test.force, FORCE, atol=1e-2)
+    with pytest.raises(RecordError, match="by their numbers, likely --column time=1:s"):
+        read_damper_test(tmp_path / "a.mat")
+
+
+def test_a_column_is_left_out_by_quantity_or_heading(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", text("t_s,x_mm,F_N,v_mps", TIME, STROKE, FORCE, 0.3 * SPEED))
+    for name in ("velocity", "v_mps", "v"):
+        assert read_damper_test(path, columns={name: "none"}).velocity_source == "derived"
+    with pytest.raises(SettingError, match="force cannot be left out"):
+        parse_column_option("force=none")
+
+
+@pytest.mark.parametrize("mark", ["EVENT 3", "Start,,", "1205,Switched from 1 to 2,", "% step 2", "Mark,3,7"])
+@pytest.mark.parametrize("place", [3, 60])
+def test_marker_lines_are_told_together_and_skipped_by_one_answer(
+    tmp_path: Path, mark: str, place: int
+) -> None:
+    lines = text("t_s,x_mm,F_N", TIME, STROKE, FORCE)
+    path = write(tmp_path / "a.csv", [*lines[:place], mark, *lines[place:100], mark, *lines[100:]])
+    with pytest.raises(RecordError, match=f"2 lines .*line {place + 1} '.*line 102 '.*--column markers=skip"):
+        read_damper_test(path)
+    test = read_damper_test(path, columns={"markers": "skip"})
+    assert test.n_time == 200
+    assert any(f"line {place + 1}" in each.message for each in test.findings)
+    assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
+
+
+def test_a_text_in_a_cell_is_no_marker(tmp_path: Path) -> None:
+    lines = text("t_s,x_mm,F_N", TIME, STROKE, FORCE)
+    path = write(tmp_path / "a.csv", [*lines[:50], "0.245,overload,3.2", *lines[51:]])
+    with pytest.raises(RecordError, match="line 51, column 'x_mm' holds 'overload'"):
+        read_damper_test(path, columns={"markers": "skip"})
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6)])
+def test_a_slow_clock_beside_a_velocity_is_named_first(tmp_path: Path, unit: str, scale: float) -> None:
+    path = write(tmp_path / "a.csv", text("t_s,x_mm,F_N,v_mmps", scale * TIME, STROKE, FORCE, SPEED))
+    (finding,) = [each for each in read_damper_test(path).findings if each.code == "time_factor"]
+    assert f"a time in {unit} is taken for one in s" in finding.message
+    # Without the velocity the time is as wrong as with it.
+    ended = mrwork("identify", path, "--repair", "velocity", "--out", tmp_path / "out")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert f"time=COLUMN:{unit}" in ended.stderr
+
+
+NAMES = [
+    ("Zeit [s];Kolbenweg [mm];Dämpferkraft [N];Spulenstrom [A]", "cp1252"),
+    ("時間(s);ピストン変位(mm);減衰力(N);コイル電流(A)", "cp932"),
+    ("時間（s）;変位（㎜）;荷重（N）;電流（A）", "utf-8-sig"),
+    ("时间(s);位移(mm);阻尼力(N);控制电流(A)", "gb18030"),
+    ("Temps (s);Déplacement du piston (mm);Force (N);Courant (A)", "utf-16"),
+    ("Tiempo (s);Desplazamiento (mm);Fuerza (N);Corriente (A)", "latin-1"),
+]
+
+
+@pytest.mark.parametrize(("names", "encoding"), NAMES)
+def test_words_of_the_field_are_known_in_their_encodings(tmp_path: Path, names: str, encoding: str) -> None:
+    lines = text(names, TIME, STROKE, FORCE, np.full(200, 0.5), delimiter=";")
+    test = read_damper_test(write(tmp_path / "a.csv", lines, encoding))
+    assert (test.n_time, test.current, test.dt) == (200, 0.5, pytest.approx(0.005))
+    assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
+    said = [each.message for each in test.findings if each.code == "encoding"]
+    assert len(said) == ((encoding not in ("utf-8-sig",) and not names.isascii()) or encoding == "utf-16")
+
+
+def test_other_quantities_with_the_end_of_a_word_are_not_taken_for_it(tmp_path: Path) -> None:
+    for name in ("Sollweg (mm)", "目標変位(mm)", "Stroke error (mm)"):
+        lines = text(f"Zeit (s);{name};Kraft (N)", TIME, STROKE, FORCE, delimiter=";")
+        with pytest.raises(RecordError, match="no column for the displacement"):
+            read_damper_test(write(tmp_path / "a.csv", lines))
+
+
+def test_a_name_is_found_however_its_characters_are_written(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", text("t_s,x_mm,\N{NO-BREAK SPACE}Da\u0308mpfer  F", TIME, STROKE, FORCE))
+    test = read_damper_test(path, columns={"force": "Dämpfer F:N"})
+    assert np.allclose(test.force, FORCE, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("stem", "command"),
+    [
+        ("V01_15mm_4Hz_1000mA", 1.0),
+        ("run3_0x5A", 0.5),
+        ("1.0A", 1.0),
+        ("test 2V", 2.0),
+        ("10mm4Hz0.75A", 0.75),
+    ],
+)
+def test_a_command_of_a_name_is_read_by_every_verb(tmp_path: Path, stem: str, command: float) -> None:
+    path = write(tmp_path / f"{stem}.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE))
+    test = read_damper_test(path)
+    assert (test.voltage if "V" in stem[-1] else test.current) == command
+    ended = mrwork("check", path)
+    assert f"{command:g} {stem[-1]}" in ended.stdout.splitlines()[0]
+
+
+def test_a_name_with_two_commands_is_asked_about(tmp_path: Path) -> None:
+    test = named(tmp_path, "sweep_0A_to_2A")
+    assert not test.commands
+    assert any("says 0 A and 2 A" in each.message for each in test.findings)
+
+
+def named(folder: Path, stem: str) -> DamperTest:
+    return read_damper_test(write(folder / f"{stem}.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE)))
+
+
+def test_characterise_says_which_row_to_set_back(tmp_path: Path) -> None:
+    rows = ["file,use,command"]
+    for number, (use, current) in enumerate([("fit", 0), ("fit", 0), ("fit", 1), ("test", 1)]):
+        stroke, force = (1.0 + 0.5 * number) * STROKE, (1.0 + current) * FORCE
+        write(tmp_path / f"test{number}.csv", text("t_s,x_mm,F_N", TIME, stroke, force))
+        rows.append(f"test{number}.csv,{use},{current} A")
+    write(tmp_path / "tests.csv", rows)
+    ended = mrwork("characterise", tmp_path, "--out", tmp_path / "out")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "set the use of test3.csv back to fit, and type: mrwork " in ended.stderr
+    assert "--law" not in ended.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_sentence_names_the_verb_of_an_option_that_the_verb_at_hand_lacks(tmp_path: Path) -> None:
+    write(tmp_path / "1A.csv", text("t_s,x_mm,F_N,v_mmps", 1e3 * TIME, STROKE, FORCE, SPEED))
+    write(tmp_path / "tests.csv", ["file,use", "1A.csv,fit"])
+    ended = mrwork("characterise", tmp_path, "--out", tmp_path / "out")
+    assert "mrwork characterise has no --column: use mrwork identify" in ended.stderr
+
+
+def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:
+    told, alarms = shares(24)
+    assert alarms == []
+    # Two rigs of each of eleven kinds, of which one may be missed.
+    assert float(np.mean([*told.values()])) > 0.9
+
+
+def test_every_refusal_is_of_this_package(tmp_path: Path) -> None:
+    for columns in ({"markers": "keep"}, {"time": "-1 s"}, {"nothing": "none"}):
+        with pytest.raises(MrworkError):
+            read_damper_test(
+                write(tmp_path / "a.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE)), columns=columns
+            )
