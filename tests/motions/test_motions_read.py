@@ -21,9 +21,8 @@ from numpy.testing import assert_allclose
 from sentences import Refused
 
 from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.errors import UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
-from mrwork.motions.networks import Stated
-from mrwork.motions.read import acceleration_column
 
 A = accelerations()
 IN_G = A / STANDARD_GRAVITY
@@ -208,10 +207,9 @@ def test_several_are_read_in_the_order_of_their_names(tmp_path: Path, refused: R
         refused(read_motions, nothing)
 
 
-def test_the_unit_of_a_column_ends_its_name(refused: Refused) -> None:
-    stated = Stated()
-    assert acceleration_column(["t_s", "a_m_per_s2"], stated, source="").factor == 1.0
-    assert (
-        acceleration_column(["t_s", "EW [g]"], Stated(column="EW [g]"), source="").factor == STANDARD_GRAVITY
-    )
-    refused(acceleration_column, ["t_s", "a"], stated, source="")
+@pytest.mark.parametrize(("name", "factor"), [("a_m_per_s2", 1.0), ("Acc [g]", STANDARD_GRAVITY)])
+def test_the_unit_of_a_column_ends_its_name(tmp_path: Path, name: str, factor: float) -> None:
+    path = write_lines(tmp_path / "a.csv", [f"t_s,{name}", "0,1", "0.01,2"])
+    assert_allclose(read_motion(path).acceleration, [factor, 2.0 * factor])
+    with pytest.raises(UnitError, match='unit="g"'):
+        read_motion(write_lines(path, ["t_s,a", "0,1", "0.01,2"]))

@@ -135,6 +135,72 @@ def cosmos_lines(
     ]
 
 
+def volume_lines(first: str, points: str, unit: str, series: Sequence[str]) -> list[str]:
+    text = [
+        first,
+        "AN EARTHQUAKE",
+        "",
+        "",
+        "STATION",
+        "",
+        "COMP N00E",
+        "",
+        "",
+        "INSTR PERIOD = .04 SEC",
+        points,
+        unit,
+        "",
+    ]
+    return [*text, *["    0" * 16] * 7, *["      .000" * 8] * 7, *series, "/&"]
+
+
+def csmip_lines(
+    in_gal: NDArray[np.float64], unit: str = "(UNITS: CM/SEC/SEC)", width: str = "8.1f"
+) -> list[str]:
+    size = in_gal.size
+    return [
+        "CORRECTED ACCELEROGRAM   00000-X0000       CHAN  1:  90 DEG",
+        "UNCORRECTED ACCELEROGRAM DATA",
+        "SOME EARTHQUAKE",
+        "HYPOCENTER(XXX): 36.0N,120.0W, H=9KM.   ML=6.0(XXX)",
+        f"   {size} POINTS OF ACCEL DATA EQUALLY SPACED AT  .010 SEC.  {unit}",
+        *rows(in_gal, width, 8),
+        f"   {size} POINTS OF VELOC DATA EQUALLY SPACED AT  .010 SEC.  (UNITS: CM/SEC)",
+        *rows(0.1 * in_gal, width, 8),
+    ]
+
+
+def smc_lines(in_gal: NDArray[np.float64], kind: str = "2 CORRECTED ACCELEROGRAM") -> list[str]:
+    integers, reals = np.full(48, -32768.0), np.full(50, 1.7e38)
+    integers[15:17], reals[1] = (1, in_gal.size), 100.0
+    head = [kind, *["*"] * 10, *rows(integers, "10.0f", 8), *rows(reals, "15.7E", 5), "| a comment"]
+    return [*head, *rows(in_gal, "10.3E", 8)]
+
+
+def geonet_lines(in_gal: NDArray[np.float64], volume: str) -> list[str]:
+    header = np.zeros(100)
+    header[[30, 33, 34, 35]], header[65] = in_gal.size, 0.01
+    text = [
+        f"{volume} accelerogram 2016_WTMC GNS Science",
+        *["-"] * 10,
+        "Raw readings in units of 1.00 mm/s/s",
+    ]
+    behind = rows(in_gal, "8.1f", 10) * (2 if volume == "Corrected" else 0)
+    return [
+        *text,
+        "Component N28W",
+        *["-"] * 3,
+        *rows(header, "8.3f", 10),
+        *rows(10.0 * in_gal, "8.0f", 10),
+        *behind,
+    ]
+
+
+def pair_rows(in_gal: NDArray[np.float64], width: int) -> list[str]:
+    numbers = np.stack([0.01 * np.arange(in_gal.size), in_gal / 98.0665], axis=1).ravel()
+    return [" " * (width - 70) + row for row in rows(numbers, "7.3f", 10)]
+
+
 def write_lines(path: Path, lines: Sequence[str], end: str = "\n") -> Path:
     path.write_bytes((end.join(lines) + end).encode())
     return path

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from sentences import Refused
 
+import mrwork as mr
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
+from mrwork.errors import MrworkError, SettingError
 from mrwork.motions import GroundMotion, en_1998_spectrum, response_spectrum, suite, synthetic_motion
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import MotionOfStudy
@@ -206,3 +208,72 @@ def test_suites_of_other_seeds_may_be_for_training(folder: Path, refused: Refuse
     assert [motion.use for motion in found] == ["training"] * 12 + ["test"] * 12
     assert all(motion.synthetic for motion in found)
     refused(tables, text % ("Training", 1, "training"), text % ("Test", 1, "test"), folder=folder)
+
+
+def test_a_key_that_has_no_effect_is_refused(folder: Path) -> None:
+    for key in ("duration = 5", "seed = 2", "soil = { intensity = 0.1 }"):
+        with pytest.raises(SettingError, match="is of synthetic motions"):
+            motions(f'file = "swing.csv"\n{key}', folder)
+    for key in ('column = "nonsense"', "channel = 1", "dt = 0.02"):
+        with pytest.raises(MrworkError, match=r"no column is 'nonsense'|takes no `channel`|holds the times"):
+            motions(f'file = "swing.csv"\n{key}', folder)
+
+
+def test_a_doubtful_record_is_told_and_its_size_only_where_it_is_kept(folder: Path) -> None:
+    (swing,) = tables('file = "swing.csv"', folder=folder)
+    assert "is an offset" in swing.warnings[0]
+    (folder / "weak.csv").write_text((folder / "swing.csv").read_text().replace("mps2", "mm/s2"))
+    sizes = [
+        [sentence for sentence in tables(text, folder=folder)[0].warnings if "its peak is" in sentence]
+        for text in (
+            'file = "weak.csv"',
+            'file = "weak.csv"\npga = "0.1 g"',
+            'file = "weak.csv"\nfactor = 1000',
+        )
+    ]
+    assert [len(each) for each in sizes] == [1, 0, 0]
+    with pytest.raises(MrworkError, match="beyond any earthquake"):
+        motions('file = "swing.csv"\npga = 300.0', folder)
+
+
+BUILDING = """
+[building]
+n_storeys = 1
+masses = ["20 t"]
+stiffnesses = ["12 kN/mm"]
+height = "3 m"
+modal_damping = { ratios = ["2 %"] }
+"""
+
+
+def study_with(folder: Path, *motions: str) -> mr.Study:
+    file = folder / "study.toml"
+    file.write_text(BUILDING + "".join(f"\n[[motion]]\n{motion}\n" for motion in motions))
+    return mr.read_study(file)
+
+
+def test_copies_are_told_and_are_one_record_of_a_fragility(folder: Path) -> None:
+    for name, seed, factor in (("one", 1, 1.0), ("two", 1, -3.0), ("three", 2, 1.0)):
+        samples = factor * synthetic_motion(duration=9.99, rng=seed).acceleration
+        rows = "\n".join(f"{0.01 * k:.2f},{a:.9g}" for k, a in enumerate(samples))
+        (folder / f"{name}.csv").write_text(f"t_s,acceleration_mps2\n{rows}\n")
+    levels = 'pga = ["0.1 g", "0.5 g"]'
+    study = study_with(folder, *(f'file = "{name}.csv"\n{levels}' for name in ("one", "two", "three")))
+    (sentence,) = study.motion_warnings
+    assert sentence.startswith("two is a copy of the record one")
+    results = mr.run_study(study)
+    assert sentence in results.warnings()
+    found = mr.fragility(results, limit={"peak_drift_ratio": 0.005})
+    assert [each.record for each in found["uncontrolled"].crossings] == ["one", "three"]
+    assert sentence in " ".join(repr(found).split())
+
+
+def test_levels_of_a_record_and_synthetic_motions_are_no_copies(folder: Path) -> None:
+    levels = (
+        'file = "swing.csv"\npga = "0.1 g"\nname = "low"',
+        'file = "swing.csv"\npga = "0.3 g"\nname = "high"',
+    )
+    study = study_with(folder, *levels, 'suite = { motions = 6, soils = ["firm"] }')
+    assert not any("cop" in sentence for sentence in study.motion_warnings)
+    # They are the levels of one record.
+    assert [motion.copy_of for motion in study.motions[:3]] == ["", "low", ""]

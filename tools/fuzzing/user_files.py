@@ -383,6 +383,9 @@ def _motion_readers() -> list[Reader]:
             "b.v1": motion_files.cosmos_lines(in_gal, step_ms=-999.0, recorder_step=motion_files.DT),
         },
         "ESM": {"a.ASC": motion_files.esm_lines(in_gal)},
+        "volumes": {"a.v2": motion_files.csmip_lines(in_gal)},
+        "SMC": {"a.smc": motion_files.smc_lines(in_gal)},
+        "GeoNet": {"a.V2A": motion_files.geonet_lines(in_gal, "Corrected")},
         "tables": {
             "a.csv": _motion_table().split("\n"),
             "a.txt": _motion_table().replace(",", " ").split("\n"),

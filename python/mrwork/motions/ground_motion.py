@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -17,9 +18,10 @@ from numpy.polynomial import Legendre
 from mrwork.base.arguments import AnyNumbers, May, checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.plotted import plots_of
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
+from mrwork.motions.examination import questions_of, refuse_absurd
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import MotionPlots
@@ -92,6 +94,11 @@ class GroundMotion(Summarised):
         return np.concatenate(([0.0], np.cumsum(steps)))
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
+        return examined(self, scaled=False)
+
+    @property
     def plot(self) -> MotionPlots:
         """Figures of the motion, see `mr.plots`."""
         return plots_of(self, "MotionPlots")
@@ -105,7 +112,14 @@ class GroundMotion(Summarised):
                 ("source", self.source),
                 ("changes", "; ".join(self.changes) or "none"),
             ),
+            notes=[f"warning: {each}" for each in self.warnings],
         )
+
+
+def examined(motion: GroundMotion, *, scaled: bool) -> tuple[str, ...]:
+    """The `warnings` of a motion; of one that is to be scaled to an intensity, none on its size."""
+    questions = questions_of(motion.acceleration, motion.velocity, motion.dt, scaled=scaled)
+    return tuple(f"ground motion {motion.name}: {question}" for question in questions)
 
 
 def replace_samples(motion: GroundMotion, acceleration: Floats, dt: float, change: str) -> GroundMotion:
@@ -137,6 +151,45 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
     """Whether two motions are the same record up to its scale, a shift, cut ends, another step or time axis."""
     return likeness(one, other) > _COPY
+
+
+# Lags [samples of 10 ms] of the autocorrelations of which copies have nearly the same, and by how much they may differ.
+_LAGS, _APART = 100, 0.05
+
+
+def copies_among(motions: Sequence[GroundMotion]) -> dict[int, int]:
+    """The index of the first record that a motion is a copy of, by its own; levels of one name are no copies.
+
+    Autocorrelations, which neither a factor nor a shift or padding changes, tell which motions to compare at all.
+    """
+    firsts: list[int] = []
+    prints = np.array([_autocorrelation(_on_step(motion)) for motion in motions])
+    copies: dict[int, int] = {}
+    for number, motion in enumerate(motions):
+        near = [each for each in firsts if np.abs(prints[each] - prints[number]).max() < _APART]
+        first = next((each for each in near if is_copy(motions[each], motion)), None)
+        if first is None:
+            firsts.append(number)
+        elif motion.name != motions[first].name or motion.peak == motions[first].peak:
+            copies[number] = first
+    return copies
+
+
+def _autocorrelation(samples: Floats) -> Floats:
+    """Normalised autocorrelation at the lags of copies, shape (n_lags,); of a motion at rest zeros."""
+    size = 1 << (samples.size + _LAGS).bit_length()
+    products = np.fft.irfft(np.abs(np.fft.rfft(samples, size)) ** 2, size)[: _LAGS + 1]
+    return np.asarray(products[1:] / (products[0] or 1.0))
+
+
+def copies_in_words(names: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """A sentence for each record with the names of its copies."""
+    return tuple(
+        f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'} of the record {first}, up to a "
+        "factor, a shift or padding, and count with it as one record; leave all but one out"
+        for first, copies in names.items()
+        if copies
+    )
 
 
 def _on_step(motion: GroundMotion) -> Floats:
@@ -194,7 +247,9 @@ def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -
     if found == 0.0:
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to {words}")
     change = f"scaled from {words} of {found:.6g} to {value:.6g} m/s2"
-    return replace_samples(motion, motion.acceleration * (value / found), motion.dt, change)
+    acceleration = motion.acceleration * (value / found)
+    refuse_absurd(acceleration, source=f"ground motion {motion.name} with {words} of {value:.6g} m/s2")
+    return replace_samples(motion, acceleration, motion.dt, change)
 
 
 @checked

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NoReturn
@@ -18,6 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.files.layout import reads_as_float
+from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 
 _HEADER_SHOWN = 60
@@ -74,10 +75,6 @@ def quote_text(text: str) -> str:
     return clean if len(clean) <= _HEADER_SHOWN else clean[:_HEADER_SHOWN] + "..."
 
 
-# The strongest accelerograms reach 4.4 g; values far beyond indicate a wrong unit.
-_LARGEST = 200.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
     """Options for what a file does not state: a unit, a step [s], a column or variable, a channel counted from 1."""
@@ -131,13 +128,52 @@ def make_motion(
     )
 
 
-def refuse_absurd(acceleration: Floats, *, source: str) -> None:
-    """Refuse accelerations [m/s^2] beyond those of any earthquake."""
-    peak = float(np.abs(acceleration).max(initial=0.0))
-    if not peak <= _LARGEST:
-        raise RecordError(
-            f"{source}: a peak of {peak:.4g} m/s2 is beyond any earthquake; check the unit of the acceleration"
-        )
+def chosen_channel(path: Path, titles: Sequence[str], stated: Stated) -> int:
+    """Index of the channel that is asked for, of several with these titles."""
+    if stated.channel is None and len(titles) > 1:
+        listed = ", ".join(f"{number} {title}" for number, title in enumerate(titles, start=1))
+        raise RecordError(f"{path}: holds {len(titles)} channels ({listed}); choose one with `channel`")
+    number = 1 if stated.channel is None else stated.channel
+    if not 1 <= number <= len(titles):
+        raise RecordError(f"{path}: has no channel {number}; it holds {len(titles)}, counted from 1")
+    return number - 1
+
+
+def numbers_at_widths(
+    lines: Lines, first: int, count: int, width: int, what: str, *, indent: int = 0
+) -> tuple[Floats, int]:
+    """So many numbers of the lines from `first` on, in columns of a width, and the index of the line after them."""
+    numbers: list[float] = []
+    place = first
+    while len(numbers) < count and place < len(lines.texts):
+        numbers += _numbers_at(lines, range(place, place + 1), width, what, indent=indent)
+        place += 1
+    if len(numbers) != count:
+        _refuse_cut(lines, f"the header announces {count} numbers of the {what}", np.array(numbers))
+    return np.array(numbers), place
+
+
+def _numbers_at(
+    lines: Lines, rows: range, width: int, what: str, *, per_line: int = 1000, indent: int = 0
+) -> list[float]:
+    """Numbers in columns of a width, whose blank ones are left out; the first is wider by the indent."""
+    numbers: list[float] = []
+    for index in range(rows.start, min(rows.stop, len(lines.texts))):
+        text = lines.texts[index][indent:]
+        for start in range(0, min(len(text), per_line * width), max(width, 1)):
+            word = text[start : start + width]
+            try:
+                value = float(word)
+            except ValueError:
+                value = float("nan")
+            if np.isfinite(value):
+                numbers.append(value)
+            elif word.strip():
+                raise RecordError(
+                    f"{lines.where(index)} holds '{quote_text(word)}' where a number of the {what} was expected; the "
+                    "file is cut off or damaged"
+                )
+    return numbers
 
 
 def _refuse_cut(lines: Lines, announced: str, numbers: Floats) -> NoReturn:
@@ -234,17 +270,8 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
         else:
             series, place = _series_cosmos(lines, place, title)
             channels.append(series)
-    if stated.channel is None and len(channels) > 1:
-        listed = ", ".join(
-            f"{number} {quote_text(series.title)}" for number, series in enumerate(channels, start=1)
-        )
-        raise RecordError(
-            f"{lines.path}: holds {len(channels)} channels ({listed}); choose one with `channel`"
-        )
-    number = 1 if stated.channel is None else stated.channel
-    if not 1 <= number <= len(channels):
-        raise RecordError(f"{lines.path}: has no channel {number}; it holds {len(channels)}, counted from 1")
-    chosen = channels[number - 1]
+    number = chosen_channel(lines.path, [quote_text(series.title) for series in channels], stated)
+    chosen = channels[number]
     if "acceleration" not in chosen.title.lower():
         raise RecordError(
             f"{lines.where(chosen.head)}: the series is '{quote_text(chosen.title)}'; give one of acceleration"
@@ -257,7 +284,7 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     factor = factor_to_si(chosen.unit, "acceleration", context=lines.where(chosen.head))
     return make_motion(
         lines.path,
-        name=lines.path.stem if stated.channel is None else f"{lines.path.stem}_{number}",
+        name=lines.path.stem if stated.channel is None else f"{lines.path.stem}_{stated.channel}",
         dt=chosen.dt,
         acceleration=factor * chosen.numbers,
         source=f"{' '.join(lines.at(chosen.head + 4).split())}, {quote_text(chosen.title)}",
@@ -295,31 +322,14 @@ def _block_cosmos(lines: Lines, place: int, what: str) -> tuple[Floats, int]:
             f"which format, found '{quote_text(lines.at(place))}'; the file is cut off or damaged"
         )
     n_numbers, per_line, width = (int(announced[group]) for group in (1, 2, 3))
-    numbers: list[float] = []
-    end = place + 1 + -(-n_numbers // max(per_line, 1))
-    for index in range(place + 1, min(end, len(lines.texts))):
-        text = lines.texts[index]
-        words = [
-            text[start : start + width] for start in range(0, min(len(text), per_line * width), max(width, 1))
-        ]
-        for word in words:
-            try:
-                value = float(word)
-            except ValueError:
-                value = float("nan")
-            if np.isfinite(value):
-                numbers.append(value)
-            elif word.strip():
-                raise RecordError(
-                    f"{lines.where(index)} holds '{quote_text(word)}' where a number of the {what} was expected; the "
-                    "file is cut off or damaged"
-                )
+    rows = range(place + 1, place + 1 + -(-n_numbers // max(per_line, 1)))
+    numbers = _numbers_at(lines, rows, width, what, per_line=per_line)
     if len(numbers) != n_numbers:
         raise RecordError(
             f"{lines.where(place)} announces {n_numbers} numbers of the {what}, {len(numbers)} follow; the file is "
             "cut off or damaged, fetch it again"
         )
-    return np.array(numbers), end
+    return np.array(numbers), rows.stop
 
 
 def _step_cosmos(lines: Lines, real: Floats) -> float:

@@ -8,22 +8,32 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
+from warnings import warn
 
 import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
-from mrwork.base.units import factor_of, factor_to_si, known_units
+from mrwork.base.units import factor_of, factor_to_si, known_units, quantity_of
 from mrwork.base.values import Floats
-from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.files.delimited import DelimitedTable, encoding_of, read_text_bytes, regular_table
-from mrwork.files.layout import DECIMAL_COMMA, reads_as_float
+from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
+from mrwork.files.delimited import DelimitedTable, read_text_bytes
+from mrwork.files.layout import DECIMAL_COMMA, Layout, is_data, numbered_names, reads_as_float
 from mrwork.files.matlab import open_matlab, read_matlab_matrices
-from mrwork.files.named_columns import LONGEST_NAME, ColumnTable, VectorTable, listed_files, rounded_grid
+from mrwork.files.named_columns import (
+    LONGEST_NAME,
+    ColumnTable,
+    VectorTable,
+    listed_files,
+    rounded_grid,
+    unit_in_name,
+)
+from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,
@@ -37,100 +47,31 @@ from mrwork.motions.networks import (
     make_motion,
     quote_text,
     read_numbers,
-    refuse_absurd,
     refuse_false_at2,
     refuse_needless,
 )
+from mrwork.motions.uniform import motion_of_columns
+from mrwork.motions.volumes import GEONET, SMC, VOLUME
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
-# Steps that differ by less, relative to their median, count as equal.
-_JITTER = 1e-3
-# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
-_PADDING = 1.0
-_PADDING_STEPS = 20.0
-
-
-def motion_of_columns(
-    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
-) -> GroundMotion:
-    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
-
-    Steps that are equal up to jitter or rounding are taken as uniform; otherwise the record is resampled linearly.
-    """
-    changes: list[str] = []
-    for values, what in ((time, "time"), (acceleration, "acceleration")):
-        if not np.isfinite(values).all():
-            row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise RecordError(
-                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
-            )
-    if time.size < 2:
-        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
-    wrong = np.flatnonzero(np.diff(time) <= 0.0)
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        raise RecordError(
-            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
-            "digits enough to differ"
-        )
-    if _ends_in_padding(time, acceleration):
-        changes.append(
-            f"last point dropped: zero at {time[-1]:g} s, {time[-1] - time[-2]:g} s behind the others, is padding"
-        )
-        time, acceleration = time[:-1], acceleration[:-1]
-    dt, acceleration, change = _on_one_step(time, acceleration, where)
-    if change:
-        changes.append(change)
-    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=tuple(changes))
-
-
-def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
-    if time.size < 4 or acceleration[-1] != 0.0:
-        return False
-    last = float(time[-1] - time[-2])
-    return last > _PADDING and last > _PADDING_STEPS * float(np.diff(time[:-1]).max())
-
-
-def _on_one_step(
-    time: Floats, acceleration: Floats, where: Callable[[int], str]
-) -> tuple[float, Floats, str]:
-    """Step [s], samples, and a description of the change."""
-    steps = np.diff(time)
-    mean, median = float(time[-1] - time[0]) / steps.size, float(np.median(steps))
-    # In a long record, times written with few digits differ in the last digit.
-    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
-    if regular.all():
-        return mean, acceleration, ""
-    uniform = rounded_grid(time)
-    if uniform is not None:
-        dt = float(uniform[-1] - uniform[0]) / steps.size
-        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
-    if not regular.any():
-        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
-    dt = float(steps[regular].mean())
-    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
-    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
-    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
-    if n_time > 2 * time.size:
-        row = int(np.argmax(steps)) + 1
-        raise RecordError(
-            f"{where(row)}: a gap of {steps[row - 1]:.4g} s before it, and steps of {dt:.4g} s elsewhere, leave most "
-            "of the record empty; cut out one continuous part"
-        )
-    odd = int(np.count_nonzero(~regular))
-    count = "one step differs" if odd == 1 else f"{odd} steps differ"
-    worst = steps[~regular][np.argmax(np.abs(steps[~regular] - dt))]
-    change = f"resampled every {dt:.6g} s, straight between: {count}, by up to {worst - dt:+.4g} s"
-    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change
-
-
-# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot"; "t_s", "Time [ms]", "time".
+# "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
 _ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
-_TIME: Final = re.compile(r"\s*(?:t|time)(?:[\s_,:/(\[]+([a-z]+)[)\]]?)?\s*", re.IGNORECASE)
-_SECONDS: Final = ("sec", "secs", "second", "seconds")
-# Bytes in which a format is recognised, and lines of the longest header.
-_HEAD: Final = 65536
-_LONGEST_HEADER: Final = 100
+# Directions and channels: N-S, EW, U(+), N00E, H1, CANAL-1.
+_LABEL: Final = re.compile(
+    r"[A-Z]{1,2}[-_.]?[A-Z0-9]{0,4}(\([+-]\))?|[a-z]{1,2}\d?|(?i:canal|ch[a-z]*|comp[a-z]*|col[a-z]*)[-_. ]?\d{1,2}"
+)
+_SECONDS: Final = ("", "sec", "secs", "second", "seconds")
+# Lines of the longest header.
+_LONGEST_HEADER: Final = 150
+# Lines above the numbers among which names are looked for.
+_MOST_ABOVE: Final = 4
+# Words of a name between marks such as commas; more are prose.
+_MOST_WORDS: Final = 4
+# Rows from which on columns are told from a series in rows, and how much smoother these then are.
+_FEWEST_ROWS: Final = 20
+_SMOOTHER: Final = 0.5
+# Relative difference of a step that the header states and that of the times; more is a contradiction.
+_STEPS_DIFFER: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,37 +82,9 @@ class Column:
     factor: float
 
 
-def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) -> Column:
-    """Find the column of the acceleration."""
-    listed = ", ".join(f"'{name}'" for name in names)
-    if stated.column is None:
-        candidates = [name for name in names if _is_acceleration(name)]
-    else:
-        candidates = [name for name in names if name.strip().casefold() == stated.column.strip().casefold()]
-    if len(candidates) != 1:
-        how_many = f"{len(candidates)} columns are" if candidates else "no column is"
-        what = "the acceleration" if stated.column is None else f"'{stated.column}'"
-        raise RecordError(
-            f"{source}: {how_many} {what} among {listed}; name one with `column`, or call it a_mps2 in the file"
-        )
-    (name,) = candidates
-    unit = _unit_in(name)
-    if unit is None and stated.unit is None:
-        raise UnitError(
-            f"{source}: column '{name}' does not state its unit; give it as `unit`, one of "
-            f"{known_units('acceleration')}"
-        )
-    factor = factor_to_si(stated.unit or unit or "", "acceleration", context=f"{source}: `unit`")
-    if unit is not None and factor != factor_of(unit, "acceleration"):
-        raise SettingError(
-            f"{source}: `unit` is '{stated.unit}' where column '{name}' states {unit}; leave it out"
-        )
-    return Column(name=name, factor=factor)
-
-
-def _time_column(names: Sequence[str], *, source: str) -> Column | None:
+def _time_column(table: ColumnTable, *, source: str) -> Column | None:
     """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
-    candidates = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
+    candidates = [(name, unit) for name in table.names if (unit := unit_in_name("time", name)) is not None]
     if len(candidates) > 1:
         raise RecordError(
             f"{source}: columns '{candidates[0][0]}' and '{candidates[1][0]}' both look like time; rename one"
@@ -179,14 +92,9 @@ def _time_column(names: Sequence[str], *, source: str) -> Column | None:
     if not candidates:
         return None
     name, unit = candidates[0]
+    unit = unit or table.units.get(name, "")
     unit = "s" if unit.casefold() in _SECONDS else unit
     return Column(name=name, factor=factor_to_si(unit, "time", context=f"{source}: column '{name}'"))
-
-
-def _are_named(names: Sequence[str]) -> bool:
-    return any(_is_acceleration(name) for name in names) and all(
-        _is_acceleration(name) or _TIME.fullmatch(name) for name in names
-    )
 
 
 def _is_acceleration(name: str) -> bool:
@@ -212,97 +120,232 @@ def _unit_in(name: str) -> str | None:
     return None
 
 
-_NAMELESS = ("t_s", "acceleration")
+# What a header states: a step, a rate, and a unit after its key, or after "in units of".
+_VALUE: Final = r"(?P<key>[^:=]{0,40}[:=]|\s*\([^)]*\)|)[\s/]*(?P<value>\d*\.?\d+(?:e-?\d+)?)(?![\d.-])\s*"
+_STEP: Final = re.compile(
+    r"(?:\bdt\b|\bdelta\b|(?:time|sampl\w*)[\s_-]*(?:step|interval|period)|intervalo de muestreo)"
+    + _VALUE
+    + r"(?P<unit>ms)?",
+    re.IGNORECASE,
+)
+_RATE: Final = re.compile(rf"sampl\w*[\s_-]*(?:rate|freq\w*){_VALUE}(?:hz|sps|samples|/s|$)", re.IGNORECASE)
+_UNIT: Final = re.compile(
+    r"(?:units?|unidades[^:=]*|in units of|pga values \()\s*[:=(]?\s*([a-z][\w/^]*)", re.IGNORECASE
+)
 
 
-def _motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    acceleration = acceleration_column(table.names, stated, source=str(path))
-    time = _time_column(table.names, source=str(path))
-    needed = [acceleration] if time is None else [time, acceleration]
-    columns = table.read([column.name for column in needed])
-    samples = acceleration.factor * columns[acceleration.name]
-    if time is not None and stated.dt is not None:
-        raise SettingError(f"{path}: column '{time.name}' holds the times; leave out `dt`")
+def facts_of(header: Sequence[str]) -> Stated:
+    """Unit and step [s] that the lines above the numbers state; nothing where two lines disagree."""
+    units, steps = set[str](), set[float]()
+    for text in (text[:300] for text in header):
+        units.update(
+            unit.casefold() for unit in _UNIT.findall(text) if factor_of(unit, "acceleration") is not None
+        )
+        if (step := _STEP.search(text)) is not None:
+            in_ms = step["unit"] or re.search(r"\bms(ec)?\b", step["key"])
+            steps.add(float(step["value"]) * (1e-3 if in_ms else 1.0))
+        elif (rate := _RATE.search(text)) is not None and float(rate["value"]) > 0.0:
+            steps.add(1.0 / float(rate["value"]))
+    steps.discard(0.0)
+    return Stated(unit=units.pop() if len(units) == 1 else None, dt=steps.pop() if len(steps) == 1 else None)
+
+
+def _motion_of_table(
+    table: ColumnTable, stated: Stated, path: Path, header: Sequence[str] = ()
+) -> GroundMotion:
+    """The acceleration of a table: its column, unit and step as the file, its header or the options state them."""
+    source, names, facts = str(path), table.names, facts_of(header)
+    is_nameless = names == numbered_names(len(names))
+    time = _time_column(table, source=source)
+    first = _first_column(table) if time is None else None
+    # A column of sample numbers is no time.
+    if first is not None and not (np.diff(first) == 1.0).all():
+        is_pair = is_nameless and len(names) == 2 and stated.dt is None
+        time = Column(name=names[0], factor=1.0) if is_pair or runs_as_time(first) else None
+    free = [name for name in names if time is None or name != time.name]
+    if stated.column is not None:
+        candidates = [_chosen(names, stated.column, source)]
+    else:
+        candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
+    name = candidates[0] if len(candidates) == 1 else ""
+    if time is not None and name == time.name:
+        raise SettingError(
+            f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
+        )
+    likely = name or next(iter(free), "")
+    own = _unit_in(likely) or table.units.get(likely, "")
+    known = Stated(unit=own or facts.unit, dt=facts.dt)
+    unit, dt = stated.unit or known.unit, stated.dt or facts.dt
+    if not name or unit is None or (time is None and dt is None):
+        asked = f" ({_listed(names)})" if len(names) > 1 else ""
+        number = 1 + names.index(free[0]) if free else 1
+        _ask(source, "" if name else asked, number, unit is None, time is None and dt is None)
+    if stated.dt is not None and time is not None:
+        raise SettingError(f"{source}: column '{time.name}' holds the times; leave out `dt`")
+    factor = _agreed(stated, known, source, f"column '{name}'" if own else "the header")
+    columns = table.read([name] if time is None else [time.name, name])
+    samples = factor * columns[name]
     times: Floats
     if time is not None:
         times = time.factor * columns[time.name]
-    elif stated.dt is not None:
-        times = _step(stated.dt, path) * np.arange(samples.size, dtype=np.float64)
     else:
-        raise RecordError(f"{path}: no column is time; name one t_s, or state the step as `dt`")
+        times = _step(dt or 0.0, path) * np.arange(samples.size, dtype=np.float64)
+    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    if time is not None and facts.dt is not None and abs(step / facts.dt - 1.0) > _STEPS_DIFFER:
+        raise RecordError(
+            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time.name}' has "
+            f"{step:.6g} s; correct the one that is wrong"
+        )
     return motion_of_columns(
         times,
         samples,
         name=path.stem,
-        source=path.name if stated.column is None else f"'{acceleration.name}' of {path.name}",
+        source=path.name if stated.column is None else f"'{name}' of {path.name}",
         where=lambda row: f"{path}: {table.locate(row)}",
     )
 
 
-def read_regular_motion(
-    data: bytes, stated: Stated, path: Path, others: Sequence[Format]
-) -> GroundMotion | None:
-    """Read a table with names above rows that are all alike; `None` of any other file, or one of `others`."""
-    head = lines_of(data[:_HEAD], path)
-    above = [text for text in head.texts if text.strip() and not text.lstrip().startswith("#")]
-    if (
-        stated.channel is not None
-        or len(head.texts) <= _LONGEST_HEADER
-        or not above
-        or b"%" in data
-        # One end of a line here, but two in a table.
-        or b"\r\r\n" in data
-        or path.suffix.lower() == ".at2"
-        or any(form.recognises(head) for form in others)
-    ):
-        return None
-    fields = [field for field in re.split(r"[\t;,]", above[0]) if field.strip()]
-    if len(fields) < 2 or all(map(reads_as_float, fields)):
-        return None
+def _chosen(names: Sequence[str], column: str, source: str) -> str:
+    """The column that an option names, or of which it gives the number from 1."""
+    given = column.strip().casefold()
+    named = [name for name in names if name.strip().casefold() == given]
+    if not named and given.isdecimal() and len(given) < 6 and 1 <= int(given) <= len(names):
+        named = [names[int(given) - 1]]
+    if len(named) != 1:
+        how_many = f"{len(named)} columns are" if named else "no column is"
+        raise RecordError(
+            f"{source}: {how_many} '{column}' among {_listed(names)}; give `column` a name or a number of these"
+        )
+    return named[0]
 
-    def line_by_line() -> DelimitedTable:
-        lines = lines_of(data, path)
-        return _table(lines, list(lines.texts))
 
-    table = regular_table(data, encoding_of(data), source=str(path), sha256="", careful=line_by_line)
-    return None if table is None else _motion_of_table(table, stated, path)
+def _listed(names: Sequence[str]) -> str:
+    numbered = names == numbered_names(len(names))
+    return ", ".join(name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1))
+
+
+def _agreed(stated: Stated, known: Stated, source: str, place: str) -> float:
+    """The factor of the unit; refused where an option contradicts what the file states at a place."""
+    factor = factor_to_si(stated.unit or known.unit or "", "acceleration", context=f"{source}: `unit`")
+    if known.unit is not None and factor != factor_of(known.unit, "acceleration"):
+        raise SettingError(
+            f"{source}: `unit` is '{stated.unit}' where {place} states {known.unit}; leave it out"
+        )
+    if stated.dt is not None and known.dt is not None and not np.isclose(stated.dt, known.dt, rtol=1e-3):
+        raise SettingError(
+            f"{source}: `dt` is {stated.dt:g} s where the header states {known.dt:g} s; leave it out"
+        )
+    return factor
+
+
+def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
+    """Ask at once for all that is not known: the column of several, the unit, the step."""
+    asked = {
+        f"which column is the acceleration{columns}": f'column="{number}"' if columns else "",
+        f"the unit of the acceleration (one of {known_units('acceleration')})": 'unit="g"' if unit else "",
+        "the step, for no column is time": "dt=0.01" if step else "",
+    }
+    typed = {words: option for words, option in asked.items() if option}
+    error = UnitError if unit and len(typed) == 1 else RecordError
+    raise error(
+        f"{source}: the file does not state {' and '.join(typed)}; give it as here: {', '.join(typed.values())}"
+    )
+
+
+def _first_column(table: ColumnTable) -> Floats | None:
+    """The first of several columns; `None` where that is the only one, or no numbers."""
+    with suppress(RecordError):
+        return table.read(table.names[:1])[table.names[0]] if len(table.names) > 1 else None
+    return None
+
+
+def runs_as_time(column: Floats) -> bool:
+    """Whether a column increases in steps of which nine in ten are equal, but for rounding."""
+    steps = np.diff(column)
+    if steps.size < 2 or not (steps > 0.0).all():
+        return False
+    return (
+        bool(np.mean(np.abs(steps / np.median(steps) - 1.0) <= 0.1) >= 0.9)
+        or rounded_grid(column) is not None
+    )
+
+
+def _is_known(name: str) -> bool:
+    return unit_in_name("time", name) is not None or _is_acceleration(name) or _unit_in(name) is not None
 
 
 def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
     texts = [re.sub(r"^(\s*)%", r"\1#", text) for text in lines.texts]
-    first = next(
-        (i for i, text in enumerate(texts) if text.strip() and not text.lstrip().startswith("#")), None
-    )
-    if first is None:
+    filled = [place for place, text in enumerate(texts) if is_data(text)]
+    if not filled:
         raise RecordError(f"{lines.path}: there are only comments; expected columns of time and acceleration")
-    delimiter = _delimiter(texts[first])
-    if delimiter.isspace():
-        # Also where blanks separate the columns; line numbers do not change.
-        texts = ["\t".join(text.split()) for text in texts]
-    fields = [field for field in texts[first].split(delimiter) if field.strip()]
-    if not all(reads_as_float(field) or _has_comma(field) for field in fields):
-        return _motion_of_table(_table(lines, texts), stated, lines.path)
-    if stated.dt is not None:
-        return _series(lines, first, delimiter, stated)
-    above = next((text.strip().lstrip("# \t") for text in reversed(texts[:first]) if text.strip()), "")
-    names = tuple(name.strip() for name in above.split(delimiter))
-    if len(names) == len(fields) and _are_named(names):
-        return _motion_of_table(_table(lines, texts, names), stated, lines.path)
-    if len(fields) != 2:
-        raise RecordError(
-            f"{lines.where(first)} holds {len(fields)} numbers and no line above names columns; state the step "
-            "as `dt` if all are accelerations, or write a header line such as t_s,a_mps2"
+    widths = [_width(texts[place]) for place in filled[:_LONGEST_HEADER]]
+    numeric = [row for row, width in enumerate(widths) if width]
+    if not numeric:
+        # Rows that have texts, too.
+        return _motion_of_table(
+            DelimitedTable(source=str(lines.path), sha256="", lines=texts), stated, lines.path
         )
-    if stated.unit is None:
-        raise UnitError(
-            f"{lines.path}: does not state the unit of its second column; give it as `unit`, one of "
-            f"{known_units('acceleration')}"
-        )
-    return _motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
+    row = numeric[0]
+    names, units = _names_above(texts[: filled[row]], _delimiter(texts[filled[row]]), widths[row])
+    if not names:
+        # A row of a header is followed by others than its own.
+        row = next((row for row in numeric if widths[row] in widths[row + 1 : row + 2]), row)
+    first, delimiter = filled[row], _delimiter(texts[filled[row]])
+    width, header = widths[row], texts[:first]
+    if not names:
+        names, units = _names_above(header, delimiter, width)
+    table = DelimitedTable(
+        source=str(lines.path),
+        sha256="",
+        lines=texts,
+        layout=Layout(
+            delimiter=None if delimiter == "\t" else delimiter,
+            names=names or numbered_names(width),
+            units=units,
+            data=tuple(place for place in filled if place >= first),
+        ),
+    )
+    if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):
+        column = _first_column(table)
+        if column is None or not runs_as_time(column):
+            return _series(lines, first, width, delimiter, stated, facts_of(header))
+    return _motion_of_table(table, stated, lines.path, header)
 
 
-def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None) -> DelimitedTable:
-    return DelimitedTable(source=str(lines.path), sha256="", lines=texts, names=names)
+def _width(text: str) -> int:
+    """Numbers of a row; 0 where a field is none."""
+    delimiter = _delimiter(text)
+    fields = (
+        text.split() if delimiter == "\t" else [field for field in text.split(delimiter) if field.strip()]
+    )
+    return len(fields) if all(reads_as_float(field) or _has_comma(field) for field in fields) else 0
+
+
+def _names_above(
+    header: Sequence[str], delimiter: str, width: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the columns in the lines above the numbers, or in a comment; empty where there are none.
+
+    Prose with as many words as there are columns is none: names are known, or labels of directions.
+    """
+    units: tuple[str, ...] = ()
+    for above, line in enumerate([text for text in reversed(header) if text.strip(" \t#*-=_")][:_MOST_ABOVE]):
+        text = line.strip(" \t#*")
+        told = re.sub(r"^[^:;,]*:\s+", "", text)
+        marked = delimiter in line and not line.lstrip().startswith("#") and above == bool(units)
+        for fields in (text.split(delimiter), re.split(r"\s{2,}|\t", text), re.split(r"[;,\s]+", told)):
+            named = tuple(field.strip() for field in fields)
+            is_time = width == 1 and unit_in_name("time", named[0]) is not None
+            if len(named) != width or not all(named) or any(map(reads_as_float, named)) or is_time:
+                continue
+            if not units and all(quantity_of(name.strip("()[]")) is not None for name in named):
+                units = tuple(name.strip("()[]") for name in named)
+                break
+            is_short = marked and all(len(name.split()) <= _MOST_WORDS for name in named)
+            if is_short or any(map(_is_known, named)) or all(map(_LABEL.fullmatch, named)):
+                return named, units
+    return (), ()
 
 
 def _delimiter(line: str) -> str:
@@ -317,13 +360,16 @@ def _has_comma(word: str) -> bool:
     return DECIMAL_COMMA.fullmatch(word.strip()) is not None
 
 
-def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundMotion:
+def _series(
+    lines: Lines, first: int, width: int, delimiter: str, stated: Stated, facts: Stated
+) -> GroundMotion:
     """All numbers in order as accelerations."""
-    if stated.unit is None or stated.dt is None:
-        raise UnitError(
-            f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "
-            f"{known_units('acceleration')}"
-        )
+    unit, dt = stated.unit or facts.unit, stated.dt or facts.dt
+    if stated.column is not None:
+        raise SettingError(f"{lines.path}: has one column of numbers and takes no `column`; leave it out")
+    if unit is None or dt is None:
+        _ask(str(lines.path), "", 1, unit is None, dt is None)
+    factor = _agreed(stated, facts, str(lines.path), "the header")
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
             f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
@@ -333,13 +379,15 @@ def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundM
         lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
     lines = replace(lines, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
     numbers = read_numbers(lines, first)
-    every_second = np.diff(numbers[::2])
-    if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
-        raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
-    factor = factor_to_si(stated.unit, "acceleration", context=f"{lines.path}: `unit`")
-    return make_motion(
-        lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"
-    )
+    rows = numbers[: numbers.size // width * width].reshape(-1, width)
+    if width > 1 and len(rows) >= _FEWEST_ROWS:
+        along, down = (float(np.abs(np.diff(each, axis=0)).mean()) for each in (rows.ravel(), rows))
+        if down < _SMOOTHER * along:
+            raise RecordError(
+                f"{lines.where(first)} begins {width} columns of which each runs on from row to row, so that the rows "
+                f'are no single series; choose one of them, as column="1"'
+            )
+    return make_motion(lines.path, dt=_step(dt, lines.path), acceleration=factor * numbers, source="numbers")
 
 
 def _step(dt: float, path: Path) -> float:
@@ -360,7 +408,12 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
-    name = next(iter(pairs), None) if stated.column is None else stated.column
+    wide = [matrix for matrix in matrices.values() if matrix.ndim == 2 and min(matrix.shape) > 2]
+    if not pairs and len(wide) == 1:
+        columns = wide[0] if wide[0].shape[0] < wide[0].shape[1] else wide[0].T
+        vectors = dict(zip(numbered_names(len(columns)), columns, strict=True))
+        return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
+    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
     if name not in pairs:
         return _motion_of_table(open_matlab(path), stated, path)
     time, acceleration = pairs[name]
@@ -376,7 +429,7 @@ def _pair(matrix: Floats) -> list[Floats]:
 
 
 # Each format recognises its content; a table is the fallback and comes last.
-FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)
+FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, SMC, GEONET, VOLUME, TABLE)
 
 # Files of a folder that are no records.
 _DOCUMENTS: Final = frozenset({".md", ".pdf", ".html", ".json", ".toml", ".py", ".zip"})
@@ -392,21 +445,23 @@ def read_motion(
     column: str | None = None,
     channel: int | None = None,
 ) -> GroundMotion:
-    """Read a ground motion: PEER AT2, K-NET, COSMOS, ESM, a table of text or CSV, or a .mat file.
+    """Read a ground motion: a record of a network, a table of text or CSV, or a .mat file.
 
-    The options supply what a file does not state; an option that repeats what the file states is refused.
+    Records are those of PEER (.AT2), K-NET and KiK-net, COSMOS, ESM, CSMIP (volumes 1 and 2), SMC, GeoNet (V1A and
+    V2A), BHRC, RENADIC and USC (volume 1); AFAD, UNAM and CWB are tables with a header. The options supply what a file
+    does not state: `unit`, `dt` and `column` of tables, `channel` of files with several channels. One that contradicts
+    the file, or that has no effect, is refused. What is doubtful of the record is warned of (`GroundMotion.warnings`).
 
     Parameters
     ----------
     path
         The file.
     unit
-        Unit of the acceleration, for tables whose column names do not state it: ``"g"``, ``"m/s2"``, ``"cm/s2"``,
-        ``"gal"``, ...
+        Unit of the acceleration, for tables that do not state it: ``"g"``, ``"m/s2"``, ``"cm/s2"``, ``"gal"``, ...
     dt
         Sampling step [s] of a table without a column of times.
     column
-        Column of the acceleration in a table, or variable of a .mat file, if there are several candidates.
+        Column of the acceleration in a table, by its name or its number from 1 (``"3"``), or variable of a .mat file.
     channel
         Channel of a file with several channels, counted from 1.
 
@@ -430,12 +485,18 @@ def read_motion(
     >>> round(motion.peak, 3)  # doctest: +SKIP
     3.417
     """
-    file = Path(path)
-    stated = Stated(unit=unit, dt=dt, column=column, channel=channel)
+    motion = motion_of_file(Path(path), Stated(unit=unit, dt=dt, column=column, channel=channel))
+    for sentence in motion.warnings:
+        warn(sentence, MrworkWarning, stacklevel=3)
+    return motion
+
+
+def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
+    """The motion of a file, without a word on its `warnings`."""
     # Overflowing values become infinite, and the readers refuse them.
     with np.errstate(over="ignore", invalid="ignore"):
-        motion = _read(file, stated)
-    refuse_absurd(motion.acceleration, source=str(file))
+        motion = _read(path, stated)
+    refuse_absurd(motion.acceleration, source=str(path))
     return motion
 
 
@@ -484,9 +545,6 @@ def _read(path: Path, stated: Stated) -> GroundMotion:
         refuse_needless(stated, TABLE.needs, source=source, kind="a .mat file")
         return read_matrix_motion(path, stated)
     data = read_text_bytes(path)
-    motion = read_regular_motion(data, stated, path, [form for form in FORMATS if form is not TABLE])
-    if motion is not None:
-        return motion
     lines = lines_of(data, path)
     form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
     if form is TABLE and path.suffix.lower() == ".at2":

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion, replace_samples
+from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_in_words, replace_samples
 from mrwork.motions.spectrum import response_spectrum
 
 if TYPE_CHECKING:
@@ -318,6 +318,8 @@ class SuiteCheck(Summarised):
         Periods [s], shape (n_periods,), beyond the range of the rule on either side.
     spectra
         Pseudo-accelerations at the damping ratio of the target [m/s^2], shape (n_motions, n_periods).
+    copies
+        Names of copies of a motion, by its name: the same record once more, which does not count.
     """
 
     _made_by: ClassVar[str] = "mr.motions.check_suite(motions, target, period=...)"
@@ -328,6 +330,12 @@ class SuiteCheck(Summarised):
     peaks: Floats
     periods: Floats
     spectra: Floats
+    copies: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def n_records(self) -> int:
+        """Number of motions without the copies."""
+        return len(self.names) - sum(map(len, self.copies.values()))
 
     @property
     def mean(self) -> Floats:
@@ -358,8 +366,8 @@ class SuiteCheck(Summarised):
     @property
     def shortcomings(self) -> tuple[str, ...]:
         """Sentences on what the rule wants and the suite does not have; empty if it meets the rule."""
-        rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, len(self.names)
-        said = []
+        rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, self.n_records
+        said = [f"{sentence}." for sentence in copies_in_words(self.copies)]
         if count < rule.fewest:
             said.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
         if least < LEAST_RATIO * _ROUNDED:
@@ -377,7 +385,7 @@ class SuiteCheck(Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """Sentences: how the mean spectrum lies beside the target, or what is wrong; and how responses count."""
-        rule, (least, at), count = self.target.rule, self.least, len(self.names)
+        rule, (least, at), count = self.target.rule, self.least, self.n_records
         few = f"With fewer than {rule.averaged_from} records the most unfavourable response counts, not the mean."
         meets = (
             f"The mean spectrum of {counted(count, 'motion')} is {100.0 * least:.3g} % of the target or more from "
@@ -446,6 +454,9 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
     target.acceleration(_range_of(period))
     periods = _range_of(period, _MARGIN)
     periods = periods[(periods >= target.ends[0]) & (periods <= target.ends[1])]
+    copies: dict[str, tuple[str, ...]] = {}
+    for copy, first in copies_among(motions).items():
+        copies[motions[first].name] = (*copies.get(motions[first].name, ()), motions[copy].name)
     return SuiteCheck(
         target=target,
         period=period,
@@ -455,4 +466,5 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
         spectra=np.array(
             [response_spectrum(each, periods, damping=target.damping).pseudo_acceleration for each in motions]
         ),
+        copies=copies,
     )

@@ -173,7 +173,7 @@ class Fragilities(WithAxes, Summarised):
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
     of tested ranges over row and intensity, and the response of each record.
-    `level` is that of the bands, `criterion` has the `limit`, in this unit.
+    `level` is that of the bands, `criterion` has the `limit`, in this unit. `motion_warnings` are those of the results.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
@@ -183,6 +183,7 @@ class Fragilities(WithAxes, Summarised):
     unit: str
     level: float
     rows: Mapping[str, Fragility]
+    motion_warnings: tuple[str, ...] = ()
 
     @property
     def plot(self) -> FragilityPlots:
@@ -307,7 +308,7 @@ class Fragilities(WithAxes, Summarised):
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[*self.in_words(against), *self.cautions],
+            notes=[*self.in_words(against), *self.cautions, *self.motion_warnings],
         )
 
 
@@ -325,7 +326,7 @@ def fragility(
     Give the records several levels, as `pga = ["0.1 g", "0.2 g", ...]` of a `[[motion]]` (incremental dynamic
     analysis), or each record one (stripes). The intensity is what the motions are scaled to, `sa` or `pga`. The laws
     and the best constant command are those of the study, the same at every level. A run that diverged has reached the
-    limit; one that could not be resolved is taken to lie above the level before.
+    limit; one that could not be resolved is taken to lie above the level before. Copies of a record count once.
 
     Parameters
     ----------
@@ -386,7 +387,14 @@ def fragility(
         )
         rows[row.label] = replace(found, dispersion=math.hypot(found.dispersion, modelling_dispersion))
     unit = in_command_unit(criterion(name).unit, results.command_unit)
-    return Fragilities(criterion=name, limit=value, unit=unit, level=level, rows=rows)
+    return Fragilities(
+        criterion=name,
+        limit=value,
+        unit=unit,
+        level=level,
+        rows=rows,
+        motion_warnings=results.motion_warnings,
+    )
 
 
 def fragility_of(

@@ -32,9 +32,12 @@ from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import (
     baseline_corrected,
     check_samples,
+    copies_among,
+    examined,
     is_copy,
     likeness,
     resampled,
@@ -42,8 +45,8 @@ from mrwork.motions.ground_motion import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.networks import refuse_absurd
-from mrwork.motions.read import motion_files, read_motion
+from mrwork.motions.networks import Stated
+from mrwork.motions.read import motion_files, motion_of_file
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
 from mrwork.motions.synthetic import suite, synthetic_motion
@@ -109,11 +112,12 @@ class Aims:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Bare:
-    """A motion of a table before it is scaled, and the file that it was read from."""
+    """A motion of a table before it is scaled, the file that it was read from, and what is doubtful of the record."""
 
     ground: GroundMotion
     table: MotionTable
     file: Path | None
+    warnings: tuple[str, ...]
 
 
 def motions_of_study(
@@ -129,7 +133,11 @@ def motions_of_study(
     bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
-    scaled = [each.table.place.attempt(_scaled_motions, each, sample_time, aims) for each in read]
+    copies = _copies(read)
+    scaled = [
+        each.table.place.attempt(_scaled_motions, each, sample_time, aims, copies.get(number, ""))
+        for number, each in enumerate(read)
+    ]
     motions = tuple(motion for of_one in scaled for motion in of_one())
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -141,12 +149,24 @@ def motions_of_study(
     return motions
 
 
-def _scaled_motions(bare: _Bare, sample_time: Callable[[], float], aims: Aims) -> list[MotionOfStudy]:
+def _copies(bare: Sequence[_Bare]) -> dict[int, str]:
+    """The name of the first record of the same use that a record is a copy of, by its index."""
+    copies: dict[int, str] = {}
+    for use in {each.table.use for each in bare}:
+        own = [number for number, each in enumerate(bare) if each.table.use == use]
+        for copy, first in copies_among([bare[number].ground for number in own]).items():
+            copies[own[copy]] = bare[own[first]].ground.name
+    return copies
+
+
+def _scaled_motions(
+    bare: _Bare, sample_time: Callable[[], float], aims: Aims, copy_of: str
+) -> list[MotionOfStudy]:
     _refuse_still(bare, sample_time())
     with bare.table.place.prefix_errors(SettingError):
-        scaled = [*_scale(bare.ground, bare.table, aims)]
+        scaled = list(_scale(bare.ground, bare.table, aims))
         for ground, *_ in scaled:
-            refuse_absurd(ground.acceleration, source=ground.name)
+            refuse_absurd(ground.acceleration, source=f"motion {ground.name!r}")
         return [
             MotionOfStudy(
                 ground=ground,
@@ -155,6 +175,8 @@ def _scaled_motions(bare: _Bare, sample_time: Callable[[], float], aims: Aims) -
                 record=bare.ground.name,
                 intensity=intensity,
                 factor=factor,
+                copy_of=copy_of,
+                warnings=bare.warnings,
             )
             for ground, intensity, factor in scaled
         ]
@@ -177,6 +199,8 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
         )
     if table.sa is None:
         _refuse_keys(table, ("sa_period", "sa_damping"), "is of sa, which this motion does not have")
+    if not _is_synthetic(table):
+        _refuse_keys(table, ("duration", "soil", "seed"), "is of synthetic motions, and this one is given")
     if isinstance(table.file, str):
         grounds = _read_record(table, table.file, folder)
     elif not _is_synthetic(table):
@@ -185,12 +209,26 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> list[_Bare]:
         _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
         grounds = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
     with place.prefix_errors(SettingError):
-        return [_Bare(ground=_process(ground, table), table=table, file=file) for ground, file in grounds]
+        return [
+            _Bare(ground=_process(ground, table), table=table, file=file, warnings=_warnings(ground, table))
+            for ground, file in grounds
+        ]
+
+
+def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
+    """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
+    if _is_synthetic(table):
+        return ()
+    scaled_to = (table.pga, table.sa, table.scale_to)
+    factor = max((abs(each) for each in _several(table.factor) if each), default=1.0)
+    at_most = replace(ground, acceleration=factor * ground.acceleration)
+    return examined(at_most, scaled=any(each is not None for each in scaled_to))
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
     for name in names:
-        if getattr(table, name) is not None:
+        # A seed of 0 is as if none were given.
+        if getattr(table, name) not in (None, 0):
             table.place.within(name).refuse(f"{name} {reason}; leave it out")
 
 
@@ -202,8 +240,8 @@ def _read_record(table: MotionTable, file: str, folder: Path) -> _Grounds:
         files = motion_files(folder / file)
         grounds: _Grounds = []
         for path in files:
-            motion = read_motion(
-                path, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
+            motion = motion_of_file(
+                path, Stated(unit=table.unit, dt=table.dt, column=table.column, channel=table.channel)
             )
             if table.name:
                 name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"

@@ -98,7 +98,8 @@ class MotionFacts:
     """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
 
     The intensity is in the measure that the motion was scaled to, else its peak; `None` in results of former versions.
-    `level` is what it was scaled to in words, as "0.3 g" or "factor 2".
+    `level` is what it was scaled to in words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a
+    copy of.
     """
 
     name: str
@@ -112,6 +113,7 @@ class MotionFacts:
     record: str = ""
     intensity: Intensity | None = None
     level: str = ""
+    copy_of: str = ""
 
     @property
     def at_level(self) -> tuple[str, Intensity]:
@@ -124,7 +126,7 @@ class MotionFacts:
         own = ("name", "peak", "duration", "source", "changes", "groups")
         facts = {name: getattr(motion.ground, name) for name in own}
         intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
-        of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record")}
+        of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record", "copy_of")}
         return MotionFacts(**facts, **of_study, intensity=intensity, level=motion.level_in_words)
 
 
@@ -277,7 +279,8 @@ class StudyResults(Summarised):
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
     `building_warnings` sentences on the building and on unusual numbers of the study, `damper_warnings` on demand
-    outside the tested ranges, on laws out of their range and on the size of dampers. `facts` are further lines of the
+    outside the tested ranges, on laws out of their range and on the size of dampers, `motion_warnings` on doubtful
+    records and on copies. `facts` are further lines of the
     page. `detailed` is the motion whose histories the page shows, of the rows `with_histories`. `ensemble` is the study
     with each set of laws that predicts nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the
     non-causal optima by the index of their motion, of which a folder has the file `results.json` only.
@@ -303,6 +306,7 @@ class StudyResults(Summarised):
     choices: tuple[str, ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
+    motion_warnings: tuple[str, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     detailed: Whole = 0
     with_histories: tuple[Whole, ...] = ()
@@ -360,8 +364,11 @@ class StudyResults(Summarised):
 
     @property
     def record_levels(self) -> RecordLevels:
-        """The test motions, or all where there are none, by record and intensity."""
-        return RecordLevels.of({number: self.motions[number].at_level for number in self._test_motions})
+        """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
+        levels = {number: self.motions[number].at_level for number in self._test_motions}
+        return RecordLevels.of(
+            {number: (self.motions[number].copy_of or at[0], at[1]) for number, at in levels.items()}
+        )
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
@@ -532,7 +539,12 @@ class StudyResults(Summarised):
 
     def warnings(self) -> list[str]:
         """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [*self.building_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
+        warnings = [
+            *self.motion_warnings,
+            *self.building_warnings,
+            *level_warnings(self.design_levels),
+            *self.damper_warnings,
+        ]
         for number, row in enumerate(self.rows):
             runs = [
                 (each.name, self.runs[number, motion])

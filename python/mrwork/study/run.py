@@ -186,6 +186,7 @@ def run_study(
             facts=study.facts,
             clairvoyants=dict(clairvoyants),
             building_warnings=building_warnings,
+            motion_warnings=study.motion_warnings,
             detailed=study.detailed,
             with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
         )

@@ -27,6 +27,7 @@ from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.motions.ground_motion import copies_in_words
 from mrwork.motions.spectrum import Intensity
 from mrwork.motions.targets import SuiteCheck
 from mrwork.search.unit_cube import Streams, latin_hypercube
@@ -119,6 +120,7 @@ class MotionOfStudy:
 
     A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
     to, `None` for the peak ground acceleration that it has; `factor` is that which it was scaled by, if it was.
+    `copy_of` names the record that its own is a copy of, `warnings` are on what is doubtful of the record.
     """
 
     ground: GroundMotion
@@ -127,6 +129,8 @@ class MotionOfStudy:
     record: str = ""
     intensity: Intensity | None = None
     factor: float | None = None
+    copy_of: str = ""
+    warnings: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -317,6 +321,19 @@ class Study(Summarised):
             if each.row.kind == "baseline" and digest_of_run(each) == bare
         )
         return (*self.building_warnings, *same, *self.questions)
+
+    @property
+    def motion_warnings(self) -> tuple[str, ...]:
+        """Sentences on what is doubtful of the records of the motions, and on copies of one record."""
+        copies: dict[str, dict[str, None]] = {}
+        for copy in self.motions:
+            for first in self.motions if copy.copy_of else ():
+                # A record that is named twice for its levels is no copy.
+                is_level = first.ground.source == copy.ground.source and first.level != copy.level
+                if first.record == copy.copy_of != copy.record and first.use == copy.use and not is_level:
+                    copies.setdefault(copy.copy_of, {})[copy.record] = None
+        of_records = dict.fromkeys(sentence for each in self.motions for sentence in each.warnings)
+        return (*of_records, *copies_in_words({first: tuple(names) for first, names in copies.items()}))
 
     @property
     def at_zero(self) -> Arrangement:

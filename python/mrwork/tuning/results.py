@@ -313,7 +313,8 @@ class TuningResults(WithAxes, Summarised):
     `places` are placements of the dampers, the best first, at which the laws are tuned.
     `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
     `building_warnings` are sentences on the building and on unusual numbers of the study, `damper_warnings` on
-    demand of the tuned laws outside the tested ranges of the dampers; `design_levels` are the levels of the motions
+    demand of the tuned laws outside the tested ranges of the dampers, `motion_warnings` on doubtful records and on
+    copies; `design_levels` are the levels of the motions
     that laws are tuned on, where the study names one or its records have several.
     """
 
@@ -335,6 +336,7 @@ class TuningResults(WithAxes, Summarised):
     facts: tuple[tuple[str, str], ...] = ()
     building_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
+    motion_warnings: tuple[str, ...] = ()
     design_levels: tuple[str, ...] = ()
 
     @property
@@ -346,6 +348,7 @@ class TuningResults(WithAxes, Summarised):
     def warnings(self) -> tuple[str, ...]:
         """Sentences on undamped modes, demand out of tested ranges, what scores cannot say, and exceeded limits."""
         sentences = [
+            *self.motion_warnings,
             *self.building_warnings,
             *level_warnings(self.design_levels),
             *self.damper_warnings,

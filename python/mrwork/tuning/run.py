@@ -124,6 +124,7 @@ def tune(
             fronts=tuple(fronts),
             places=tuple(places),
             building_warnings=study.warnings,
+            motion_warnings=study.motion_warnings,
             design_levels=study.design_levels,
             damper_warnings=damper_warnings(demands),
         )

@@ -1,0 +1,121 @@
+"""Faults of recorders, units and tables are told of a ground motion; copies count once; honest motions are silent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import measured_data
+import numpy as np
+import pytest
+
+from mrwork.errors import MrworkWarning, RecordError
+from mrwork.motions import (
+    GroundMotion,
+    check_suite,
+    en_1998_spectrum,
+    near_fault_pulse,
+    read_motion,
+    read_motions,
+    scaled,
+    scaled_to_peak,
+    sine,
+    sine_sweep,
+    suite,
+    synthetic_motion,
+)
+from tools.faults.planted_motions import sweep
+
+HONEST = synthetic_motion(rng=3, duration=20.0)
+TARGET = en_1998_spectrum(2.0, "B")
+
+
+def with_samples(acceleration: np.ndarray, dt: float = HONEST.dt) -> GroundMotion:  # type: ignore[type-arg]
+    return replace(HONEST, acceleration=acceleration, dt=dt)
+
+
+def with_a_spike() -> GroundMotion:
+    acceleration = HONEST.acceleration.copy()
+    acceleration[1500] = 10.0 * HONEST.peak
+    return with_samples(acceleration)
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (with_a_spike(), "leaps away from both neighbours"),
+        (with_samples(np.clip(HONEST.acceleration, -0.6 * HONEST.peak, 0.6 * HONEST.peak)), "is clipped"),
+        (with_samples(HONEST.acceleration + 0.03 * HONEST.peak), "is an offset"),
+        (with_samples(np.zeros(500)), "zero throughout"),
+        (with_samples(np.full(500, 0.5)), "constant at 0.5"),
+        (with_samples(HONEST.acceleration, dt=1.0), "step is 1 s"),
+        (with_samples(HONEST.acceleration, dt=1e-5), "seconds taken for milliseconds"),
+        (with_samples(HONEST.acceleration * 100.0 / HONEST.peak), "more than the strongest"),
+        (with_samples(HONEST.acceleration * 1e-3 / HONEST.peak), "less than most"),
+    ],
+)
+def test_a_fault_is_told_wherever_a_motion_is_read(tmp_path: Path, motion: GroundMotion, words: str) -> None:
+    (sentence,) = motion.warnings
+    assert words in sentence
+    assert sentence in " ".join(repr(motion).split())
+    pairs = zip(motion.time.tolist(), motion.acceleration.tolist(), strict=True)
+    path = tmp_path / "motion.csv"
+    path.write_text("\n".join(["t_s,a_mps2", *(f"{time!r},{value!r}" for time, value in pairs)]))
+    with pytest.warns(MrworkWarning, match=words):
+        read_motion(path)
+
+
+def test_honest_motions_are_silent() -> None:
+    drawn = [*suite(("rock", "firm", "medium", "soft"), 16, rng=5), HONEST]
+    made = [
+        sine(amplitude=1.0, frequency=1.0, cycles=20.0),
+        sine_sweep(amplitude=2.0, start=0.1, end=20.0, duration=60.0),
+        near_fault_pulse(amplitude=2.0, period=1.5),
+    ]
+    for motion in (*drawn, *made):
+        # Recorders with few digits are honest, too.
+        coarse = replace(motion, acceleration=np.round(motion.acceleration, 2))
+        assert motion.warnings == coarse.warnings == ()
+
+
+@pytest.mark.skipif(not (measured_data.DATA / "records/real").is_dir(), reason="no measured records")
+def test_measured_records_are_silent() -> None:
+    records = measured_data.DATA / "records"
+    motions = (*read_motions(records / "real"), *read_motions(str(records / "*.csv")))
+    assert len(motions) == 20
+    assert [motion.warnings for motion in motions] == [()] * 20
+
+
+def test_planted_faults_are_told_and_honest_records_are_not(tmp_path: Path) -> None:
+    told, alarms = sweep(24, tmp_path)
+    assert set(told.values()) == {1.0}
+    assert alarms == 0.0
+
+
+def test_a_motion_is_scaled_no_further_than_files_go() -> None:
+    with pytest.raises(RecordError, match="beyond any earthquake"):
+        scaled_to_peak(HONEST, 300.0)
+
+
+def copy_of(motion: GroundMotion, name: str, factor: float = 1.0, rest: int = 0) -> GroundMotion:
+    return replace(
+        motion, name=name, acceleration=np.concatenate([np.zeros(rest), factor * motion.acceleration])
+    )
+
+
+def test_copies_in_a_suite_are_told_and_count_once() -> None:
+    first, *others = suite("firm", 3, rng=0)
+    check = check_suite(
+        [first, copy_of(first, "twin"), copy_of(first, "far", -2.0, 300), *others], TARGET, period=0.8
+    )
+    assert check.copies == {first.name: ("twin", "far")}
+    assert check.n_records == 3
+    assert "twin, far are copies of the record" in check.shortcomings[0]
+    again = check_suite([first, first, *others], TARGET, period=0.8)
+    assert again.n_records == 3
+
+
+def test_levels_of_a_record_and_other_motions_are_no_copies() -> None:
+    motions = suite(("firm", "soft"), 12, rng=1)
+    levels = [scaled(motions[0], factor) for factor in (0.5, 2.0)]
+    assert check_suite([*motions, *levels], TARGET, period=0.8).copies == {}
