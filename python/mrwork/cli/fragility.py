@@ -128,7 +128,7 @@ def _contents(found: Fragilities) -> tuple[bytes, ...]:
 def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
     names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
     return {
-        **named(found, "criterion", "limit", "unit", "level"),
+        **named(found, "criterion", "limit", "unit", "level", "cautions"),
         "arrangements": [
             named(each, *names)
             | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}
