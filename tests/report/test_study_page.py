@@ -17,6 +17,7 @@ from mrwork.cli.study_text import study_text
 from mrwork.drawing.of_studies import strokes
 from mrwork.drawing.of_tests import envelope
 from mrwork.report.study.fragility_section import fragility_section
+from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
 from mrwork.study.run_result import RunResult
@@ -300,3 +301,14 @@ def test_figures_within_their_limits_are_not(file: Path) -> None:
 
 def test_what_was_not_measured_is_not_judged(file: Path) -> None:
     assert departures({}, file) == []
+
+
+def test_numbers_of_the_front_are_sorted_as_numbers() -> None:
+    results = study_samples.results()
+    assert results.building is not None
+    facts = replace(
+        results.building, damping_ratios=(0.02, 309.017, 9.5, 0.1), yield_drifts=(17.5, 0.0, 9.0)
+    )
+    subject = study_lead(compared(replace(results, building=facts))).subject
+    assert "damping 2.0 to 30\u202f901.7 %" in subject
+    assert "yields at 9000 to 17\u202f500 mm of drift" in subject

@@ -686,7 +686,7 @@ def _likelihood(
     logs = np.where(known, np.log(steepness) - 0.5 * za * za, np.log(p))
     second = ((xa * xa * ua - xb * xb * ub) / p, (xb * ub - xa * ua) / p, (ua - ub) / p)
     first = (by_slope * by_slope, by_slope * by_place, by_place * by_place)
-    of_known = (steepness**-2 + xa * xa, -xa, 1.0)
+    of_known = (steepness**-2 + xa * xa, -xa, np.ones_like(za))
     a, b, c = (
         (weights * np.where(known, alone, one - two)).sum(axis=1)
         for alone, one, two in zip(of_known, first, second, strict=True)

@@ -567,11 +567,10 @@ def write_tuning(
     results: TuningResults,
     *,
     study_file: StudyFile,
-    page: Mapping[str, bytes],
     manifest: Mapping[str, object],
     journal: Path,
 ) -> None:
-    """Write the folder of a tuning, with the files of its page, in place of an earlier one."""
+    """Write the folder of a tuning without its page, in place of an earlier one."""
     contents = {
         RESULTS: json_document(tuning_document(results)),
         SCORES_TABLE: _scores_csv(results),
@@ -579,7 +578,7 @@ def write_tuning(
     }
     write_folder(
         destination,
-        {STUDY: study_file.content, **page} | {name: text.encode() for name, text in contents.items()},
+        {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
         manifest=manifest,
         copied={JOURNAL: journal},
         flush=results.status == "finished",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -77,19 +78,24 @@ def _subject(results: StudyResults) -> str:
     if facts is None:
         return f"Under {names}"
     periods = [significant(each, 3) for each in facts.periods[:_MODES] if np.isfinite(each)]
-    ratios = {format_fixed(100.0 * each, 1) for each in facts.damping_ratios[:_MODES] if np.isfinite(each)}
+    ratios = [100.0 * each for each in facts.damping_ratios[:_MODES] if np.isfinite(each)]
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = (
-        f", damping {' to '.join(sorted(ratios, key=float)[:: max(len(ratios) - 1, 1)])} %" if ratios else ""
-    )
+    damping = f", damping {_least_to_most(ratios, partial(format_fixed, decimals=1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
-    drifts = sorted({significant(1e3 * each, 3) for each in facts.yield_drifts if each}, key=float)
-    yields = f", yields at {' to '.join(drifts[:: max(len(drifts) - 1, 1)])} mm of drift" if drifts else ""
+    drifts = [1e3 * each for each in facts.yield_drifts if each]
+    yields = (
+        f", yields at {_least_to_most(drifts, partial(significant, digits=3))} mm of drift" if drifts else ""
+    )
     weights = ", P-delta" if facts.loads else ""
     return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
+
+
+def _least_to_most(values: Sequence[float], shown: Callable[[float], str]) -> str:
+    """The least and the most of numbers; once where both look alike."""
+    return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
 def little_said(count: int, noun: str) -> tuple[str, ...]:
