@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
-from mrwork.base.numbers import counted, format_rounded, shortest, significant
+from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
@@ -325,7 +325,8 @@ class Fragilities(WithAxes, Summarised):
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
         if ratio == 1.0:
             return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
-        change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
+        before, after = apart(significant, base.median / STANDARD_GRAVITY, one.median / STANDARD_GRAVITY, 3)
+        change = f"{verb} from {before} to {after} g"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
     def _summary(self, against: str | None = None) -> Summary:

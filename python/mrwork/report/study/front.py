@@ -35,6 +35,7 @@ from mrwork.study.comparison import (
     times_better,
     verdict,
 )
+from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
 from mrwork.study.tables import MOST_DRAWN
 
@@ -46,8 +47,8 @@ _ACTIVE = ("law", "actuator", "other_device")
 _ENOUGH, _MOST_FLOORS = 3, 100
 
 
-def study_lead(comparison: StudyComparison) -> Lead:
-    """The front of the page of a study."""
+def study_lead(comparison: StudyComparison, found: Fragilities | None = None) -> Lead:
+    """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
     drawn = drawn_rows(comparison)
     off_balance = [] if results.balanced else [OFF_BALANCE]
@@ -57,14 +58,16 @@ def study_lead(comparison: StudyComparison) -> Lead:
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=_verdict(comparison),
+        verdict=" ".join([_verdict(comparison), *([] if found is None else [_medians(comparison, found)])]),
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
         "continue.",
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
-        cautions=first_sentences([*off_balance, *results.warnings(), *few], _CAUTIONS),
+        cautions=first_sentences(
+            [*off_balance, *results.warnings(), *few, *(() if found is None else found.cautions)], _CAUTIONS
+        ),
         advice=_advice(comparison),
     )
 
@@ -102,6 +105,16 @@ def little_said(count: int, noun: str) -> tuple[str, ...]:
     """A caution on so few motions that a law is judged on."""
     few = f"{counted(count, noun)} {'says' if count == 1 else 'say'} little about the next."
     return (few,) if 0 < count < _ENOUGH else ()
+
+
+def _medians(comparison: StudyComparison, found: Fragilities) -> str:
+    """The median intensities of the leading arrangement and of what it is compared with."""
+    rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
+    labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
+    shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
+    medians = "; ".join(found[label].in_words for label in shown)
+    first = found[shown[0]]
+    return f"Median {first.measure} at which {found.limit_in_words}, {100.0 * found.level:.0f} % band: {medians}."
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
