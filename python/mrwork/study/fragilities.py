@@ -603,8 +603,9 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     dispersions = np.zeros(len(weights))
     # A level that separates them all is the median only if records lie on its either side to that of the majority.
     at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
-    higher = (counts & (at < below) & np.isfinite(below)).any(axis=1)
-    lower = (counts & (above > 0.0) & (above < at)).any(axis=1)
+    known = above == below
+    higher = (counts & (known | (at < below)) & np.isfinite(below)).any(axis=1)
+    lower = (counts & (known | (above < at)) & (above > 0.0)).any(axis=1)
     medians = np.where(~higher & (share < 0.5), np.inf, np.where(~lower & (share > 0.5), 0.0, medians))
     open_ = highest > lowest
     has_maximum = open_ & (
