@@ -150,6 +150,12 @@ class Fragility(Summarised):
         )
 
     @property
+    def brief(self) -> str:
+        """The median with its band in parentheses, or how it is bounded."""
+        band = "" if self.bound else f" ({' to '.join(map(_in_g, self.band))})"
+        return f"{self.median_in_words}{band}"
+
+    @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
         unresolved = sum(each.unresolved for each in self.crossings)

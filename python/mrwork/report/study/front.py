@@ -112,9 +112,8 @@ def _medians(comparison: StudyComparison, found: Fragilities) -> str:
     rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
     labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
     shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
-    medians = "; ".join(found[label].in_words for label in shown)
-    first = found[shown[0]]
-    return f"Median {first.measure} at which {found.limit_in_words}, {100.0 * found.level:.0f} % band: {medians}."
+    medians = ", ".join(f"{found[label].brief} with {label}" for label in shown)
+    return f"Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:

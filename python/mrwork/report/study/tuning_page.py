@@ -118,7 +118,7 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
         _motion_section(results),
-        _search_section(results),
+        _search_section(results) if results.laws else None,
         provenance_section(results.facts, command),
     ]
     return page_html(lead, sections)
@@ -150,7 +150,7 @@ def _lead(results: TuningResults) -> Lead:
         if shown
         else (),
         wide=True,
-        table=_law_table(results, shown) if shown else places_table(results),
+        table=_law_table(results, shown) if results.laws else places_table(results),
         cautions=first_sentences(cautions, _CAUTIONS),
         advice=(
             "`mrwork respond chosen.toml`, in this folder: the study with these settings, on every motion.",
