@@ -54,7 +54,7 @@ def test_placements_are_in_the_json_in_the_text_and_in_the_folder(tmp_path: Path
     out = tmp_path / "out"
     document = json.loads(printed("tune", study, "--out", out, "--threads", 1, "--json"))
     assert len(document["places"]) == 3
-    assert set(document["places"][0]) == {"storeys", "command", "train", "test", "given"}
+    assert set(document["places"][0]) == {"storeys", "command", "train", "test", "given", "count"}
     assert [each.storeys for each in mr.tuning.read_tuning(out).places] == [
         each["storeys"] for each in document["places"]
     ]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sentences import Refused
 
 import mrwork as mr
+from mrwork.errors import MrworkWarning
 from mrwork.motions import (
     CloughPenzien,
     Envelope,
@@ -113,3 +116,11 @@ def test_what_has_no_spectrum_is_refused(refused: Refused) -> None:
     short = GroundMotion(name="short", dt=0.01, acceleration=np.ones(20))
     refused(fitted_spectrum, short)
     refused(fitted_spectrum, mr.synthetic_motion(), "white")
+
+
+def test_a_spectrum_that_the_record_does_not_determine_is_warned_of() -> None:
+    # A line: the narrower the filter, the likelier.
+    time = 0.01 * np.arange(3000)
+    line = replace(mr.synthetic_motion(), acceleration=np.sin(2.0 * np.pi * 2.0 * time), dt=0.01)
+    with pytest.warns(MrworkWarning, match="no maximum that the record determines"):
+        fitted_spectrum(line)

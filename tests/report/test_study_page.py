@@ -16,7 +16,8 @@ from counted_calls import calls_of
 from mrwork.cli.study_text import study_text
 from mrwork.drawing.of_studies import strokes
 from mrwork.drawing.of_tests import envelope
-from mrwork.report.study.fragility_section import fragility_section
+from mrwork.report.study.fragility_section import fragilities_of_page
+from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared
 from mrwork.study.run_result import RunResult
@@ -121,13 +122,17 @@ def test_records_at_several_levels_have_a_section_and_a_row_each() -> None:
     results = study_samples.incremental()
     limited = replace(results, limit={"peak_drift": 0.02})
     text = study_page(limited, study_samples.histories)
+    # The front states the medians of the leading law and of its references.
+    front = text.partition("<details")[0]
+    stated = " ".join(front.split()).partition("Median PGA at which the peak drift reaches 0.02 m: ")[2]
+    assert re.match(r"(above )?0\.\d+ g( \(0\.\d+ to [0-9.∞]+\))? with ", stated)
     assert "the PGA at which the peak drift reaches 0.02 m, of 5 records at 4 levels" in text
     assert "4, PGA 0.100 to 0.400 g" in text
     assert "record 0, 0.1 g</" not in text.partition('id="motions"')[2]
     assert results.building is not None
     low = replace(results, building=replace(results.building, heights=()))
     for without in (low, replace(study_samples.results(), limit={"peak_drift": 0.02})):
-        assert fragility_section(without) is None
+        assert fragilities_of_page(without) is None
 
 
 def test_thinning_keeps_the_peaks() -> None:
@@ -300,3 +305,12 @@ def test_figures_within_their_limits_are_not(file: Path) -> None:
 
 def test_what_was_not_measured_is_not_judged(file: Path) -> None:
     assert departures({}, file) == []
+
+
+def test_numbers_of_the_front_are_sorted_as_numbers() -> None:
+    results = study_samples.incremental()
+    assert results.building is not None
+    facts = replace(results.building, damping_ratios=(0.02, 309.017, 9.5, 0.1), yield_drifts=(17.5, 0.0, 9.0))
+    subject = study_lead(compared(replace(results, building=facts))).subject
+    assert "damping 2.0 to 30\u202f901.7 %" in subject
+    assert "yields at 9000 to 17\u202f500 mm of drift" in subject

@@ -83,7 +83,8 @@ def test_records_that_one_intensity_separates_have_no_dispersion() -> None:
 
 def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_interval_only() -> None:
     weights = drawn_weights(3, 0)
-    responses = np.array([[0.5, 2.0], [0.6, 3.0], [0.9, 1.1]])
+    # The runs at the upper level diverged, so that nothing is interpolated.
+    responses = np.array([[0.5, math.inf], [0.6, math.inf], [0.9, math.inf]])
     found = fragility_of(
         "law", "controller", responses, np.array([4.0, 8.0]), 1.0, weights, level=0.9, records=("a", "b", "c")
     )
@@ -99,8 +100,114 @@ def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_
     (sentence,) = both.in_words("law")
     assert sentence.endswith("90 % band of the ratio 0.500 to 2.00, which holds 1: they are not told apart.")
     assert "the RMS drift reaches" in sentence
-    (caution,) = both.cautions
-    assert caution.startswith("law; other: one intensity separates all records")
+    few, coarse = both.cautions
+    assert "in 75 % of cases at most, not in 90 %; give 5 or more" in few
+    assert coarse.startswith("law; other: one intensity separates all records")
+
+
+def found_of(*rows: Floats, limit: float = 1.0, level: float = 0.9, seed: int = 0) -> Fragilities:
+    """The fragilities of rows of responses, shape (n_records, n_levels), at the levels 1, 2, ... m/s^2."""
+    n_records, n_levels = rows[0].shape
+    weights, names = drawn_weights(n_records, seed), [f"record {number}" for number in range(n_records)]
+    levels = 1.0 + np.arange(n_levels, dtype=float)
+    made = {
+        label: fragility_of(label, "controller", each, levels, limit, weights, level=level, records=names)
+        for label, each in zip("abc", rows, strict=False)
+    }
+    return Fragilities(criterion="peak_drift", limit=limit, unit="m", level=level, rows=made)
+
+
+def test_a_likelihood_without_a_maximum_determines_no_median() -> None:
+    # Four records reach the limit at their lowest level, four never do: the flatter the distribution, the likelier.
+    both = np.outer([2.0] * 4 + [0.1] * 4, [1.0, 2.0, 3.0])
+    steady = np.outer(np.linspace(0.4, 0.9, 8), [1.0, 2.0, 3.0])
+    all_found = found_of(both, steady)
+    found = all_found["a"]
+    assert (found.bound, found.band) == ("not determined", (0.0, math.inf))
+    assert all(map(math.isnan, (found.median, found.dispersion, found.probability(2.0))))
+    # A draw of one kind of record alone is bounded as before, any other not at all.
+    undetermined = np.isnan(found.medians)
+    assert 0.9 < undetermined.mean() < 1.0
+    assert set(found.ends[0][undetermined]) == {0.0}
+    assert set(found.ends[1][undetermined]) == {math.inf}
+    assert set(found.medians[~undetermined]) == {0.0, math.inf}
+    assert "so that median and dispersion are not determined: give further levels" in found.cautions[0]
+    assert "a: not determined, 0 to ∞ g (4 of 8 records reach it)" in repr(found)
+    assert math.isnan(all_found.ratio("b", "a")[0])
+    assert "is not determined, with b 0." in all_found.in_words("b")[0]
+    assert np.isnan(all_found.to_xarray()["probability"].sel(row="a")).all()
+
+
+@pytest.mark.parametrize("reached", [(1, 3, 6, 9), (9, 6, 3, 1), (5, 5, 5, 5)])
+def test_counts_that_do_not_rise_with_the_level_determine_no_median(reached: tuple[int, ...]) -> None:
+    at = np.repeat([1.0, 2.0, 3.0, 4.0], 10)
+    flags = np.concatenate([np.arange(10) < count for count in reached])
+    above, below = np.where(flags, 0.0, at), np.where(flags, at, np.inf)
+    medians, dispersions = lognormal_of(above, below, np.ones((1, at.size)))
+    assert np.isfinite([*medians, *dispersions]).all() == (reached[0] < reached[-1])
+    # One record that is known on both sides is enough.
+    above, below = np.append(above, 2.0), np.append(below, 3.0)
+    assert np.isfinite(lognormal_of(above, below, np.ones((1, at.size + 1)))).all()
+
+
+def test_each_draw_has_the_largest_likelihood_or_is_not_determined() -> None:
+    rng = np.random.default_rng(3)
+    reached = 2.0 * np.exp(0.8 * rng.standard_normal(12))
+    above, below = intervals(reached, np.array([1.0, 2.5, 4.0]))
+    weights = drawn_weights(12, 1)[:200]
+    medians, dispersions = lognormal_of(above, below, weights)
+    two = (weights[:, (above > 0.0) & np.isfinite(below)] > 0.0).any(axis=1)
+    assert two.mean() > 0.9
+    assert np.isfinite(medians[two]).all()
+
+    def loss(median: float, dispersion: float, counts: Floats) -> float:
+        with np.errstate(divide="ignore"):
+            ends = [norm.cdf(np.log(each / median) / dispersion) for each in (above, below)]
+        return float(-(counts * np.log(np.maximum(ends[1] - ends[0], 1e-300))).sum())
+
+    for median, dispersion, counts in zip(medians, dispersions, weights, strict=True):
+        if dispersion > 0.0:
+            least = loss(median, dispersion, counts)
+            beside = [(1.02, 1.0), (0.98, 1.0), (1.0, 1.03), (1.0, 0.97)]
+            assert all(loss(median * a, dispersion * b, counts) > least for a, b in beside)
+
+
+def test_nearly_equal_intensities_converge() -> None:
+    # The slope is a hundred times that of the start.
+    known = np.array([1.392855848318126, 1.4027768826878086])
+    medians, dispersions = lognormal_of(known, known, np.array([[3.0, 1.0]]))
+    logs = np.log(known)
+    mean = 0.75 * logs[0] + 0.25 * logs[1]
+    assert medians == pytest.approx(math.exp(mean))
+    assert dispersions == pytest.approx(math.sqrt(0.75 * 0.25) * (logs[1] - logs[0]))
+
+
+def test_intensities_are_interpolated_between_levels() -> None:
+    # A law that lowers each response by 4 % within the intervals of the levels: its ratio is not 1.
+    bare = np.outer([0.45, 0.48, 0.6, 0.7, 0.8, 0.95], [1.0, 2.0, 3.0])
+    found = found_of(bare, 0.96 * bare)
+    reached = [each.interpolated for each in found["a"].crossings]
+    np.testing.assert_allclose(reached, 1.0 / bare[:, 0])
+    assert found["a"].median == pytest.approx(math.exp(np.log(reached).mean()))
+    ratio, band = found.ratio("b", "a")
+    np.testing.assert_allclose([ratio, *band], 1.0 / 0.96)
+    assert not found.cautions
+    # A draw of one record alone has its intensity.
+    few = found_of(bare[[0, 2, 4]])["a"]
+    np.testing.assert_allclose(few.band, [1.0 / 0.8, 1.0 / 0.45])
+    # What diverged, or is reached at the lowest level or never, is known to an interval only.
+    diverged = found_of(np.array([[0.5, math.inf], [2.0, 3.0], [0.1, 0.2]]))["a"].crossings
+    assert all(math.isnan(each.interpolated) for each in diverged)
+
+
+@pytest.mark.parametrize(
+    ("n_records", "level", "few"), [(3, 0.9, True), (4, 0.9, True), (5, 0.9, False), (3, 0.7, False)]
+)
+def test_few_records_are_said_with_what_their_band_can_be(n_records: int, level: float, few: bool) -> None:
+    responses = np.outer(np.linspace(0.5, 0.9, n_records), [1.0, 2.0, 3.0])
+    found = found_of(responses, level=level)
+    assert [f"{n_records} records are few" in each for each in found.cautions] == [True] * few
+    assert ("are few" in repr(found)) == few
 
 
 @pytest.fixture(scope="module")

@@ -66,6 +66,9 @@ def test_the_spread_of_a_score_has_the_quartiles_of_single_motions() -> None:
     assert (spread.lower_quartile, spread.upper_quartile) == (0.6, 0.8)
     assert spread.mean == pytest.approx(0.7)
     assert math.isnan(Spread.of([0.5, math.nan]).median)
+    # Some are infinite, as of commands over none at i = 0.
+    infinite = Spread.of([math.inf, 0.5, math.inf])
+    assert (infinite.least, infinite.median, infinite.most) == (0.5, math.inf, math.inf)
 
 
 def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:

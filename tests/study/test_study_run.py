@@ -265,10 +265,10 @@ def test_a_forged_history_is_refused_and_simulated_again(
         arrays = dict(archive)
     forge(arrays)
     np.savez(path, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
-    refused(histories.read, row, motion)
+    refused(histories._read, path, row, motion)
     assert not histories.is_stored(row, motion)
     run_study(study, kept=histories.is_stored, keep=histories.keep, threads=1)
-    assert histories.read(row, motion) is not None
+    assert histories._read(path, row, motion).time.size
 
 
 def test_a_best_constant_command_that_was_not_tried_is_refused(

@@ -15,6 +15,7 @@ from tuning_samples import motion
 
 import mrwork as mr
 from mrwork.errors import Interrupted
+from mrwork.report.study.tuning_page import tuning_page
 from mrwork.store.codec import plain
 from mrwork.study.placements import placements_of
 from mrwork.tuning import TuningResults, tune
@@ -173,3 +174,33 @@ def test_places_that_cannot_be_compared_are_refused(tmp_path: Path, refused: Ref
     refused(tuned, "[places]\ndampers = 3", 2 * DAMPER)
     refused(tuned, "[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n")
     refused(tuned, "[places]", "")
+
+
+def test_places_are_told_with_the_number_of_dampers_and_their_page_states_the_best(tmp_path: Path) -> None:
+    results = tune(study_with(tmp_path, "[places]\ndampers = 2", dampers=f"{DAMPER}count = 3"), threads=1)
+    assert {sum(each.storeys.values()) for each in results.places} == {2}
+    # Two [[damper]] of three dampers each.
+    best, (given,) = results.places[0], (each for each in results.places if each.given)
+    assert given.in_words == "6 in storey 1"
+    table = places_table(results)
+    assert table is not None
+    assert table.rows[0][1] == best.in_words
+    without = replace(results, laws=(), references=())
+    front = " ".join(tuning_page(without, summary=True).partition("<table")[0].split())
+    assert f"The best place of the dampers: {best.in_words}, at {best.command:.3g} A; score" in front
+    assert "on the test motions. As the study has them, 6 in storey 1: " in front
+    assert "Places of dampers compared on training motions" in front
+    assert "No law was tuned" not in front
+
+
+def test_scores_that_differ_are_told_with_digits_that_differ(tmp_path: Path) -> None:
+    results = tune(
+        study_with(tmp_path, "[places]", more='[[tune]]\nlaws = ["passive"]\nbudget = 6\npopulation = 6\n'),
+        threads=1,
+    )
+    law, best = results.laws[0], min(results.references, key=lambda each: each.judged.score)
+    assert law.test is not None
+    near = replace(law, test=replace(law.test, score=best.judged.score + 2e-5))
+    (sentence,) = (each for each in replace(results, laws=(near,)).warnings if "does not reach" in each)
+    one, other = sentence.partition("(")[2].rstrip(").").split(" against ")
+    assert float(one) > float(other)

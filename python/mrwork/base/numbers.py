@@ -22,6 +22,7 @@ _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
 _MOST_DIGITS = 8
+_MOST_APART = 17
 _LEAST_PROBABILITY = 0.001
 _BYTES = ("bytes", "kB", "MB", "GB", "TB", "PB", "EB")
 
@@ -166,6 +167,14 @@ def format_rounded(value: float | None, digits: int = 4) -> str:
 def round_to(value: float, digits: int = 4) -> float:
     """The nearest number of `digits` significant digits; a study file states four of a setting."""
     return float(f"{value:.{digits}g}")
+
+
+def apart(shown: Callable[[float, int], str], one: float, other: float, digits: int) -> tuple[str, str]:
+    """Texts of two numbers with as many digits or decimals as tell them apart, at least `digits`."""
+    texts = shown(one, digits), shown(other, digits)
+    if texts[0] == texts[1] and one != other and digits < _MOST_APART:
+        return apart(shown, one, other, digits + 1)
+    return texts
 
 
 def with_decimals(value: float, decimals: int) -> str:

@@ -10,7 +10,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.base.summary import list_names
@@ -18,7 +18,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet, named, print_json, reading_line
+from mrwork.cli.output import draw_last, is_quiet, named, print_json, reading_line
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import OutputError, RecordError, SettingError, escape_text
@@ -38,6 +38,9 @@ from mrwork.store.input_file import is_folder
 from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
 from mrwork.store.unfinished import is_complete, nothing_to_resume
+
+if TYPE_CHECKING:
+    from mrwork.report.section import OnDrawn
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
@@ -167,8 +170,15 @@ def run(options: argparse.Namespace) -> int:
         given = [str(place), table, *common, *(["--level", "0.9"] if uses["calibration"] else [])]
         if status := steps.step("predicting the tests kept for test", lambda: _verb("predict", given), later):
             return status
-    given = [str(place), "--summary", *common]
-    if status := steps.step("writing the summary", lambda: _verb("report", given), _PAGE):
+
+    def draw(on_progress: OnDrawn) -> None:
+        # Matplotlib is slow to load.
+        from mrwork.report.pages import write_page
+
+        write_page(place, summary=True, on_progress=on_progress)
+
+    quiet = is_quiet(options)
+    if status := steps.step("writing the summary", lambda: draw_last(place, draw, quiet=quiet), _PAGE):
         return status
     return _end(options, place, uses, steps, spare)
 

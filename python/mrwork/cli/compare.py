@@ -8,7 +8,7 @@ from pathlib import Path
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_json
+from mrwork.cli.output import print_json, undrawn_warned
 from mrwork.cli.terminal import show
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
@@ -55,9 +55,12 @@ def run(options: argparse.Namespace) -> int:
     tests = read_damper_tests([str(each) for each in options.tests], use="test") if options.tests else ()
     check_output(options.page, replace=True, otherwise="")
     found = compare_runs(options.runs, tests=tests)
-    options.page.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(options.page) as stream:
-        stream.write(compare_page(found, options.runs).encode())
+    with undrawn_warned(f"{options.page}", "the tables stand without it") as failed:
+        page = compare_page(found, options.runs).encode()
+    if not failed:
+        options.page.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(options.page) as stream:
+            stream.write(page)
     if options.json:
         told = ("title", "columns", "rows", "foot")
         tables = [{name: getattr(table, name) for name in told} for table in found.tables]
@@ -67,12 +70,13 @@ def run(options: argparse.Namespace) -> int:
             "remarks": found.remarks,
             "tables": tables,
         }
-        print_json(document | {"page": str(options.page)})
+        print_json(document | {"page": None if failed else str(options.page)})
         return 0
     show(found.verdict)
     for table in found.tables:
         show("\n".join(["", table.title, *table.lines("  ", width=120)]))
     for remark in found.remarks:
         show(remark)
-    show(f"\nPage: {options.page}")
+    if not failed:
+        show(f"\nPage: {options.page}")
     return 0

@@ -12,7 +12,7 @@ from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import named, print_result, table_lines
+from mrwork.cli.output import named, print_result, table_lines, undrawn_warned
 from mrwork.errors import SettingError
 from mrwork.store.codec import finite
 from mrwork.store.output_file import replacing
@@ -91,12 +91,16 @@ def run(options: argparse.Namespace) -> int:
     summary = found._summary(options.against)
     lines = [summary.title, *table_lines(summary.filled_columns(summary.rows))]
     lines += [line for note in summary.notes for line in wrap(note, width=_WIDTH, subsequent_indent="  ")]
-    for place, content in zip(files, _contents(found) if files else (), strict=True):
+    contents = [_table(found)] if files else []
+    with undrawn_warned("a figure", "the table stands without it"):
+        contents += _figures(found) if files else []
+    written = files[: len(contents)]
+    for place, content in zip(written, contents, strict=True):
         place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as stream:
             stream.write(content)
-    document = _document(found, options.against) | {"files": list(map(str, files))}
-    print_result(options, finite(document), "\n".join([*lines, *(f"Written: {place}" for place in files)]))
+    document = _document(found, options.against) | {"files": list(map(str, written))}
+    print_result(options, finite(document), "\n".join([*lines, *(f"Written: {place}" for place in written)]))
     return 0
 
 
@@ -110,11 +114,15 @@ def _limit(text: str) -> dict[str, float | str]:
         return {name: limit}
 
 
-def _contents(found: Fragilities) -> tuple[bytes, ...]:
+def _figures(found: Fragilities) -> tuple[bytes, ...]:
     # Matplotlib is slow to load.
     from mrwork.drawing.canvas import svg_bytes
     from mrwork.report.study.fragility_section import fragility_figure, ida_figure
 
+    return svg_bytes(ida_figure(found)), svg_bytes(fragility_figure(found))
+
+
+def _table(found: Fragilities) -> bytes:
     first = next(iter(found.rows.values()))
     head = ("arrangement", f"{first.measure} [m/s2]", "probability", "reached", "beyond tests")
     lines = [
@@ -122,13 +130,13 @@ def _contents(found: Fragilities) -> tuple[bytes, ...]:
         for label, each in found.rows.items()
         for level, *shares in zip(each.levels.tolist(), each.crossed, each.outside, strict=True)
     ]
-    return csv_text([head, *lines]).encode(), svg_bytes(ida_figure(found)), svg_bytes(fragility_figure(found))
+    return csv_text([head, *lines]).encode()
 
 
 def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
     names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
     return {
-        **named(found, "criterion", "limit", "unit", "level", "motion_warnings"),
+        **named(found, "criterion", "limit", "unit", "level", "cautions", "motion_warnings"),
         "arrangements": [
             named(each, *names)
             | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}

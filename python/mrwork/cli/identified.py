@@ -14,7 +14,7 @@ from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.options import read_tests
 from mrwork.cli.output import (
     as_plain,
-    drawing,
+    draw_last,
     named,
     print_json,
     print_result,
@@ -149,7 +149,7 @@ class Identification:
                 run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
                 write_fit_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
 
-            status = drawing(folder, draw, quiet=self.frame.is_quiet)
+            status = draw_last(folder, draw, quiet=self.frame.is_quiet)
         else:
             self.frame.note_stop(written=written)
         if options.json:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from mrwork.base.progress import ProgressLine, ProgressReport
 from mrwork.base.summary import Summarised, align_rows
 from mrwork.cli.terminal import note, show, write_stderr
-from mrwork.errors import MrworkError, OutputError
+from mrwork.errors import MrworkError, OutputError, reason_of
 from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
@@ -127,10 +127,7 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
 
 
 def renew_page(folder: Path, *, quiet: bool) -> int:
-    """Draw the page of a run again after a file was added to its folder; return the exit status, see `drawing`.
-
-    It is 2 where the page cannot be written; where the tests of the run cannot be read, a message says so.
-    """
+    """Draw the page of a run again after a file was added to its folder; return the exit status, see `draw_last`."""
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
@@ -138,11 +135,31 @@ def renew_page(folder: Path, *, quiet: bool) -> int:
 
         write_fit_page(*open_run(folder), on_progress=on_progress)
 
-    try:
+    return draw_last(folder, draw, quiet=quiet)
+
+
+def draw_last(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:
+    """Draw the page of a run, whose other files are written already: whatever fails is a warning.
+
+    Return the exit status, see `drawing`; it is 2 where the page cannot be written.
+    """
+    with undrawn_warned(
+        f"the page of {folder}", f"the results are written; mrwork report {folder} draws it"
+    ) as failed:
         return drawing(folder, draw, quiet=quiet)
-    except MrworkError as reason:
-        note(f"the page of {folder} was not updated: {reason}")
-        return 2 if isinstance(reason, OutputError) else 0
+    return 2 if isinstance(failed[0], OutputError) else 0
+
+
+@contextmanager
+def undrawn_warned(what: str, remedy: str) -> Iterator[list[Exception]]:
+    """Whatever fails in the block, which draws, is a warning, and in the list."""
+    failed: list[Exception] = []
+    try:
+        yield failed
+    except Exception as error:  # of whatever kind, it costs no results
+        failed.append(error)
+        reason = reason_of(error) if isinstance(error, MrworkError) else f"{type(error).__name__}: {error}"
+        note(f"warning: {what} was not drawn ({reason}); {remedy}")
 
 
 def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:

@@ -129,7 +129,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     from mrwork.cli.frame import command_line
     from mrwork.cli.study_text import StudyVerb, study_text, telling_why
     from mrwork.study.ensemble import dampers_apart
-    from mrwork.study.folder import design_document, study_document, write_study
+    from mrwork.study.folder import design_document, read_history, study_document, write_study
     from mrwork.study.run_result import Histories
 
     if options.ensemble and not study.other_sets:
@@ -176,7 +176,9 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
         # Matplotlib is slow to load.
         from mrwork.report.study.page import study_page
 
-        return study_page(results, histories.read, command=command_line(), seconds=seconds)
+        return study_page(
+            results, partial(read_history, place, results), command=command_line(), seconds=seconds
+        )
 
     def document(results: StudyResults) -> dict[str, Any]:
         return study_document(results) | design_document(study) | further

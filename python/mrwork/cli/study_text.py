@@ -9,7 +9,6 @@ import argparse
 import platform
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import isfinite
@@ -22,11 +21,12 @@ from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
 from mrwork.base.progress import ProgressLine, ProgressReport
 from mrwork.base.table import Table
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.output import in_words, is_quiet, print_result, progress_line
+from mrwork.cli.output import draw_last, in_words, is_quiet, print_result, progress_line
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.cli.workers import on_workers
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
+from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import REPORT, RunKind
 from mrwork.store.unfinished import discard_journal, run_journal
 from mrwork.study.comparison import (
@@ -137,14 +137,10 @@ def run_on_study(
             journal.finish()
         frame.note_complete(journal)
         assert results is not None  # an interrupted study has the runs so far
-        written, page = frame.is_to_write(status), None
+        written, interrupted, folder = frame.is_to_write(status), status == 130, frame.folder
         if written:
             assert study.file is not None  # it was read from one
             seconds = time.perf_counter() - began
-            # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
-            if status == 0:
-                with suppress(KeyboardInterrupt):
-                    page = verb.page(results, seconds)
             manifest = {
                 "kind": kind.kind,
                 "title": results.title,
@@ -160,21 +156,22 @@ def run_on_study(
                 frame.destination,
                 results,
                 study_file=study.file,
-                page={} if page is None else page.contents(REPORT),
                 manifest=manifest,
                 journal=journal.path,
             )
             discard_journal(journal)
-        document = verb.document(results) | {"out": str(frame.folder)}
-        print_result(options, document, verb.text(results, page is not None, written))
-        if status == 130:
+            # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
+            if not interrupted:
+
+                def draw(_: object) -> None:
+                    write_files(folder, verb.page(results, seconds).contents(REPORT))
+
+                status = draw_last(folder, draw, quiet=is_quiet(options))
+        document = verb.document(results) | {"out": str(folder)}
+        drawn = written and (folder / REPORT).is_file()
+        print_result(options, document, verb.text(results, drawn, written))
+        if interrupted:
             frame.note_stop(written=written)
-        elif page is None:
-            note(
-                f"interrupted while the page was drawn; the results are in {frame.folder}; run the same command with "
-                "--resume to draw it"
-            )
-            status = 130
         return status
 
 

@@ -245,7 +245,12 @@ class Spread:
         if not numbers.size or np.isnan(numbers).any():
             quantiles, mean = np.full(5, np.nan), float("nan")
         else:
-            quantiles, mean = np.quantile(numbers, (0.0, 0.25, 0.5, 0.75, 1.0)), float(np.mean(numbers))
+            # Between two infinite numbers, as of commands over none at i = 0, nothing can be interpolated.
+            way: Literal["linear", "inverted_cdf"] = (
+                "linear" if np.isfinite(numbers).all() else "inverted_cdf"
+            )
+            quantiles = np.quantile(numbers, (0.0, 0.25, 0.5, 0.75, 1.0), method=way)
+            mean = float(np.mean(numbers))
         least, lower, median, upper, most = quantiles.tolist()
         return Spread(
             motions=numbers.size,

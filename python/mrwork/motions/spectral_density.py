@@ -7,6 +7,7 @@ motion is fitted by likelihood; the stationary ground of a design has the mean s
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
@@ -18,7 +19,7 @@ from mrwork.base.arguments import Positive, Whole, checked
 from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
 Complexes = NDArray[np.complex128]
@@ -151,6 +152,8 @@ SpectrumKind = Literal["kanai_tajimi", "clough_penzien"]
 _STRONG = (0.05, 0.95)
 _HIGHEST = 25.0
 _FEWEST = 50
+# Largest logarithm of a number of a spectrum, and the share of it from which on a search has ended there.
+_END, _NEAR_END = 8.0, 0.98
 # Frequency and damping ratio of the ground where a fit begins.
 _STARTS = ((6.0, 0.4), (15.0, 0.6), (30.0, 0.6))
 
@@ -167,6 +170,11 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     ------
     RecordError
         If the motion is zero, or its strong part has too few samples.
+
+    Warns
+    -----
+    MrworkWarning
+        If the likelihood has no maximum that the record determines, as of a single line in its periodogram.
 
     Examples
     --------
@@ -191,7 +199,17 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
 
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
     starts = [np.log([*start, *rest]) for start in _STARTS]
-    best = _likeliest(make_density, w, periodogram, starts)
+    found, best = _likeliest(make_density, w, periodogram, starts)
+    numbers = np.exp(best)
+    # The soil is a line, narrower than two frequencies of the periodogram, or the search has ended at its end.
+    if not found or numbers[0] * numbers[1] < w[0] or np.abs(best).max() > _NEAR_END * _END:
+        warnings.warn(
+            f"ground motion {motion.name}: the likelihood of the {kind} spectrum has no maximum that the record "
+            f"determines; the search ended at {', '.join(f'{each:.3g}' for each in numbers)} (rad/s, damping ratio). "
+            "Take another kind, or state frequency and damping",
+            MrworkWarning,
+            stacklevel=2,
+        )
     return make_density(best, float(np.mean(periodogram / make_density(best).density(w))))
 
 
@@ -201,18 +219,22 @@ def _likeliest(
     densities: Floats,
     starts: Sequence[Floats],
     bounds: Sequence[tuple[float, float]] | None = None,
-) -> Floats:
-    """Logarithms of the numbers of a spectrum of the largest likelihood of Whittle, whatever its intensity."""
+) -> tuple[bool, Floats]:
+    """Whether a search has converged to the largest likelihood of Whittle, whatever the intensity, and to what.
+
+    These are the logarithms of the numbers of the spectrum.
+    """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 
     def misfit(logarithms: Floats) -> float:
-        if np.any(np.abs(logarithms) > 8.0):
+        if np.any(np.abs(logarithms) > _END):
             return math.inf
         density = make(logarithms).density(w)
         return float(np.mean(np.log(density)) + np.log(np.mean(densities / density)))
 
     ends = (minimize(misfit, start, method="Nelder-Mead", bounds=bounds) for start in starts)
-    return np.asarray(min(ends, key=lambda each: float(each.fun)).x)
+    best = min(ends, key=lambda each: float(each.fun))
+    return bool(best.success), np.asarray(best.x)
 
 
 def strong_part(motion: GroundMotion) -> Floats:
@@ -357,5 +379,5 @@ def _fit_shape(densities: Floats, frequency: float | None, damping: float | None
     spans = [(_FREQUENCIES, _DAMPINGS)[number] for number in free]
     bounds = [(math.log(lower), math.log(upper)) for lower, upper in spans]
     starts = [np.array([math.log(start[number]) for number in free]) for start in _STARTS]
-    shape = make_shape(_likeliest(make_shape, _CENTRES, densities, starts, bounds))
+    shape = make_shape(_likeliest(make_shape, _CENTRES, densities, starts, bounds)[1])
     return shape, damping is None and shape.damping <= 1.01 * _DAMPINGS[0]

@@ -356,9 +356,9 @@ def verdict(comparison: StudyComparison, row: int) -> str:
     elif len(judged) == 1:
         text = f"{'better' if drift else 'worse'} in drift, {'better' if acceleration else 'worse'} in acceleration"
     else:
-        parts = _on(drift, len(judged), "drift"), _on(acceleration, len(judged), "acceleration")
-        second = parts[1].removeprefix(f"{parts[0].partition(' ')[0]} ")
-        text = f"{parts[0]}, {second} of {len(judged)}"
+        (word, first), (other, second) = _on(drift, len(judged)), _on(acceleration, len(judged))
+        again = "" if other == word else f"{other} "
+        text = f"{word} in drift on {first}, {again}in acceleration on {second} of {len(judged)}"
     tied = comparison.passive is not None and is_tied(results, row, reference)
     return f"{text}{against}{'; equal within the spread' if tied else ''}"
 
@@ -389,10 +389,9 @@ def lowers_all(changes: Mapping[str, Floats]) -> bool:
     return all(rounds_to_increase(-float(each.mean())) for each in changes.values())
 
 
-def _on(better: int, count: int, what: str) -> str:
-    """Text such as "better in drift on 9", of what is more often the case."""
-    word, number = ("better", better) if 2 * better >= count else ("worse", count - better)
-    return f"{word} in {what} on {number}"
+def _on(better: int, count: int) -> tuple[str, int]:
+    """What is more often the case, "better" or "worse", and how often."""
+    return ("better", better) if 2 * better >= count else ("worse", count - better)
 
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:

@@ -466,13 +466,12 @@ def write_study(
     results: StudyResults,
     *,
     study_file: StudyFile,
-    page: Mapping[str, bytes],
     manifest: Mapping[str, object],
     journal: Path,
     histories: Histories,
     further: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the folder of a study, with the files of its page, in place of an earlier one."""
+    """Write the folder of a study without its page, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: _criteria_csv(results),
@@ -482,7 +481,7 @@ def write_study(
         tables[ENSEMBLE] = json_document(further["ensemble"])
     write_folder(
         destination,
-        {STUDY: study_file.content, **_realisations(results), **page}
+        {STUDY: study_file.content, **_realisations(results)}
         | {name: text.encode() for name, text in tables.items()},
         manifest=manifest,
         copied={JOURNAL: journal},

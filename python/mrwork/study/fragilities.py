@@ -1,9 +1,10 @@
 """Fragility: the intensity at which a limit is reached, lognormal over records, with bands, paired between rows.
 
-A record of which the limit is first reached between two of its levels is known to lie between them; one that reaches it
-at the lowest lies below, one that never does lies above. The likelihood of these intervals is concave in the slope and
-the place of the normal distribution of the logarithms (Burridge, Biometrika 68, 1981), so that Newton's method finds
-its maximum. With one level for each record it is that of counts at each level (Baker, Earthquake Spectra 31, 2015).
+The intensity at which a record first reaches the limit is interpolated between two of its levels, or known to lie
+between them where a run diverged; a record that reaches the limit at its lowest level lies below, one that never does
+lies above. The likelihood is concave in the slope and the place of the normal distribution of the logarithms (Burridge,
+Biometrika 68, 1981), so that Newton's method finds its maximum, if there is one. It is that of truncated incremental
+dynamic analyses, and with one level for each record that of counts at each level (Baker, Earthquake Spectra 31, 2015).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
-from mrwork.base.numbers import counted, format_rounded, significant
+from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
@@ -49,13 +50,21 @@ _BARE = ("uncontrolled", "passive_off")
 class Crossing:
     """The interval of intensity [m/s^2] in which a record first reaches the limit: from 0, or to infinity.
 
-    `unresolved` is whether it ends at a level whose run could not be resolved.
+    `unresolved` is whether it ends at a level whose run could not be resolved. `interpolated` is the intensity between
+    two levels at which a straight line through both responses has the limit, NaN where there are no two.
     """
 
     record: str
     above: float
     below: float
     unresolved: bool = False
+    interpolated: float = math.nan
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The interval, or the interpolated intensity twice."""
+        between = self.interpolated
+        return (self.above, self.below) if math.isnan(between) else (between, between)
 
 
 @array_dataclass(repr=False)
@@ -69,10 +78,11 @@ class Fragility(Summarised):
     median, dispersion
         Median [m/s^2], and standard deviation of the logarithm; with added modelling dispersion, if any was given.
         The median is infinite where no record reaches the limit, 0 where all do at their lowest level. The dispersion
-        is 0 where one intensity separates all records, so that finer levels are needed.
+        is 0 where one intensity separates all records, so that finer levels are needed. Both are NaN where the
+        likelihood has no maximum, or where none was found.
     band
         Lower and upper end of the band of the median [m/s^2], by bootstrap over the records. An infinite median of a
-        draw is known to lie above the highest level only, one of 0 below the lowest. Where
+        draw is known to lie above the highest level only, one of 0 below the lowest; of a NaN nothing is known. Where
         the dispersion is 0 the median of a draw is known to lie in the intervals of its middle records only.
     medians, ends
         Medians of the bootstrap, of the same records for every arrangement, and between which they are known to lie
@@ -80,7 +90,8 @@ class Fragility(Summarised):
     crossings
         What is known of each record.
     bound
-        "above" or "below" where the median lies beyond all levels, so that these bound it only; else empty.
+        "above" or "below" where the median lies beyond all levels, so that these bound it only; "not determined" where
+        it is NaN; else empty.
     levels, crossed, outside
         Levels [m/s^2], shape (n_levels,), the share of the resolved runs at each that reach the limit, and of all runs
         that go beyond the tested ranges of a damper; NaN where there is none.
@@ -100,7 +111,7 @@ class Fragility(Summarised):
     medians: Floats
     ends: Floats
     crossings: tuple[Crossing, ...]
-    bound: Literal["above", "below", ""]
+    bound: Literal["above", "below", "not determined", ""]
     levels: Floats
     crossed: Floats
     outside: Floats
@@ -108,7 +119,9 @@ class Fragility(Summarised):
 
     @checked
     def probability(self, intensity: Positive) -> float:
-        """Probability that the limit is reached at an intensity [m/s^2]."""
+        """Probability that the limit is reached at an intensity [m/s^2]; NaN where the median is not determined."""
+        if math.isnan(self.median):
+            return math.nan
         if self.dispersion == 0.0 or not 0.0 < self.median < math.inf:
             return float(intensity > self.median)
         return float(scipy.special.ndtr(math.log(intensity / self.median) / self.dispersion))
@@ -121,6 +134,8 @@ class Fragility(Summarised):
     @property
     def median_in_words(self) -> str:
         """The median in g, or how it is bounded, as "above 0.6 g"."""
+        if self.bound == "not determined":
+            return self.bound
         end = {"above": self.levels[-1], "below": self.levels[0], "": self.median}[self.bound]
         return f"{self.bound} {_in_g(end)} g".lstrip()
 
@@ -129,13 +144,20 @@ class Fragility(Summarised):
         """The median with its band, or how it is bounded."""
         band = f"{_in_g(self.band[0])} to {_in_g(self.band[1])} g"
         return (
-            f"{self.label}: {self.median_in_words}, {'beyond the levels' if self.bound else band} "
+            f"{self.label}: {self.median_in_words}, "
+            f"{'beyond the levels' if self.bound in ('above', 'below') else band} "
             f"({self.reaching} records reach it)"
         )
 
     @property
+    def brief(self) -> str:
+        """The median with its band in parentheses, or how it is bounded."""
+        band = "" if self.bound else f" ({' to '.join(map(_in_g, self.band))})"
+        return f"{self.median_in_words}{band}"
+
+    @property
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on runs that were not resolved, on levels beyond tested ranges, and on levels too coarse."""
+        """Sentences on runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
         unresolved = sum(each.unresolved for each in self.crossings)
         beyond = [level for level, share in zip(self.levels, self.outside, strict=True) if share > 0.0]
         said = []
@@ -144,10 +166,25 @@ class Fragility(Summarised):
             said.append(f"{records} ended at a run that could not be resolved, and count as above")
         if beyond:
             said.append(f"from {_in_g(min(beyond))} g on dampers go beyond their tests: extrapolated")
-        above, below = ([getattr(each, end) for each in self.crossings] for end in ("above", "below"))
+        above, below = zip(*(each.ends for each in self.crossings), strict=True)
         if not self.bound and max(above) <= min(below):
             reason = "one intensity separates all records, so that the dispersion is not known"
             said.append(f"{reason}: give finer levels")
+        if self.bound == "not determined":
+            between = any(low > 0.0 and high < math.inf for low, high in zip(above, below, strict=True))
+            reason = (
+                "the search for the largest likelihood has not converged"
+                if between
+                else "each record reaches the limit at its lowest level or never, and not more often at higher levels"
+            )
+            said.append(f"{reason}, so that median and dispersion are not determined: give further levels")
+        elif (share := float(np.isnan(self.medians).mean())) and not 0.0 < self.band[0] <= self.band[
+            1
+        ] < math.inf:
+            said.append(
+                f"{significant(100.0 * share, 2)} % of the draws of the bootstrap do not determine the median, so that "
+                "the band has an open end: give further levels"
+            )
         return tuple(said)
 
     def _summary(self) -> Summary:
@@ -225,7 +262,7 @@ class Fragilities(WithAxes, Summarised):
     def ratio(self, label: str, against: str) -> tuple[float, tuple[float, float]]:
         """Ratio of the medians of two arrangements, and its band, by bootstrap over the records of both together.
 
-        NaN where a median lies beyond the levels; the band then says what is known.
+        NaN where a median lies beyond the levels or is not determined; the band then says what is known.
         """
         one, other = self[label], self[against]
         (low, high), (other_low, other_high) = one.ends, other.ends
@@ -262,14 +299,20 @@ class Fragilities(WithAxes, Summarised):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The cautions of all rows, each once, behind the labels that it holds for."""
+        """What the band of few records can be; and the cautions of all rows, each once, behind its labels."""
+        count = len(next(iter(self.rows.values())).crossings)
+        holds, needed = 1.0 - 0.5 ** (count - 1), math.ceil(1.0 - math.log2(1.0 - self.level))
+        few = (
+            f"{count} records are few: a band between them holds the median in {shortest(100.0 * holds, 3)} % of "
+            f"cases at most, not in {100.0 * self.level:.0f} %; give {needed} or more"
+        )
         said: dict[str, list[str]] = {}
         for label, each in self.rows.items():
             for caution in each.cautions:
                 said.setdefault(caution, []).append(label)
         asked = criterion(self.criterion).question(self.limit)
         of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
-        return (*((asked,) if asked else ()), *of_rows)
+        return (*((asked,) if asked else ()), *((few,) if holds < self.level else ()), *of_rows)
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
@@ -290,7 +333,8 @@ class Fragilities(WithAxes, Summarised):
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
         if ratio == 1.0:
             return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
-        change = f"{verb} from {_in_g(base.median)} to {one.median_in_words}"
+        before, after = apart(significant, base.median / STANDARD_GRAVITY, one.median / STANDARD_GRAVITY, 3)
+        change = f"{verb} from {before} to {after} g"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
     def _summary(self, against: str | None = None) -> Summary:
@@ -420,7 +464,7 @@ def fragility_of(
         _crossing(record, levels[own], line[own], limit)
         for record, own, line in zip(records, there, responses, strict=True)
     )
-    above, below = (np.array([getattr(each, end) for each in crossings]) for end in ("above", "below"))
+    above, below = np.array([each.ends for each in crossings]).T
     medians, dispersions = lognormal_of(above, below, weights)
     ends = _known_ends(medians[1:], levels)
     if dispersions[0] == 0.0 and 0.0 < medians[0] < math.inf:
@@ -437,7 +481,7 @@ def fragility_of(
         medians=medians[1:],
         ends=ends,
         crossings=crossings,
-        bound="above" if medians[0] > levels[-1] else "below" if medians[0] < levels[0] else "",
+        bound=_bound(medians[0], levels),
         levels=levels,
         crossed=_share(responses >= limit, ~np.isnan(responses)),
         outside=_share(outside == 1.0, there),
@@ -475,14 +519,16 @@ def _response(results: StudyResults, row: int, motion: int, name: str) -> float:
 
 
 def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> Crossing:
-    """The interval of a record from its responses at its levels, rising."""
-    above = 0.0
+    """The interval of a record from its responses at its levels, rising, and the intensity interpolated in it."""
+    above, before = 0.0, math.nan
     for level, response in zip(levels.tolist(), responses.tolist(), strict=True):
         if math.isnan(response):
             return Crossing(record=record, above=above, below=math.inf, unresolved=True)
         if response >= limit:
-            return Crossing(record=record, above=above, below=level)
-        above = level
+            share = (limit - before) / (response - before) if response < math.inf else math.nan
+            between = above + share * (level - above)
+            return Crossing(record=record, above=above, below=level, interpolated=between)
+        above, before = level, response
     return Crossing(record=record, above=above, below=math.inf)
 
 
@@ -505,9 +551,15 @@ def drawn_weights(n_records: int, seed: int) -> Floats:
 
 
 def _known_ends(medians: Floats, levels: Floats) -> Floats:
-    """Between which each median lies, shape (2, n_draws): itself, or a level and 0 or infinity."""
+    """Between which each median lies, shape (2, n_draws): itself, a level and 0 or infinity, or these two."""
     low, high = np.where(np.isinf(medians), levels[-1], medians), np.where(medians == 0.0, levels[0], medians)
-    return np.stack([low, high])
+    return np.stack([np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), np.inf, high)])
+
+
+def _bound(median: float, levels: Floats) -> Literal["above", "below", "not determined", ""]:
+    if math.isnan(median):
+        return "not determined"
+    return "above" if median > levels[-1] else "below" if median < levels[0] else ""
 
 
 def _middle(above: Floats, below: Floats, weights: Floats) -> Floats:
@@ -533,8 +585,9 @@ def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[floa
     return lower, upper
 
 
-# Steps of Newton's method, largest step in standard deviations, and the least probability of an interval.
-_STEPS, _LONGEST, _TINY = 60, 1.5, 1e-290
+# Steps of Newton's method, largest step in standard deviations or of a larger slope, relative length of a step at the
+# maximum, and the least probability of an interval.
+_STEPS, _LONGEST, _CONVERGED, _TINY = 60, 1.5, 1e-6, 1e-290
 
 
 def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -543,7 +596,8 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     Parameters
     ----------
     above, below
-        Ends of the interval of each record, shape (n_records,): 0 and infinity where one is open.
+        Ends of the interval of each record, shape (n_records,): 0 and infinity where one is open, equal where the
+        intensity is known.
     weights
         How often each record counts, shape (n_draws, n_records).
 
@@ -552,7 +606,9 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     medians, dispersions
         Shape (n_draws,). Where one intensity separates all records the dispersion is 0, and the median is that
         intensity; it is infinite if no record has an upper end above it and fewer than half have one below, 0 if none
-        has a lower end below it and more than half have an upper one.
+        has a lower end below it and more than half have an upper one. Both are NaN where the likelihood has no finite
+        maximum, since no record that counts has two ends and the likelihood does not rise with the slope at 0, and
+        where Newton's method has not converged.
     """
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
@@ -562,13 +618,35 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     dispersions = np.zeros(len(weights))
     # A level that separates them all is the median only if records lie on its either side to that of the majority.
     at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
-    higher = (counts & (at < below) & np.isfinite(below)).any(axis=1)
-    lower = (counts & (above > 0.0) & (above < at)).any(axis=1)
+    known = above == below
+    higher = (counts & (known | (at < below)) & np.isfinite(below)).any(axis=1)
+    lower = (counts & (known | (above < at)) & (above > 0.0)).any(axis=1)
     medians = np.where(~higher & (share < 0.5), np.inf, np.where(~lower & (share > 0.5), 0.0, medians))
     open_ = highest > lowest
-    if open_.any():
-        medians[open_], dispersions[open_] = _newton(above, below, weights[open_])
+    has_maximum = open_ & (
+        (weights[:, (above > 0.0) & np.isfinite(below)] > 0.0).any(axis=1) | _rises(above, below, weights)
+    )
+    medians[open_], dispersions[open_] = np.nan, np.nan
+    if has_maximum.any():
+        found = _newton(above, below, weights[has_maximum])
+        medians[has_maximum], dispersions[has_maximum] = found
     return medians, dispersions
+
+
+def _rises(above: Floats, below: Floats, weights: Floats) -> NDArray[np.bool_]:
+    """Whether the likelihood of records with one end each rises with the slope at 0, for each row of weights.
+
+    It does where the mean logarithm of the upper ends lies above that of the lower ones.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        upper, lower = (
+            weights[:, one] @ np.log(ends[one]) / weights[:, one].sum(axis=1)
+            for ends, one in (
+                (below, (above == 0.0) & np.isfinite(below)),
+                (above, (above > 0.0) & np.isinf(below)),
+            )
+        )
+    return np.asarray(upper - lower > 1e-12 * np.maximum(np.abs(upper), np.abs(lower)))
 
 
 def _newton(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -581,11 +659,11 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floa
     slope, place = np.ones(len(weights)), np.zeros(len(weights))
     total, gradient, curvature = _likelihood(low, high, weights, slope, place)
     for _ in range(_STEPS):
-        step = np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0]
+        step = _newton_step(gradient, curvature)
         length = np.abs(step).max(axis=1)
         if length.max() < 1e-10:
             break
-        step *= np.minimum(1.0, _LONGEST / np.maximum(length, 1e-300))[:, None]
+        step *= np.minimum(1.0, _LONGEST * np.maximum(1.0, slope) / np.maximum(length, 1e-300))[:, None]
         factor = np.ones(len(weights))
         for _ in range(40):
             new_slope, new_place = slope + factor * step[:, 0], place + factor * step[:, 1]
@@ -598,7 +676,14 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floa
         keep = ~worse
         slope, place = np.where(keep, new_slope, slope), np.where(keep, new_place, place)
         total, gradient, curvature = _likelihood(low, high, weights, slope, place)
-    return np.exp(centre + scale * place / slope), scale / slope
+    left = np.abs(_newton_step(gradient, curvature)) / np.stack([slope, 1.0 + np.abs(place)], axis=1)
+    converged = left.max(axis=1) < _CONVERGED
+    medians, dispersions = np.exp(centre + scale * place / slope), scale / slope
+    return np.where(converged, medians, np.nan), np.where(converged, dispersions, np.nan)
+
+
+def _newton_step(gradient: Floats, curvature: Floats) -> Floats:
+    return np.asarray(np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0])
 
 
 def _likelihood(
@@ -606,17 +691,25 @@ def _likelihood(
 ) -> tuple[Floats, Floats, Floats]:
     """Logarithm of the likelihood of each row of weights, its gradient in slope and place, and minus its curvature."""
     (xa, za, da), (xb, zb, db) = (_at_end(x, slope, place) for x in (low, high))
+    # Where the intensity is known the likelihood is its density, slope times that of z.
+    known, steepness = low == high, slope[:, None]
     # In the upper tail the difference of the complements is exact.
     ndtr = scipy.special.ndtr
     p = np.maximum(np.where(za > 0.0, ndtr(-za) - ndtr(-zb), ndtr(zb) - ndtr(za)), _TINY)
     with np.errstate(invalid="ignore"):
         ua, ub = (np.where(density > 0.0, z * density, 0.0) for z, density in ((za, da), (zb, db)))
-    by_slope, by_place = (xb * db - xa * da) / p, (da - db) / p
+        by_slope = np.where(known, 1.0 / steepness - za * xa, (xb * db - xa * da) / p)
+    by_place = np.where(known, za, (da - db) / p)
+    logs = np.where(known, np.log(steepness) - 0.5 * za * za, np.log(p))
     second = ((xa * xa * ua - xb * xb * ub) / p, (xb * ub - xa * ua) / p, (ua - ub) / p)
     first = (by_slope * by_slope, by_slope * by_place, by_place * by_place)
-    a, b, c = ((weights * (one - two)).sum(axis=1) for one, two in zip(first, second, strict=True))
+    of_known = (steepness**-2 + xa * xa, -xa, np.ones_like(za))
+    a, b, c = (
+        (weights * np.where(known, alone, one - two)).sum(axis=1)
+        for alone, one, two in zip(of_known, first, second, strict=True)
+    )
     gradient = np.stack([(weights * by_slope).sum(axis=1), (weights * by_place).sum(axis=1)], axis=1)
-    return (weights * np.log(p)).sum(axis=1), gradient, np.array([[a, b], [b, c]]).transpose(2, 0, 1)
+    return (weights * logs).sum(axis=1), gradient, np.array([[a, b], [b, c]]).transpose(2, 0, 1)
 
 
 def _at_end(x: Floats, slope: Floats, place: Floats) -> tuple[Floats, Floats, Floats]:

@@ -342,11 +342,6 @@ class Histories:
             np.savez(stream, time=history.time, **arrays)  # type: ignore[arg-type] # none is called allow_pickle
         self._damaged.discard(target)
 
-    def read(self, row: int, motion: int) -> RunHistory | None:
-        """The history of a run, if it is stored."""
-        path = self._path(row, motion)
-        return None if path is None else self._read(path, row, motion)
-
     def paths(self) -> list[Path]:
         """Files of all stored histories."""
         paths = (self._path(row, motion) for row, motion in self._names)

@@ -112,6 +112,7 @@ def compare_places(
             command=float(commands[best]),
             train=float(of_commands[best]),
             given=placed == given,
+            count=first.count,
         )
 
     def judged(one: Placement) -> Placement:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from mrwork.base.arguments import NotNegative, Whole, checked
+from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion, toml_text, toml_value
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
-from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
+from mrwork.base.numbers import apart, counted, format_rounded, percent, with_decimals
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, csv_text
@@ -206,6 +206,7 @@ class Placement:
 
     A score is the mean over motions of peak and rms drift and acceleration over those without dampers, which do not
     depend on the placement; `test` is `None` where it was not judged. `given` says that the study has its dampers so.
+    `storeys` has the number of [[damper]] in each, of which each is `count` dampers.
     """
 
     storeys: dict[str, Whole]
@@ -213,11 +214,12 @@ class Placement:
     train: OrInfinite
     test: OrInfinite | None = None
     given: bool = False
+    count: Count = 1
 
     @property
     def in_words(self) -> str:
         """Where the dampers are, as in "2 in storey 1, 1 in storey 3"."""
-        return ", ".join(f"{number} in {name}" for name, number in self.storeys.items())
+        return ", ".join(f"{self.count * number} in {name}" for name, number in self.storeys.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -440,10 +442,8 @@ class TuningResults(WithAxes, Summarised):
         if best is None or not math.isfinite(law.judged.score) or best.judged.score >= law.judged.score:
             return []
         on = "test" if law.test is not None else "training"
-        return [
-            f"{law.label} does not reach the score of {best.label} on the {on} motions "
-            f"({law.judged.score:.3f} against {best.judged.score:.3f})."
-        ]
+        both = " against ".join(apart(with_decimals, law.judged.score, best.judged.score, 3))
+        return [f"{law.label} does not reach the score of {best.label} on the {on} motions ({both})."]
 
     def _summary(self) -> Summary:
         return Summary(
@@ -570,11 +570,10 @@ def write_tuning(
     results: TuningResults,
     *,
     study_file: StudyFile,
-    page: Mapping[str, bytes],
     manifest: Mapping[str, object],
     journal: Path,
 ) -> None:
-    """Write the folder of a tuning, with the files of its page, in place of an earlier one."""
+    """Write the folder of a tuning without its page, in place of an earlier one."""
     contents = {
         RESULTS: json_document(tuning_document(results)),
         SCORES_TABLE: _scores_csv(results),
@@ -582,7 +581,7 @@ def write_tuning(
     }
     write_folder(
         destination,
-        {STUDY: study_file.content, **page} | {name: text.encode() for name, text in contents.items()},
+        {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
         manifest=manifest,
         copied={JOURNAL: journal},
         flush=results.status == "finished",

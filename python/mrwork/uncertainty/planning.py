@@ -5,6 +5,7 @@ The gains follow from the linearised posterior; nested Monte Carlo with draws of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -238,6 +239,11 @@ def plan(
         )
     matrix, unit = band_matrix(posterior, of_targets, band)
     variance_now = float(np.trace(matrix @ np.linalg.inv(posterior.precision)))
+    if not math.isfinite(variance_now):
+        raise SettingError(
+            f"the variance of the band {band} is not a finite number, so that no test can be ranked; the fit of "
+            f"{fit.model} leaves no residual, or a target has no force: identify it from measured tests"
+        )
     gains = []
     for response in possible:
         after = float(
@@ -280,7 +286,8 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
     for candidate in candidates:
         loading, counted = harmonic_motion(candidate, posterior.spec)
         run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
-        if np.any(run.outcome != Outcome.FINISHED):
+        # A force that never changes tells nothing, and has no deviation to divide by.
+        if np.any(run.outcome != Outcome.FINISHED) or not np.ptp(run.force[0, counted]) > 0.0:
             continue
         force = run.force[:, counted]
         corrected = without_nuisance(force, force[0], posterior.nuisances)

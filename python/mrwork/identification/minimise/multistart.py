@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Seed
+from mrwork.base.numbers import apart, with_decimals
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
@@ -690,9 +691,10 @@ def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: M
     """Warnings about the minimum of a search."""
     least = float(minima.misfit[0])
     if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
+        better, own = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)
         return (
             f"the fit of {nested.model}, which this model contains, is better in the search "
-            f"({100.0 * (1.0 - nested.misfit):.2f} % against {100.0 * (1.0 - least):.2f} %): the minimum is false; "
+            f"({better} % against {own} %): the minimum is false; "
             "try another seed",
         )
     if minima.stop_reason == "max_rounds":

@@ -228,7 +228,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
         "Score under each motion",
         score_figure(results, drawn, of_row),
         f"Score of {len(drawn)} arrangements under each of {judged}, with the median",
-        note="A dot for each test motion, circles for training motions; the line is the median.",
+        note=f"A dot for each of {judged}{_circles(results)}; the line is the median.",
     )
     groups = [
         Group(title=f"Score over {judged}", table=spread_table(comparison, rows)),
@@ -243,6 +243,13 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
         leading = results.rows[comparison.leading].label
         summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
     return Section(anchor="spread", title="Spread over motions", summary=summary, groups=tuple(groups))
+
+
+def _circles(results: StudyResults) -> str:
+    """What the circles are beside the dots of the judged motions: training motions, other levels, or nothing."""
+    others = [each for number, each in enumerate(results.motions) if number not in results.judged_motions]
+    kinds = dict.fromkeys("training motions" if each.use == "training" else "other levels" for each in others)
+    return f", circles for {' and '.join(kinds)}" if kinds else ""
 
 
 @style.drawn_in_style()

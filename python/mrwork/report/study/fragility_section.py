@@ -45,14 +45,21 @@ def fragility_figure(found: Fragilities) -> Figure:
     return figure
 
 
-def fragility_section(results: StudyResults) -> Section | None:
-    """Median intensities at the limit of the study; `None` without several records at several levels, or a limit."""
+def fragilities_of_page(results: StudyResults) -> Fragilities | None:
+    """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
     at, facts = results.record_levels, results.building
     known = results.limit or (facts is not None and facts.heights)
     few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
     if few or not known or not results.complete:
         return None
-    found = fragility(results)
+    return fragility(results)
+
+
+def fragility_section(results: StudyResults, found: Fragilities | None) -> Section | None:
+    """Median intensities at the limit of the study, with both figures; `None` where there are none."""
+    if found is None:
+        return None
+    at = results.record_levels
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(
         "fragility",

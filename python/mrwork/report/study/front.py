@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -34,6 +35,7 @@ from mrwork.study.comparison import (
     times_better,
     verdict,
 )
+from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
 from mrwork.study.tables import MOST_DRAWN
 
@@ -45,8 +47,8 @@ _ACTIVE = ("law", "actuator", "other_device")
 _ENOUGH, _MOST_FLOORS = 3, 100
 
 
-def study_lead(comparison: StudyComparison) -> Lead:
-    """The front of the page of a study."""
+def study_lead(comparison: StudyComparison, found: Fragilities | None = None) -> Lead:
+    """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
     drawn = drawn_rows(comparison)
     off_balance = [] if results.balanced else [OFF_BALANCE]
@@ -56,14 +58,16 @@ def study_lead(comparison: StudyComparison) -> Lead:
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=_verdict(comparison),
+        verdict=" ".join([_verdict(comparison), *([] if found is None else [_medians(comparison, found)])]),
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
         "continue.",
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
-        cautions=first_sentences([*off_balance, *results.warnings(), *few], _CAUTIONS),
+        cautions=first_sentences(
+            [*off_balance, *results.warnings(), *few, *(() if found is None else found.cautions)], _CAUTIONS
+        ),
         advice=_advice(comparison),
     )
 
@@ -77,25 +81,39 @@ def _subject(results: StudyResults) -> str:
     if facts is None:
         return f"Under {names}"
     periods = [significant(each, 3) for each in facts.periods[:_MODES] if np.isfinite(each)]
-    ratios = {format_fixed(100.0 * each, 1) for each in facts.damping_ratios[:_MODES] if np.isfinite(each)}
+    ratios = [100.0 * each for each in facts.damping_ratios[:_MODES] if np.isfinite(each)]
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = (
-        f", damping {' to '.join(sorted(ratios, key=float)[:: max(len(ratios) - 1, 1)])} %" if ratios else ""
-    )
+    damping = f", damping {_least_to_most(ratios, partial(format_fixed, decimals=1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
-    drifts = sorted({significant(1e3 * each, 3) for each in facts.yield_drifts if each}, key=float)
-    yields = f", yields at {' to '.join(drifts[:: max(len(drifts) - 1, 1)])} mm of drift" if drifts else ""
+    drifts = [1e3 * each for each in facts.yield_drifts if each]
+    yields = (
+        f", yields at {_least_to_most(drifts, partial(significant, digits=3))} mm of drift" if drifts else ""
+    )
     weights = ", P-delta" if facts.loads else ""
     return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
+
+
+def _least_to_most(values: Sequence[float], shown: Callable[[float], str]) -> str:
+    """The least and the most of numbers; once where both look alike."""
+    return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
 def little_said(count: int, noun: str) -> tuple[str, ...]:
     """A caution on so few motions that a law is judged on."""
     few = f"{counted(count, noun)} {'says' if count == 1 else 'say'} little about the next."
     return (few,) if 0 < count < _ENOUGH else ()
+
+
+def _medians(comparison: StudyComparison, found: Fragilities) -> str:
+    """The median intensities of the leading arrangement and of what it is compared with."""
+    rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
+    labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
+    shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
+    medians = ", ".join(f"{found[label].brief} with {label}" for label in shown)
+    return f"Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:

@@ -21,7 +21,7 @@ from mrwork.report.study.figures import (
     motion_section,
     spread_section,
 )
-from mrwork.report.study.fragility_section import fragility_section
+from mrwork.report.study.fragility_section import fragilities_of_page, fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.report.study.storey_section import storey_section
 from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
@@ -153,7 +153,8 @@ def study_page(
     `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
     """
     comparison = compared(results)
-    lead = study_lead(comparison)
+    found = fragilities_of_page(results)
+    lead = study_lead(comparison, found)
     if summary:
         return page_html(lead)
     shown = shown_rows(comparison, results.with_histories)
@@ -165,7 +166,7 @@ def study_page(
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
-        fragility_section(results),
+        fragility_section(results, found),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),
         storey_section(results, [*first, *bare], drawn_rows(comparison), of_row),

@@ -118,7 +118,7 @@ def tuning_page(results: TuningResults, *, command: str = "", summary: bool = Fa
         *(_front_section(number, front) for number, front in enumerate(results.fronts)),
         _demand_section(results),
         _motion_section(results),
-        _search_section(results),
+        _search_section(results) if results.laws else None,
         provenance_section(results.facts, command),
     ]
     return page_html(lead, sections)
@@ -137,17 +137,20 @@ def _lead(results: TuningResults) -> Lead:
     said = (
         "Score of each law on training and test motions, with the middle half and the range over the motions"
     )
+    tuned = "Control laws tuned" if results.laws else "Places of dampers compared"
+    laws = counted(len(results.laws), "law") if results.laws else counted(len(results.places), "placement")
+    at = f"; dampers: {results.places[0].in_words}" if results.places else ""
     return Lead(
-        eyebrow="Control laws tuned on training motions",
+        eyebrow=f"{tuned} on training motions",
         title=results.title,
-        subject=f"{counted(len(results.laws), 'law')} on {motions_in_words(results)}",
+        subject=f"{laws} on {motions_in_words(results)}{at}",
         verdict=_verdict(results),
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
         panels=(panel("front-scores", "Scores with their spread over motions", score_figure(shown), said),)
         if shown
         else (),
         wide=True,
-        table=_law_table(results, shown) if shown else None,
+        table=_law_table(results, shown) if results.laws else places_table(results),
         cautions=first_sentences(cautions, _CAUTIONS),
         advice=(
             "`mrwork respond chosen.toml`, in this folder: the study with these settings, on every motion.",
@@ -163,7 +166,7 @@ def _verdict(results: TuningResults) -> str:
     laws = [each for each in results.ranked if each in results.laws]
     constant = next((each for each in results.references if each.better is None), None)
     if not laws:
-        return "No law was tuned."
+        return _place_verdict(results) if results.places else "No law was tuned."
     if constant is None:
         return f"{laws[0].label} has the lowest score, {laws[0].judged.score:.3f}."
     changes = [_changes(each, constant) for each in laws]
@@ -175,6 +178,20 @@ def _verdict(results: TuningResults) -> str:
     over = f"{constant.label} {'on average over' if several else 'under'} {on}"
     under = f", both lower under {both.in_words}" if several and both is not None else ""
     return f"{beaten_in_words(laws[best].label, over, changes[best])}{under}."
+
+
+def _place_verdict(results: TuningResults) -> str:
+    """The best placement with its command and scores, beside that of the study."""
+    best, given = results.places[0], next((each for each in results.places if each.given), None)
+    scores = f"score {_fixed(best.train)} on the training motions"
+    scores += "" if best.test is None else f", {_fixed(best.test)} on the test motions"
+    said = f"The best place of the dampers: {best.in_words}, at {best.command:.3g} {results.command_unit}; {scores}."
+    if best.given or given is None:
+        return f"{said} The study has them there." if best.given else said
+    same = given.test is not None and best.test is not None
+    own = given.test if given.test is not None and same else given.train
+    on = "test" if same else "training"
+    return f"{said} As the study has them, {given.in_words}: {_fixed(own)} on the {on} motions."
 
 
 def _changes(law: LawResult, constant: LawResult) -> dict[str, Floats]:
