@@ -83,7 +83,8 @@ import json
 loaded = {{}}
 for name, (code, unwanted) in json.loads(sys.argv[1]).items():
     exec(code)
-    loaded[name] = sorted(set(unwanted) & set(sys.modules))
+    # A stub that loads the package when it is first used has a type of its own.
+    loaded[name] = [each for each in unwanted if type(sys.modules.get(each)) is type(sys)]
 print(json.dumps(loaded))
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import tomllib
 
 import pytest
@@ -34,6 +35,8 @@ def test_the_table_names_the_crates_of_the_lock_file():
 
 
 def test_what_everybody_installs_is_marked_as_required():
+    if importlib.metadata.version("arviz-base") != licences.pinned()["arviz-base"]:
+        pytest.skip("the table is of the versions of constraints.txt, and these are others")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     listed = {one.name for one in committed("Python packages") if one.needed_by == REQUIRED}
     assert {

@@ -379,7 +379,7 @@ def test_a_state_space_that_is_no_building_is_refused_with_what_is_missing(
 ) -> None:
     blind = B[:, 2].copy()
     # A force that moves only the first mode.
-    blind[5:] = np.linalg.eig(-A[5:, :5])[1][:, 0]
+    blind[5:] = np.linalg.eig(-A[5:, :5])[1][:, 0].real
     scaled = np.diag([1.0] * 5 + [1e3] * 5)
     spaces = {
         "M": {"M": FRAME.mass, "B": E},

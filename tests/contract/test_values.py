@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import mrwork
 import mrwork as mr
+from mrwork.base.hints import resolved
 from mrwork.base.values import array_dataclass
 
 
@@ -39,6 +40,7 @@ def is_of_arrays(hint: Any) -> bool:
     """Whether a value of an annotation is an array or contains some; a function of arrays is none."""
     if get_origin(hint) is Callable or str(get_origin(hint)) == "<class 'collections.abc.Callable'>":
         return False
+    hint = resolved(hint)
     return get_origin(hint) is np.ndarray or hint is np.ndarray or any(map(is_of_arrays, get_args(hint)))
 
 

@@ -23,7 +23,7 @@ from sentences import Refused
 from study_texts import study_text
 
 import mrwork as mr
-from mrwork.errors import MrworkError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import (
     CALIBRATION,
@@ -198,7 +198,8 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path, refused:
     document = json.loads((copied / FIT).read_text())
     document["estimates"][0]["value"] *= 1.01
     (copied / FIT).write_text(json.dumps(document))
-    refused(mr.load, copied)
+    with pytest.raises(RecordError, match=r"manifest\.json is of another run than fit\.json beside it"):
+        mr.load(copied)
     (copied / MANIFEST).write_text("{}")
     for name in (DRAWS, PROFILES, CALIBRATION, PLAN, NEAR_SETS, HELD_OUT):
         refused(mr.load, copied)

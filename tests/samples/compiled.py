@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from types import ModuleType
+from typing import Any
 
 _counted = False
 _compiled = 0
@@ -16,7 +18,9 @@ def _count(event: str, seconds: float, **_: object) -> None:
 def release_compiled() -> None:
     """Give back the memory of all functions that JAX has compiled since the last call: a search through all memory."""
     global _counted, _compiled
-    if (jax := sys.modules.get("jax")) is None:
+    jax: Any = sys.modules.get("jax")
+    # A library may have put a stub there that loads it when it is first used.
+    if type(jax) is not ModuleType:
         return
     if not _counted:
         jax.monitoring.register_event_duration_secs_listener(_count)

@@ -56,6 +56,7 @@ ELSEWHERE = {
     "files/rows.py": "bytes in memory",
     "drawing/style.py": "a file of the package",
     "report/html.py": "files of the package",
+    "twins/kernel.py": "a header of jaxlib",
     "workers/engine.py": "the name of the processor",
     "store/child_reader.py": "what its child process prints",
     "store/child_program.py": "bytes in memory, and how much memory the process has",
