@@ -62,7 +62,10 @@ def test_several_tests_with_one_finding_are_said_once(verb: Verb) -> None:
 
 def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> None:
     assert {code for code, verbs in CONCERNS.items() if "check" not in verbs} == set()
-    assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {"velocity_factor"}
+    assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {
+        "velocity_factor",
+        "time_factor",
+    }
 
 
 def test_the_table_has_every_code_of_the_checks() -> None:
@@ -82,7 +85,7 @@ def test_the_table_has_every_code_of_the_checks() -> None:
 
 
 # Codes that have a name in their modules, or one for each channel or way to be late.
-NAMED = {"FORCE_OFFSET": "force_offset", "OFF_BY_FACTOR": "velocity_factor"}
+NAMED = {"FORCE_OFFSET": "force_offset", "OFF_BY_FACTOR": "velocity_factor", "OFF_BY_CLOCK": "time_factor"}
 OF_CHANNELS = {"displacement_still", "force_still", "velocity_difference", "velocity_held"}
 
 

@@ -131,13 +131,14 @@ def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> 
     assert read_damper_test(write_text(tmp_path / "rig.csv", columns)).n_time == columns["t_s"].size
 
 
-def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
+def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path) -> None:
     for word in ("\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"):
         path = write_text(tmp_path / "rig.csv", clean_columns())
         lines = path.read_text().splitlines()
         lines.append(",".join([word] * (lines[-1].count(",") + 1)))
         path.write_text("\n".join(lines), encoding="utf-8")
-        refused(read_damper_test, path)
+        with pytest.raises(RecordError, match=f"line 402 '{word},"):
+            read_damper_test(path)
 
 
 def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path, refused: Refused) -> None:
@@ -184,7 +185,7 @@ def test_headers_that_are_repeated_often_take_no_time(tmp_path: Path) -> None:
 
 def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
-    path.write_bytes(b"t_s,acceleration_g\n" + b"\r" * 60_000 + b"0.0,1.0\r\r\n0.1,2.0\n" + b"\r" * 60_000)
+    path.write_bytes(b"t_s,acceleration_g\n" + b"\r" * 60_000 + b"0.0,1.0\r\r\n0.01,2.0\n" + b"\r" * 60_000)
     began = time.process_time()
     assert read_motion(path).acceleration.size == 2
     assert time.process_time() - began < 2.0

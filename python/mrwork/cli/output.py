@@ -152,14 +152,15 @@ def draw_last(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> 
 
 @contextmanager
 def undrawn_warned(what: str, remedy: str) -> Iterator[list[Exception]]:
-    """Whatever fails in the block, which draws, is a warning, and in the list."""
+    """Whatever fails in the block, which draws, is a warning, or an error of the page's own file, and in the list."""
     failed: list[Exception] = []
     try:
         yield failed
     except Exception as error:  # of whatever kind, it costs no results
         failed.append(error)
         reason = reason_of(error) if isinstance(error, MrworkError) else f"{type(error).__name__}: {error}"
-        note(f"warning: {what} was not drawn ({reason}); {remedy}")
+        kind = "" if isinstance(error, OutputError) else "warning: "
+        note(f"{kind}{what} was not drawn ({reason}); {remedy}")
 
 
 def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:

@@ -154,5 +154,6 @@ impl<'a> Batch<'a> {
 pub fn n_samples(motion: &GroundMotion, hardware: &Hardware) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a duration is positive
     let samples = (motion.duration() / hardware.sample_time * (1.0 + 1e-12)).floor() as usize;
-    samples.max(1)
+    // One more, for the end of the motion, is still a number.
+    samples.clamp(1, usize::MAX - 1)
 }

@@ -307,6 +307,7 @@ _ROUNDING = 1e-13
 _LEAST_DECAY = 3e-8
 
 
+@np.errstate(all="ignore")
 def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Floats, float] | None:
     """Gain, P and residual of an equation that the compiled solver has refused; `None` if it has no solution.
 
@@ -319,7 +320,10 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
     T = given.get("scaling")
     if T is None:
         T = np.diag(scipy.linalg.matrix_balance(given["state"], permute=False, separate=True)[1][0])
-    upper = np.linalg.cholesky(symmetric(given["control_weight"])).T
+    try:
+        upper = np.linalg.cholesky(symmetric(given["control_weight"])).T
+    except np.linalg.LinAlgError:
+        return None
     Q, one = T.T @ symmetric(given["state_weight"]) @ T, np.eye(m)
     A = np.linalg.solve(T, given["state"] @ T)
     B = np.linalg.solve(T, given["control"]) @ np.linalg.inv(upper)
