@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
 from warnings import warn
@@ -44,10 +44,8 @@ from mrwork.motions.networks import (
     Lines,
     Stated,
     lines_of,
-    make_motion,
     quote_text,
     read_numbers,
-    refuse_false_at2,
     refuse_needless,
 )
 from mrwork.motions.uniform import motion_of_columns
@@ -74,27 +72,20 @@ _SMOOTHER: Final = 0.5
 _STEPS_DIFFER: Final = 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column and the factor from its unit to SI."""
+def _time_column(names: Sequence[str], *, source: str) -> str | None:
+    """Find the column of time, `None` if there is none."""
+    found = [name for name in names if unit_in_name("time", name) is not None]
+    if len(found) > 1:
+        raise RecordError(f"{source}: columns '{found[0]}' and '{found[1]}' both look like time; rename one")
+    return found[0] if found else None
 
-    name: str
-    factor: float
 
-
-def _time_column(table: ColumnTable, *, source: str) -> Column | None:
-    """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
-    candidates = [(name, unit) for name in table.names if (unit := unit_in_name("time", name)) is not None]
-    if len(candidates) > 1:
-        raise RecordError(
-            f"{source}: columns '{candidates[0][0]}' and '{candidates[1][0]}' both look like time; rename one"
-        )
-    if not candidates:
-        return None
-    name, unit = candidates[0]
-    unit = unit or table.units.get(name, "")
-    unit = "s" if unit.casefold() in _SECONDS else unit
-    return Column(name=name, factor=factor_to_si(unit, "time", context=f"{source}: column '{name}'"))
+def _time_factor(table: ColumnTable, name: str, *, source: str) -> float:
+    """Factor to seconds of a column of time; one without a unit is in seconds."""
+    unit = unit_in_name("time", name) or table.units.get(name, "")
+    if unit.casefold() in _SECONDS:
+        return 1.0
+    return factor_to_si(unit, "time", context=f"{source}: column '{name}'")
 
 
 def _is_acceleration(name: str) -> bool:
@@ -156,53 +147,61 @@ def _motion_of_table(
     """The acceleration of a table: its column, unit and step as the file, its header or the options state them."""
     source, names, facts = str(path), table.names, facts_of(header)
     is_nameless = names == numbered_names(len(names))
-    time = _time_column(table, source=source)
+    time = _time_column(names, source=source)
     first = _first_column(table) if time is None else None
     # A column of sample numbers is no time.
     if first is not None and not (np.diff(first) == 1.0).all():
         is_pair = is_nameless and len(names) == 2 and stated.dt is None
-        time = Column(name=names[0], factor=1.0) if is_pair or runs_as_time(first) else None
-    free = [name for name in names if time is None or name != time.name]
+        time = names[0] if is_pair or runs_as_time(first) else None
+    free = [name for name in names if name != time]
     if stated.column is not None:
         candidates = [_chosen(names, stated.column, source)]
     else:
         candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
     name = candidates[0] if len(candidates) == 1 else ""
-    if time is not None and name == time.name:
+    if name and name == time:
         raise SettingError(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
     likely = name or next(iter(free), "")
     own = _unit_in(likely) or table.units.get(likely, "")
-    known = Stated(unit=own or facts.unit, dt=facts.dt)
-    unit, dt = stated.unit or known.unit, stated.dt or facts.dt
+    known = own or facts.unit
+    unit, dt = stated.unit or known, stated.dt or facts.dt
     if not name or unit is None or (time is None and dt is None):
         asked = f" ({_listed(names)})" if len(names) > 1 else ""
         number = 1 + names.index(free[0]) if free else 1
         _ask(source, "" if name else asked, number, unit is None, time is None and dt is None)
     if stated.dt is not None and time is not None:
-        raise SettingError(f"{source}: column '{time.name}' holds the times; leave out `dt`")
-    factor = _agreed(stated, known, source, f"column '{name}'" if own else "the header")
-    columns = table.read([name] if time is None else [time.name, name])
-    samples = factor * columns[name]
-    times: Floats
+        raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
+    factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
+    if known is not None and factor != factor_of(known, "acceleration"):
+        place = f"column '{name}'" if own else "the header"
+        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {place} states {known}; leave it out")
+    if stated.dt is not None and facts.dt is not None and not np.isclose(stated.dt, facts.dt, rtol=1e-3):
+        raise SettingError(
+            f"{source}: `dt` is {stated.dt:g} s where the header states {facts.dt:g} s; leave it out"
+        )
+    columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        times = time.factor * columns[time.name]
+        times = _time_factor(table, time, source=source) * columns[time]
+    elif dt is not None and SMALLEST <= dt < np.inf:
+        times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
-        times = _step(dt or 0.0, path) * np.arange(samples.size, dtype=np.float64)
+        raise SettingError(f"{source}: `dt` is {dt} s; give a positive step")
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     if time is not None and facts.dt is not None and abs(step / facts.dt - 1.0) > _STEPS_DIFFER:
         raise RecordError(
-            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time.name}' has "
-            f"{step:.6g} s; correct the one that is wrong"
+            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time}' has {step:.6g} s; correct "
+            "the one that is wrong"
         )
-    return motion_of_columns(
+    motion = motion_of_columns(
         times,
-        samples,
+        factor * columns[name],
         name=path.stem,
         source=path.name if stated.column is None else f"'{name}' of {path.name}",
         where=lambda row: f"{path}: {table.locate(row)}",
     )
+    return motion if time is not None or dt is None else replace(motion, dt=dt)
 
 
 def _chosen(names: Sequence[str], column: str, source: str) -> str:
@@ -222,20 +221,6 @@ def _chosen(names: Sequence[str], column: str, source: str) -> str:
 def _listed(names: Sequence[str]) -> str:
     numbered = names == numbered_names(len(names))
     return ", ".join(name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1))
-
-
-def _agreed(stated: Stated, known: Stated, source: str, place: str) -> float:
-    """The factor of the unit; refused where an option contradicts what the file states at a place."""
-    factor = factor_to_si(stated.unit or known.unit or "", "acceleration", context=f"{source}: `unit`")
-    if known.unit is not None and factor != factor_of(known.unit, "acceleration"):
-        raise SettingError(
-            f"{source}: `unit` is '{stated.unit}' where {place} states {known.unit}; leave it out"
-        )
-    if stated.dt is not None and known.dt is not None and not np.isclose(stated.dt, known.dt, rtol=1e-3):
-        raise SettingError(
-            f"{source}: `dt` is {stated.dt:g} s where the header states {known.dt:g} s; leave it out"
-        )
-    return factor
 
 
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
@@ -286,15 +271,13 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
         return _motion_of_table(
             DelimitedTable(source=str(lines.path), sha256="", lines=texts), stated, lines.path
         )
-    row = numeric[0]
-    names, units = _names_above(texts[: filled[row]], _delimiter(texts[filled[row]]), widths[row])
-    if not names:
-        # A row of a header is followed by others than its own.
-        row = next((row for row in numeric if widths[row] in widths[row + 1 : row + 2]), row)
-    first, delimiter = filled[row], _delimiter(texts[filled[row]])
-    width, header = widths[row], texts[:first]
-    if not names:
-        names, units = _names_above(header, delimiter, width)
+    # A row of a header is followed by others than its own, unless names are above it.
+    settled = next((row for row in numeric if widths[row] in widths[row + 1 : row + 2]), numeric[0])
+    for row in (numeric[0], settled):
+        first, width, delimiter = filled[row], widths[row], _delimiter(texts[filled[row]])
+        names, units = _names_above(texts[:first], delimiter, width)
+        if names:
+            break
     table = DelimitedTable(
         source=str(lines.path),
         sha256="",
@@ -309,8 +292,12 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
     if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):
         column = _first_column(table)
         if column is None or not runs_as_time(column):
-            return _series(lines, first, width, delimiter, stated, facts_of(header))
-    return _motion_of_table(table, stated, lines.path, header)
+            if stated.column is not None:
+                raise SettingError(f"{lines.path}: has one column and takes no `column`; leave it out")
+            return _motion_of_table(
+                _series(lines, first, width, delimiter), stated, lines.path, texts[:first]
+            )
+    return _motion_of_table(table, stated, lines.path, texts[:first])
 
 
 def _width(text: str) -> int:
@@ -360,16 +347,8 @@ def _has_comma(word: str) -> bool:
     return DECIMAL_COMMA.fullmatch(word.strip()) is not None
 
 
-def _series(
-    lines: Lines, first: int, width: int, delimiter: str, stated: Stated, facts: Stated
-) -> GroundMotion:
-    """All numbers in order as accelerations."""
-    unit, dt = stated.unit or facts.unit, stated.dt or facts.dt
-    if stated.column is not None:
-        raise SettingError(f"{lines.path}: has one column of numbers and takes no `column`; leave it out")
-    if unit is None or dt is None:
-        _ask(str(lines.path), "", 1, unit is None, dt is None)
-    factor = _agreed(stated, facts, str(lines.path), "the header")
+def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable:
+    """All numbers in order as one column."""
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
             f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
@@ -387,13 +366,7 @@ def _series(
                 f"{lines.where(first)} begins {width} columns of which each runs on from row to row, so that the rows "
                 f'are no single series; choose one of them, as column="1"'
             )
-    return make_motion(lines.path, dt=_step(dt, lines.path), acceleration=factor * numbers, source="numbers")
-
-
-def _step(dt: float, path: Path) -> float:
-    if not (np.isfinite(dt) and dt >= SMALLEST):
-        raise SettingError(f"{path}: `dt` is {dt} s; give a positive step")
-    return dt
+    return VectorTable(source=str(lines.path), sha256="", vectors=dict.fromkeys(numbered_names(1), numbers))
 
 
 TABLE = Format(
@@ -404,7 +377,12 @@ TABLE = Format(
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     """Read a .mat file of version 4 to 7: vectors by their names, or a matrix of times [s] and accelerations."""
     matrices = read_matlab_matrices(path, RECORD)
-    pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
+    # Rows of times and accelerations.
+    pairs = {
+        name: matrix if matrix.shape[0] == 2 else matrix.T
+        for name, matrix in matrices.items()
+        if matrix.ndim == 2 and 2 in matrix.shape and matrix.size >= 6
+    }
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
@@ -419,13 +397,6 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     time, acceleration = pairs[name]
     table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
     return _motion_of_table(table, replace(stated, column=name), path)
-
-
-def _pair(matrix: Floats) -> list[Floats]:
-    """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
-    if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
-        return []
-    return [matrix if matrix.shape[0] == 2 else matrix.T]
 
 
 # Each format recognises its content; a table is the fallback and comes last.
@@ -497,7 +468,7 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
     with np.errstate(over="ignore", invalid="ignore"):
         motion = _read(path, stated)
     refuse_absurd(motion.acceleration, source=str(path))
-    return motion
+    return motion if stated.channel is None else replace(motion, name=f"{path.stem}_{stated.channel}")
 
 
 @checked
@@ -548,6 +519,7 @@ def _read(path: Path, stated: Stated) -> GroundMotion:
     lines = lines_of(data, path)
     form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
     if form is TABLE and path.suffix.lower() == ".at2":
-        refuse_false_at2(lines)
+        # Its reader tells what the header lacks.
+        form = PEER_AT2
     refuse_needless(stated, form.needs, source=source, kind=form.name)
     return form.read(lines, stated)

@@ -133,9 +133,10 @@ def motions_of_study(
     bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
-    copies = _copies(read)
+    copies = copies_among([each.ground for each in read])
+    names = {copy: read[first].ground.name for copy, first in copies.items()}
     scaled = [
-        each.table.place.attempt(_scaled_motions, each, sample_time, aims, copies.get(number, ""))
+        each.table.place.attempt(_scaled_motions, each, sample_time, aims, names.get(number, ""))
         for number, each in enumerate(read)
     ]
     motions = tuple(motion for of_one in scaled for motion in of_one())
@@ -147,16 +148,6 @@ def motions_of_study(
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
     return motions
-
-
-def _copies(bare: Sequence[_Bare]) -> dict[int, str]:
-    """The name of the first record of the same use that a record is a copy of, by its index."""
-    copies: dict[int, str] = {}
-    for use in {each.table.use for each in bare}:
-        own = [number for number, each in enumerate(bare) if each.table.use == use]
-        for copy, first in copies_among([bare[number].ground for number in own]).items():
-            copies[own[copy]] = bare[own[first]].ground.name
-    return copies
 
 
 def _scaled_motions(
