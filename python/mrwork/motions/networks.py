@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -128,28 +128,14 @@ def refuse_needless(stated: Stated, needs: frozenset[str], *, source: str, kind:
             raise SettingError(f"{source}: {kind} takes no `{field.name}`; leave it out")
 
 
-def make_motion(
-    path: Path,
-    *,
-    dt: float,
-    acceleration: Floats,
-    source: str,
-    name: str | None = None,
-    changes: tuple[str, ...] = (),
-) -> GroundMotion:
-    """Build the motion of a file, by default with the name of the file, which is also added to `source`."""
+def make_motion(path: Path, *, dt: float, acceleration: Floats, source: str) -> GroundMotion:
+    """Build the motion of a file with its name, which is also added to `source`."""
     if acceleration.size < 2 or not 0.0 < dt < np.inf:
         raise RecordError(
             f"{path}: {acceleration.size} samples every {dt:g} s are no record; give two or more at a positive step"
         )
     refuse_absurd(acceleration, source=str(path))
-    return GroundMotion(
-        name=path.stem if name is None else name,
-        dt=dt,
-        acceleration=acceleration,
-        source=f"{source} ({path.name})",
-        changes=changes,
-    )
+    return GroundMotion(name=path.stem, dt=dt, acceleration=acceleration, source=f"{source} ({path.name})")
 
 
 def chosen_channel(path: Path, titles: Sequence[str], stated: Stated) -> int:
@@ -330,15 +316,11 @@ def _read_knet(lines: Lines, _: Stated) -> GroundMotion:
     acceleration = FACTORS["acceleration"]["gal"] * float(scale[1]) / float(scale[2]) * counts
     mean = float(np.mean(acceleration)) if acceleration.size else 0.0
     station, origin, direction = (_text_of(lines, label) for label in ("Station Code", "Origin Time", "Dir."))
-    return make_motion(
-        lines.path,
-        # The extension states the direction of the record.
-        name=lines.path.name.replace(".", "_"),
-        dt=1.0 / rate,
-        acceleration=acceleration - mean,
-        source=f"K-NET or KiK-net, {origin}, station {station}, {direction}",
-        changes=(f"mean of {mean:.4g} m/s2 taken out, the offset of the recorder",),
-    )
+    source = f"K-NET or KiK-net, {origin}, station {station}, {direction}"
+    motion = make_motion(lines.path, dt=1.0 / rate, acceleration=acceleration - mean, source=source)
+    change = f"mean of {mean:.4g} m/s2 taken out, the offset of the recorder"
+    # The extension states the direction of the record.
+    return replace(motion, name=lines.path.name.replace(".", "_"), changes=(change,))
 
 
 K_NET = Format(

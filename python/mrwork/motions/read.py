@@ -168,9 +168,8 @@ def _motion_of_table(
     known = own or facts.unit
     unit, dt = stated.unit or known, stated.dt or facts.dt
     if not name or unit is None or (time is None and dt is None):
-        asked = f" ({_listed(names)})" if len(names) > 1 else ""
         number = 1 + names.index(free[0]) if free else 1
-        _ask(source, "" if name else asked, number, unit is None, time is None and dt is None)
+        _ask(source, "" if name else _listed(names), number, unit is None, time is None and dt is None)
     if stated.dt is not None and time is not None:
         raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
     factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
@@ -208,8 +207,9 @@ def _chosen(names: Sequence[str], column: str, source: str) -> str:
     """The column that an option names, or of which it gives the number from 1."""
     given = column.strip().casefold()
     named = [name for name in names if name.strip().casefold() == given]
-    if not named and given.isdecimal() and len(given) < 6 and 1 <= int(given) <= len(names):
-        named = [names[int(given) - 1]]
+    if not named:
+        numbered = zip(numbered_names(len(names)), names, strict=True)
+        named = [name for number, name in numbered if number == given]
     if len(named) != 1:
         how_many = f"{len(named)} columns are" if named else "no column is"
         raise RecordError(
@@ -226,7 +226,7 @@ def _listed(names: Sequence[str]) -> str:
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
     """Ask at once for all that is not known: the column of several, the unit, the step."""
     asked = {
-        f"which column is the acceleration{columns}": f'column="{number}"' if columns else "",
+        f"which column is the acceleration ({columns})": f'column="{number}"' if columns else "",
         f"the unit of the acceleration (one of {known_units('acceleration')})": 'unit="g"' if unit else "",
         "the step, for no column is time": "dt=0.01" if step else "",
     }
@@ -354,10 +354,8 @@ def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable
             f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
             "write decimal points, or one number a line"
         )
-    if delimiter != ",":
-        lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
-    lines = replace(lines, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
-    numbers = read_numbers(lines, first)
+    marks = str.maketrans({",": " " if delimiter == "," else ".", ";": " "})
+    numbers = read_numbers(replace(lines, texts=tuple(text.translate(marks) for text in lines.texts)), first)
     rows = numbers[: numbers.size // width * width].reshape(-1, width)
     if width > 1 and len(rows) >= _FEWEST_ROWS:
         along, down = (float(np.abs(np.diff(each, axis=0)).mean()) for each in (rows.ravel(), rows))
@@ -387,16 +385,16 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
     wide = [matrix for matrix in matrices.values() if matrix.ndim == 2 and min(matrix.shape) > 2]
-    if not pairs and len(wide) == 1:
+    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
+    if name in pairs:
+        vectors = dict(zip(("t_s", name), pairs[name], strict=True))
+        stated = replace(stated, column=name)
+    elif not pairs and len(wide) == 1:
         columns = wide[0] if wide[0].shape[0] < wide[0].shape[1] else wide[0].T
         vectors = dict(zip(numbered_names(len(columns)), columns, strict=True))
-        return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
-    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
-    if name not in pairs:
+    else:
         return _motion_of_table(open_matlab(path), stated, path)
-    time, acceleration = pairs[name]
-    table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
-    return _motion_of_table(table, replace(stated, column=name), path)
+    return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
 
 
 # Each format recognises its content; a table is the fallback and comes last.
@@ -466,7 +464,16 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
     """The motion of a file, without a word on its `warnings`."""
     # Overflowing values become infinite, and the readers refuse them.
     with np.errstate(over="ignore", invalid="ignore"):
-        motion = _read(path, stated)
+        if path.suffix.lower() == ".mat" or start_of(path, RECORD, len(_MATLAB_5)) == _MATLAB_5:
+            refuse_needless(stated, TABLE.needs, source=str(path), kind="a .mat file")
+            motion = read_matrix_motion(path, stated)
+        else:
+            lines = lines_of(read_text_bytes(path), path)
+            form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
+            # The reader of AT2 tells what its header lacks.
+            form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" else form
+            refuse_needless(stated, form.needs, source=str(path), kind=form.name)
+            motion = form.read(lines, stated)
     refuse_absurd(motion.acceleration, source=str(path))
     return motion if stated.channel is None else replace(motion, name=f"{path.stem}_{stated.channel}")
 
@@ -507,19 +514,3 @@ def _is_document(path: Path) -> bool:
         or path.suffix.lower() in _DOCUMENTS
         or path.stem.casefold() in ("readme", "license", "licence")
     )
-
-
-def _read(path: Path, stated: Stated) -> GroundMotion:
-    source = str(path)
-    head = start_of(path, RECORD, len(_MATLAB_5))
-    if head == _MATLAB_5 or path.suffix.lower() == ".mat":
-        refuse_needless(stated, TABLE.needs, source=source, kind="a .mat file")
-        return read_matrix_motion(path, stated)
-    data = read_text_bytes(path)
-    lines = lines_of(data, path)
-    form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
-    if form is TABLE and path.suffix.lower() == ".at2":
-        # Its reader tells what the header lacks.
-        form = PEER_AT2
-    refuse_needless(stated, form.needs, source=source, kind=form.name)
-    return form.read(lines, stated)

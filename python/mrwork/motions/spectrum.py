@@ -233,7 +233,6 @@ _TABLE_STEPS = 32
 _ROUNDED = 1.0 + 1e-9
 # A factor that is told with three digits is not rounded up beyond the limit.
 _SAFE = 0.995
-_UNITS: dict[TableLimit, str] = {"stroke": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -326,14 +325,14 @@ class ShakeTable:
         taken = self._measure_demand(given)
         if taken.within:
             return given
-        limit, most = taken.limit, getattr(self, taken.limit)
+        limit, most, unit = taken.limit, getattr(self, taken.limit), TableDemand._units[taken.limit]
         if beyond == "refuse":
             raise SettingError(
-                f"ground motion {motion.name}: takes a {limit} of {getattr(taken, limit):.3g} {_UNITS[limit]}, and the "
+                f"ground motion {motion.name}: takes a {limit} of {getattr(taken, limit):.3g} {unit}, and the "
                 f"table has {most:.3g}; scale the motion by {_SAFE / taken.share:.3g} or less, or set `beyond` "
                 "to 'scale'"
             )
-        reason = f"scaled to the {limit} of the table, {most:.3g} {_UNITS[limit]}"
+        reason = f"scaled to the {limit} of the table, {most:.3g} {unit}"
         smaller = scaled(given, 1.0 / taken.share)
         return replace_samples(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
 

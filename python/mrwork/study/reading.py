@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -210,10 +211,9 @@ def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
     """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
     if _is_synthetic(table):
         return ()
-    scaled_to = (table.pga, table.sa, table.scale_to)
-    factor = max((abs(each) for each in _several(table.factor) if each), default=1.0)
-    at_most = replace(ground, acceleration=factor * ground.acceleration)
-    return examined(at_most, scaled=any(each is not None for each in scaled_to))
+    factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
+    is_scaled = any(each is not None for each in (table.pga, table.sa, table.scale_to))
+    return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -290,21 +290,18 @@ def _synthetic(table: MotionTable, seed: int) -> _Grounds:
 
 def _refuse_both_uses(bare: Sequence[_Bare]) -> None:
     """Refuse a training motion that is a test motion, or a copy of one under another name."""
-    training = [each for each in bare if each.table.use == "training"]
-    for test in bare if training else ():
-        if test.table.use == "training":
-            continue
-        for other in training:
-            names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
-            remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
-            channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
-            if test.file is not None and channels[0] == channels[1]:
-                test.table.place.refuse(f"{names} are of one file, {test.file.name}; {remedy}")
-            if is_copy(test.ground, other.ground):
-                test.table.place.refuse(
-                    f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
-                    f"{likeness(test.ground, other.ground):.3f}; {remedy}"
-                )
+    tests, training = ([each for each in bare if each.table.use == use] for use in ("test", "training"))
+    for test, other in product(tests, training):
+        names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
+        remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
+        channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
+        if test.file is not None and channels[0] == channels[1]:
+            test.table.place.refuse(f"{names} are of one file, {test.file.name}; {remedy}")
+        if is_copy(test.ground, other.ground):
+            test.table.place.refuse(
+                f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
+                f"{likeness(test.ground, other.ground):.3f}; {remedy}"
+            )
 
 
 def _refuse_still(bare: _Bare, sample_time: float) -> None:
