@@ -42,7 +42,7 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
 def questions_of(acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False) -> Iterator[str]:
     """What would be asked about a motion [m/s^2], [m/s], [s], shape (n_time,); of one that is scaled, not its size."""
     peak = float(np.abs(acceleration).max())
-    if not _SHORTEST_STEP <= dt < _LONGEST_STEP:
+    if not _SHORTEST_STEP <= dt <= _LONGEST_STEP:
         yield (
             f"its step is {dt:.3g} s, and accelerograms have 1 to 20 ms; check whether the times are seconds, "
             "milliseconds or sample numbers"

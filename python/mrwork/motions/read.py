@@ -89,26 +89,20 @@ def _time_factor(table: ColumnTable, name: str, *, source: str) -> float:
 
 
 def _is_acceleration(name: str) -> bool:
-    unit = _unit_in(name)
-    stem = (
-        name.strip() if unit is None else name.strip().removesuffix(")").removesuffix("]").removesuffix(unit)
-    )
-    return _ACCELERATION.fullmatch(stem.rstrip(" _-,:([")) is not None
+    return _ACCELERATION.fullmatch(_stem_and_unit(name)[0].rstrip(" _-,:")) is not None
 
 
-def _unit_in(name: str) -> str | None:
-    """Unit that ends a column's name, as in ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
+def _stem_and_unit(name: str) -> tuple[str, str | None]:
+    """A column's name without and with its unit, as of ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
     text = name.strip()
     if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
-        return None
-    bracketed = re.search(r"[(\[]([^)\]]*)[)\]]$", text)
-    if bracketed:
-        return bracketed[1].strip() if factor_of(bracketed[1], "acceleration") is not None else None
-    for separator in re.finditer(r"[\s_\-,:]+", text):
-        rest = text[separator.end() :]
-        if factor_of(rest, "acceleration") is not None:
-            return rest
-    return None
+        return text, None
+    if bracketed := re.fullmatch(r"(.*?)[(\[]([^)\]]*)[)\]]", text):
+        parts = [(bracketed[1], bracketed[2].strip())]
+    else:
+        parts = [(text[: mark.start()], text[mark.end() :]) for mark in re.finditer(r"[\s_\-,:]+", text)]
+    known = (part for part in parts if factor_of(part[1], "acceleration") is not None)
+    return next(known, (text, None))
 
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
@@ -164,7 +158,7 @@ def _motion_of_table(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
     likely = name or next(iter(free), "")
-    own = _unit_in(likely) or table.units.get(likely, "")
+    own = _stem_and_unit(likely)[1] or table.units.get(likely, "")
     known = own or facts.unit
     unit, dt = stated.unit or known, stated.dt or facts.dt
     if not name or unit is None or (time is None and dt is None):
@@ -256,7 +250,11 @@ def runs_as_time(column: Floats) -> bool:
 
 
 def _is_known(name: str) -> bool:
-    return unit_in_name("time", name) is not None or _is_acceleration(name) or _unit_in(name) is not None
+    return (
+        unit_in_name("time", name) is not None
+        or _is_acceleration(name)
+        or _stem_and_unit(name)[1] is not None
+    )
 
 
 def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
