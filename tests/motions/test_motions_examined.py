@@ -46,12 +46,12 @@ def with_a_spike() -> GroundMotion:
         (with_a_spike(), "leaps away from both neighbours"),
         (with_samples(np.clip(HONEST.acceleration, -0.6 * HONEST.peak, 0.6 * HONEST.peak)), "is clipped"),
         (with_samples(HONEST.acceleration + 0.03 * HONEST.peak), "is an offset"),
-        (with_samples(np.zeros(500)), "zero throughout"),
-        (with_samples(np.full(500, 0.5)), "constant at 0.5"),
+        (with_samples(np.zeros(500)), "is 0 m/s2 throughout"),
+        (with_samples(np.full(500, 0.5)), "is 0.5 m/s2 throughout"),
         (with_samples(HONEST.acceleration, dt=1.0), "step is 1 s"),
-        (with_samples(HONEST.acceleration, dt=1e-5), "seconds taken for milliseconds"),
-        (with_samples(HONEST.acceleration * 100.0 / HONEST.peak), "more than the strongest"),
-        (with_samples(HONEST.acceleration * 1e-3 / HONEST.peak), "less than most"),
+        (with_samples(HONEST.acceleration, dt=1e-5), "step is 1e-05 s"),
+        (with_samples(HONEST.acceleration * 100.0 / HONEST.peak), "peak is 100 m/s2"),
+        (with_samples(HONEST.acceleration * 1e-3 / HONEST.peak), "peak is 0.001 m/s2"),
     ],
 )
 def test_a_fault_is_told_wherever_a_motion_is_read(tmp_path: Path, motion: GroundMotion, words: str) -> None:

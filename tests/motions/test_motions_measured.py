@@ -66,7 +66,7 @@ def test_no_two_measured_records_are_copies_of_one() -> None:
 def test_a_longer_last_step_is_told_and_moves_no_sample(name: str) -> None:
     motion = read_motion(DATA / f"{name}.csv")
     table = np.loadtxt(DATA / f"{name}.csv", delimiter=",", skiprows=1)
-    assert "one step differs" in motion.changes[0]
+    assert "steps that differ: 1," in motion.changes[0]
     np.testing.assert_allclose(motion.acceleration[: len(table) - 1], table[:-1, 1], atol=1e-10)
 
 

@@ -128,7 +128,7 @@ def test_steps_of_other_lengths_are_read_off_straight_lines() -> None:
     motion = columns(time, 7.0 * time)
     assert motion.n_time == 200
     assert_allclose(motion.acceleration, 0.07 * np.arange(200), atol=1e-12)
-    assert "2 steps differ, by up to +0.02 s" in motion.changes[0]
+    assert "steps that differ: 2, by up to +0.02 s" in motion.changes[0]
 
 
 def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero(refused: Refused) -> None:

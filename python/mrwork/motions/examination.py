@@ -42,31 +42,27 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
 def questions_of(acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False) -> Iterator[str]:
     """What would be asked about a motion [m/s^2], [m/s], [s], shape (n_time,); of one that is scaled, not its size."""
     peak = float(np.abs(acceleration).max())
-    if not _SHORTEST_STEP <= dt < _LONGEST_STEP:
-        taken = (
-            "milliseconds or sample numbers taken for seconds"
-            if dt > 1.0e-3
-            else "seconds taken for milliseconds"
+    if not _SHORTEST_STEP <= dt <= _LONGEST_STEP:
+        yield (
+            f"its step is {dt:.3g} s, and accelerograms have 1 to 20 ms; check whether the times are seconds, "
+            "milliseconds or sample numbers"
         )
-        yield f"its step is {dt:.3g} s, and accelerograms have 1 to 20 ms; check the times: are {taken}?"
     if np.ptp(acceleration) <= 1e-9 * peak:
-        value = f"constant at {acceleration[0]:.4g} m/s2" if peak else "zero"
-        yield f"it is {value} throughout; check the column and the channel"
+        yield f"it is {acceleration[0]:.4g} m/s2 throughout; check the column and the channel"
         return
     if acceleration.size < _FEWEST:
         return
     if not scaled and not _WEAKEST <= peak <= _STRONGEST:
-        beside = (
-            "more than the strongest accelerograms" if peak > 1.0 else "less than most accelerographs record"
+        yield (
+            f"its peak is {peak:.3g} m/s2, and accelerograms have {_WEAKEST:g} to {_STRONGEST:g} m/s2; check the unit "
+            "of the acceleration"
         )
-        yield f"its peak is {peak:.3g} m/s2, {beside}; check the unit of the acceleration"
     if (wild := _wild_samples(acceleration)).size:
-        leaping = "a sample leaps" if wild.size == 1 else f"{wild.size} samples leap"
         first = wild[0]
         leap = np.abs(acceleration[first] - acceleration[[first - 1, first + 1]]).min()
         yield (
-            f"{leaping} away from both neighbours, the first at {dt * first:.6g} s by {leap:.3g} m/s2, more than any "
-            "other; correct what the recorder did not measure"
+            f"a sample leaps away from both neighbours at {dt * first:.6g} s by {leap:.3g} m/s2, more than any other "
+            f"(such samples: {wild.size}); correct what the recorder did not measure"
         )
     if (count := _at_top(acceleration)) > 0:
         yield (
@@ -100,9 +96,6 @@ def _at_top(acceleration: Floats) -> int:
 
 def _drift(velocity: Floats, dt: float) -> float:
     """Displacement that a constant offset makes [m]; 0 where the velocity is not that of one."""
-    time = dt * (np.arange(velocity.size) - 0.5 * (velocity.size - 1))
-    about = velocity - velocity.mean()
-    slope = float(time @ about) / float(time @ time)
-    drift = 0.5 * abs(slope) * (dt * velocity.size) ** 2
-    explained = slope**2 * float(time @ time) > _EXPLAINED * float(about @ about)
-    return drift if drift > _DRIFT and explained else 0.0
+    (spread, common), (_, total) = np.cov(dt * np.arange(velocity.size), velocity)
+    drift = 0.5 * abs(float(common / spread)) * (dt * velocity.size) ** 2
+    return drift if drift > _DRIFT and common**2 > _EXPLAINED * spread * total else 0.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numpy.polynomial import Legendre
 
-from mrwork.base.arguments import AnyNumbers, May, checked
+from mrwork.base.arguments import AnyNumbers, May, Positive, checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -182,13 +182,12 @@ def _autocorrelation(samples: Floats) -> Floats:
     return np.asarray(products[1:] / (products[0] or 1.0))
 
 
-def copies_in_words(names: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """A sentence for each record with the names of its copies."""
+def copies_in_words(names: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
+    """A sentence for each record with the names of its copies, each once."""
     return tuple(
         f"{list_names(copies)} {'is a copy' if len(copies) == 1 else 'are copies'} of the record {first}, up to a "
         "factor, a shift or padding, and count with it as one record; leave all but one out"
-        for first, copies in names.items()
-        if copies
+        for first, copies in ((first, tuple(dict.fromkeys(copies))) for first, copies in names.items())
     )
 
 
@@ -253,7 +252,7 @@ def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -
 
 
 @checked
-def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
+def time_scaled(motion: GroundMotion, factor: Positive) -> GroundMotion:
     """Multiply the time axis of a motion by `factor`: 0.2 makes it five times as fast.
 
     Accelerations do not change, as similitude requires for a model of length scale `factor` squared.
@@ -264,8 +263,6 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     >>> time_scaled(synthetic_motion(), 0.2).changes[-1]
     'time axis x 0.2'
     """
-    if not factor > 0.0:
-        raise SettingError(f"ground motion {motion.name}: time axis x {factor}; give a positive factor")
     return replace_samples(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
@@ -364,11 +361,7 @@ def _n_time(motion: GroundMotion, dt: float) -> int:
         raise SettingError(
             f"ground motion {motion.name}: resampled every {dt} s; give a positive step up to its {motion.duration:g} s"
         )
-    if motion.duration / dt > _MOST_SAMPLES:
-        raise SettingError(
-            f"ground motion {motion.name}: resampled every {dt:g} s it would have {motion.duration / dt:.3g} samples; "
-            f"give a step of {motion.duration / _MOST_SAMPLES:.3g} s or more"
-        )
+    check_samples(motion.duration, dt)
     return math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
 
 

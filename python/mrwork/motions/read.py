@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
 from warnings import warn
@@ -44,10 +44,8 @@ from mrwork.motions.networks import (
     Lines,
     Stated,
     lines_of,
-    make_motion,
     quote_text,
     read_numbers,
-    refuse_false_at2,
     refuse_needless,
 )
 from mrwork.motions.uniform import motion_of_columns
@@ -74,50 +72,37 @@ _SMOOTHER: Final = 0.5
 _STEPS_DIFFER: Final = 0.05
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column and the factor from its unit to SI."""
+def _time_column(names: Sequence[str], *, source: str) -> str | None:
+    """Find the column of time, `None` if there is none."""
+    found = [name for name in names if unit_in_name("time", name) is not None]
+    if len(found) > 1:
+        raise RecordError(f"{source}: columns '{found[0]}' and '{found[1]}' both look like time; rename one")
+    return found[0] if found else None
 
-    name: str
-    factor: float
 
-
-def _time_column(table: ColumnTable, *, source: str) -> Column | None:
-    """Find the column of time, `None` if there is none; a column without a unit is in seconds."""
-    candidates = [(name, unit) for name in table.names if (unit := unit_in_name("time", name)) is not None]
-    if len(candidates) > 1:
-        raise RecordError(
-            f"{source}: columns '{candidates[0][0]}' and '{candidates[1][0]}' both look like time; rename one"
-        )
-    if not candidates:
-        return None
-    name, unit = candidates[0]
-    unit = unit or table.units.get(name, "")
-    unit = "s" if unit.casefold() in _SECONDS else unit
-    return Column(name=name, factor=factor_to_si(unit, "time", context=f"{source}: column '{name}'"))
+def _time_factor(table: ColumnTable, name: str, *, source: str) -> float:
+    """Factor to seconds of a column of time; one without a unit is in seconds."""
+    unit = unit_in_name("time", name) or table.units.get(name, "")
+    if unit.casefold() in _SECONDS:
+        return 1.0
+    return factor_to_si(unit, "time", context=f"{source}: column '{name}'")
 
 
 def _is_acceleration(name: str) -> bool:
-    unit = _unit_in(name)
-    stem = (
-        name.strip() if unit is None else name.strip().removesuffix(")").removesuffix("]").removesuffix(unit)
-    )
-    return _ACCELERATION.fullmatch(stem.rstrip(" _-,:([")) is not None
+    return _ACCELERATION.fullmatch(_stem_and_unit(name)[0].rstrip(" _-,:")) is not None
 
 
-def _unit_in(name: str) -> str | None:
-    """Unit that ends a column's name, as in ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
+def _stem_and_unit(name: str) -> tuple[str, str | None]:
+    """A column's name without and with its unit, as of ``Acc (cm/s^2)`` or ``EW [g]``; ``a_g`` is often not in g."""
     text = name.strip()
     if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
-        return None
-    bracketed = re.search(r"[(\[]([^)\]]*)[)\]]$", text)
-    if bracketed:
-        return bracketed[1].strip() if factor_of(bracketed[1], "acceleration") is not None else None
-    for separator in re.finditer(r"[\s_\-,:]+", text):
-        rest = text[separator.end() :]
-        if factor_of(rest, "acceleration") is not None:
-            return rest
-    return None
+        return text, None
+    if bracketed := re.fullmatch(r"(.*?)[(\[]([^)\]]*)[)\]]", text):
+        parts = [(bracketed[1], bracketed[2].strip())]
+    else:
+        parts = [(text[: mark.start()], text[mark.end() :]) for mark in re.finditer(r"[\s_\-,:]+", text)]
+    known = (part for part in parts if factor_of(part[1], "acceleration") is not None)
+    return next(known, (text, None))
 
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
@@ -156,61 +141,69 @@ def _motion_of_table(
     """The acceleration of a table: its column, unit and step as the file, its header or the options state them."""
     source, names, facts = str(path), table.names, facts_of(header)
     is_nameless = names == numbered_names(len(names))
-    time = _time_column(table, source=source)
+    time = _time_column(names, source=source)
     first = _first_column(table) if time is None else None
     # A column of sample numbers is no time.
     if first is not None and not (np.diff(first) == 1.0).all():
         is_pair = is_nameless and len(names) == 2 and stated.dt is None
-        time = Column(name=names[0], factor=1.0) if is_pair or runs_as_time(first) else None
-    free = [name for name in names if time is None or name != time.name]
+        time = names[0] if is_pair or runs_as_time(first) else None
+    free = [name for name in names if name != time]
     if stated.column is not None:
         candidates = [_chosen(names, stated.column, source)]
     else:
         candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
     name = candidates[0] if len(candidates) == 1 else ""
-    if time is not None and name == time.name:
+    if name and name == time:
         raise SettingError(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
     likely = name or next(iter(free), "")
-    own = _unit_in(likely) or table.units.get(likely, "")
-    known = Stated(unit=own or facts.unit, dt=facts.dt)
-    unit, dt = stated.unit or known.unit, stated.dt or facts.dt
+    own = _stem_and_unit(likely)[1] or table.units.get(likely, "")
+    known = own or facts.unit
+    unit, dt = stated.unit or known, stated.dt or facts.dt
     if not name or unit is None or (time is None and dt is None):
-        asked = f" ({_listed(names)})" if len(names) > 1 else ""
         number = 1 + names.index(free[0]) if free else 1
-        _ask(source, "" if name else asked, number, unit is None, time is None and dt is None)
+        _ask(source, "" if name else _listed(names), number, unit is None, time is None and dt is None)
     if stated.dt is not None and time is not None:
-        raise SettingError(f"{source}: column '{time.name}' holds the times; leave out `dt`")
-    factor = _agreed(stated, known, source, f"column '{name}'" if own else "the header")
-    columns = table.read([name] if time is None else [time.name, name])
-    samples = factor * columns[name]
-    times: Floats
+        raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
+    factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
+    if known is not None and factor != factor_of(known, "acceleration"):
+        place = f"column '{name}'" if own else "the header"
+        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {place} states {known}; leave it out")
+    if stated.dt is not None and facts.dt is not None and not np.isclose(stated.dt, facts.dt, rtol=1e-3):
+        raise SettingError(
+            f"{source}: `dt` is {stated.dt:g} s where the header states {facts.dt:g} s; leave it out"
+        )
+    columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        times = time.factor * columns[time.name]
+        times = _time_factor(table, time, source=source) * columns[time]
+    elif dt is not None and SMALLEST <= dt < np.inf:
+        times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
-        times = _step(dt or 0.0, path) * np.arange(samples.size, dtype=np.float64)
+        raise SettingError(f"{source}: `dt` is {dt} s; give a positive step")
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     if time is not None and facts.dt is not None and abs(step / facts.dt - 1.0) > _STEPS_DIFFER:
         raise RecordError(
-            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time.name}' has "
-            f"{step:.6g} s; correct the one that is wrong"
+            f"{source}: the header states a step of {facts.dt:.6g} s, and column '{time}' has {step:.6g} s; correct "
+            "the one that is wrong"
         )
-    return motion_of_columns(
+    motion = motion_of_columns(
         times,
-        samples,
+        factor * columns[name],
         name=path.stem,
         source=path.name if stated.column is None else f"'{name}' of {path.name}",
         where=lambda row: f"{path}: {table.locate(row)}",
     )
+    return motion if time is not None or dt is None else replace(motion, dt=dt)
 
 
 def _chosen(names: Sequence[str], column: str, source: str) -> str:
     """The column that an option names, or of which it gives the number from 1."""
     given = column.strip().casefold()
     named = [name for name in names if name.strip().casefold() == given]
-    if not named and given.isdecimal() and len(given) < 6 and 1 <= int(given) <= len(names):
-        named = [names[int(given) - 1]]
+    if not named:
+        numbered = zip(numbered_names(len(names)), names, strict=True)
+        named = [name for number, name in numbered if number == given]
     if len(named) != 1:
         how_many = f"{len(named)} columns are" if named else "no column is"
         raise RecordError(
@@ -224,24 +217,10 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(name if numbered else f"{number} '{name}'" for number, name in enumerate(names, start=1))
 
 
-def _agreed(stated: Stated, known: Stated, source: str, place: str) -> float:
-    """The factor of the unit; refused where an option contradicts what the file states at a place."""
-    factor = factor_to_si(stated.unit or known.unit or "", "acceleration", context=f"{source}: `unit`")
-    if known.unit is not None and factor != factor_of(known.unit, "acceleration"):
-        raise SettingError(
-            f"{source}: `unit` is '{stated.unit}' where {place} states {known.unit}; leave it out"
-        )
-    if stated.dt is not None and known.dt is not None and not np.isclose(stated.dt, known.dt, rtol=1e-3):
-        raise SettingError(
-            f"{source}: `dt` is {stated.dt:g} s where the header states {known.dt:g} s; leave it out"
-        )
-    return factor
-
-
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
     """Ask at once for all that is not known: the column of several, the unit, the step."""
     asked = {
-        f"which column is the acceleration{columns}": f'column="{number}"' if columns else "",
+        f"which column is the acceleration ({columns})": f'column="{number}"' if columns else "",
         f"the unit of the acceleration (one of {known_units('acceleration')})": 'unit="g"' if unit else "",
         "the step, for no column is time": "dt=0.01" if step else "",
     }
@@ -271,7 +250,11 @@ def runs_as_time(column: Floats) -> bool:
 
 
 def _is_known(name: str) -> bool:
-    return unit_in_name("time", name) is not None or _is_acceleration(name) or _unit_in(name) is not None
+    return (
+        unit_in_name("time", name) is not None
+        or _is_acceleration(name)
+        or _stem_and_unit(name)[1] is not None
+    )
 
 
 def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
@@ -286,15 +269,13 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
         return _motion_of_table(
             DelimitedTable(source=str(lines.path), sha256="", lines=texts), stated, lines.path
         )
-    row = numeric[0]
-    names, units = _names_above(texts[: filled[row]], _delimiter(texts[filled[row]]), widths[row])
-    if not names:
-        # A row of a header is followed by others than its own.
-        row = next((row for row in numeric if widths[row] in widths[row + 1 : row + 2]), row)
-    first, delimiter = filled[row], _delimiter(texts[filled[row]])
-    width, header = widths[row], texts[:first]
-    if not names:
-        names, units = _names_above(header, delimiter, width)
+    # A row of a header is followed by others than its own, unless names are above it.
+    settled = next((row for row in numeric if widths[row] in widths[row + 1 : row + 2]), numeric[0])
+    for row in (numeric[0], settled):
+        first, width, delimiter = filled[row], widths[row], _delimiter(texts[filled[row]])
+        names, units = _names_above(texts[:first], delimiter, width)
+        if names:
+            break
     table = DelimitedTable(
         source=str(lines.path),
         sha256="",
@@ -309,8 +290,12 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
     if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):
         column = _first_column(table)
         if column is None or not runs_as_time(column):
-            return _series(lines, first, width, delimiter, stated, facts_of(header))
-    return _motion_of_table(table, stated, lines.path, header)
+            if stated.column is not None:
+                raise SettingError(f"{lines.path}: has one column and takes no `column`; leave it out")
+            return _motion_of_table(
+                _series(lines, first, width, delimiter), stated, lines.path, texts[:first]
+            )
+    return _motion_of_table(table, stated, lines.path, texts[:first])
 
 
 def _width(text: str) -> int:
@@ -360,25 +345,15 @@ def _has_comma(word: str) -> bool:
     return DECIMAL_COMMA.fullmatch(word.strip()) is not None
 
 
-def _series(
-    lines: Lines, first: int, width: int, delimiter: str, stated: Stated, facts: Stated
-) -> GroundMotion:
-    """All numbers in order as accelerations."""
-    unit, dt = stated.unit or facts.unit, stated.dt or facts.dt
-    if stated.column is not None:
-        raise SettingError(f"{lines.path}: has one column of numbers and takes no `column`; leave it out")
-    if unit is None or dt is None:
-        _ask(str(lines.path), "", 1, unit is None, dt is None)
-    factor = _agreed(stated, facts, str(lines.path), "the header")
+def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable:
+    """All numbers in order as one column."""
     if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
         raise RecordError(
             f"{lines.where(first)} holds '{quote_text(lines.at(first))}', two numbers or one with a decimal comma; "
             "write decimal points, or one number a line"
         )
-    if delimiter != ",":
-        lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
-    lines = replace(lines, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
-    numbers = read_numbers(lines, first)
+    marks = str.maketrans({",": " " if delimiter == "," else ".", ";": " "})
+    numbers = read_numbers(replace(lines, texts=tuple(text.translate(marks) for text in lines.texts)), first)
     rows = numbers[: numbers.size // width * width].reshape(-1, width)
     if width > 1 and len(rows) >= _FEWEST_ROWS:
         along, down = (float(np.abs(np.diff(each, axis=0)).mean()) for each in (rows.ravel(), rows))
@@ -387,13 +362,7 @@ def _series(
                 f"{lines.where(first)} begins {width} columns of which each runs on from row to row, so that the rows "
                 f'are no single series; choose one of them, as column="1"'
             )
-    return make_motion(lines.path, dt=_step(dt, lines.path), acceleration=factor * numbers, source="numbers")
-
-
-def _step(dt: float, path: Path) -> float:
-    if not (np.isfinite(dt) and dt >= SMALLEST):
-        raise SettingError(f"{path}: `dt` is {dt} s; give a positive step")
-    return dt
+    return VectorTable(source=str(lines.path), sha256="", vectors=dict.fromkeys(numbered_names(1), numbers))
 
 
 TABLE = Format(
@@ -404,28 +373,26 @@ TABLE = Format(
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     """Read a .mat file of version 4 to 7: vectors by their names, or a matrix of times [s] and accelerations."""
     matrices = read_matlab_matrices(path, RECORD)
-    pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
+    # Rows of times and accelerations.
+    pairs = {
+        name: matrix if matrix.shape[0] == 2 else matrix.T
+        for name, matrix in matrices.items()
+        if matrix.ndim == 2 and 2 in matrix.shape and matrix.size >= 6
+    }
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
     wide = [matrix for matrix in matrices.values() if matrix.ndim == 2 and min(matrix.shape) > 2]
-    if not pairs and len(wide) == 1:
+    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
+    if name in pairs:
+        vectors = dict(zip(("t_s", name), pairs[name], strict=True))
+        stated = replace(stated, column=name)
+    elif not pairs and len(wide) == 1:
         columns = wide[0] if wide[0].shape[0] < wide[0].shape[1] else wide[0].T
         vectors = dict(zip(numbered_names(len(columns)), columns, strict=True))
-        return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
-    name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
-    if name not in pairs:
+    else:
         return _motion_of_table(open_matlab(path), stated, path)
-    time, acceleration = pairs[name]
-    table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
-    return _motion_of_table(table, replace(stated, column=name), path)
-
-
-def _pair(matrix: Floats) -> list[Floats]:
-    """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
-    if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
-        return []
-    return [matrix if matrix.shape[0] == 2 else matrix.T]
+    return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
 
 
 # Each format recognises its content; a table is the fallback and comes last.
@@ -495,9 +462,18 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
     """The motion of a file, without a word on its `warnings`."""
     # Overflowing values become infinite, and the readers refuse them.
     with np.errstate(over="ignore", invalid="ignore"):
-        motion = _read(path, stated)
+        if path.suffix.lower() == ".mat" or start_of(path, RECORD, len(_MATLAB_5)) == _MATLAB_5:
+            refuse_needless(stated, TABLE.needs, source=str(path), kind="a .mat file")
+            motion = read_matrix_motion(path, stated)
+        else:
+            lines = lines_of(read_text_bytes(path), path)
+            form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
+            # The reader of AT2 tells what its header lacks.
+            form = PEER_AT2 if form is TABLE and path.suffix.lower() == ".at2" else form
+            refuse_needless(stated, form.needs, source=str(path), kind=form.name)
+            motion = form.read(lines, stated)
     refuse_absurd(motion.acceleration, source=str(path))
-    return motion
+    return motion if stated.channel is None else replace(motion, name=f"{path.stem}_{stated.channel}")
 
 
 @checked
@@ -536,18 +512,3 @@ def _is_document(path: Path) -> bool:
         or path.suffix.lower() in _DOCUMENTS
         or path.stem.casefold() in ("readme", "license", "licence")
     )
-
-
-def _read(path: Path, stated: Stated) -> GroundMotion:
-    source = str(path)
-    head = start_of(path, RECORD, len(_MATLAB_5))
-    if head == _MATLAB_5 or path.suffix.lower() == ".mat":
-        refuse_needless(stated, TABLE.needs, source=source, kind="a .mat file")
-        return read_matrix_motion(path, stated)
-    data = read_text_bytes(path)
-    lines = lines_of(data, path)
-    form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
-    if form is TABLE and path.suffix.lower() == ".at2":
-        refuse_false_at2(lines)
-    refuse_needless(stated, form.needs, source=source, kind=form.name)
-    return form.read(lines, stated)

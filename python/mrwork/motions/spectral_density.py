@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Positive, Whole, checked
-from mrwork.base.hints import SMALLEST, Within
+from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import MrworkWarning, RecordError, SettingError
@@ -32,13 +32,6 @@ class FilterMatrices:
     state: Floats
     noise: Floats
     output: Floats
-
-
-def _refuse_not_positive(spectrum: SpectralDensity, *names: str) -> None:
-    for name in names:
-        value = getattr(spectrum, name)
-        if not (math.isfinite(value) and value >= SMALLEST):
-            raise SettingError(f"{name} of a {spectrum.name} spectrum is {value}; give a positive number")
 
 
 @checked
@@ -58,12 +51,9 @@ class KanaiTajimi:
     """
 
     name: ClassVar[str] = "Kanai-Tajimi"
-    frequency: float = 15.0
-    damping: float = 0.6
-    intensity: float = 0.01
-
-    def __post_init__(self) -> None:
-        _refuse_not_positive(self, "frequency", "damping", "intensity")
+    frequency: Positive = 15.0
+    damping: Positive = 0.6
+    intensity: Positive = 0.01
 
     @checked
     def transfer(self, w: Floats) -> Complexes:
@@ -96,11 +86,8 @@ class CloughPenzien:
 
     name: ClassVar[str] = "Clough-Penzien"
     soil: KanaiTajimi = KanaiTajimi()
-    frequency: float = 1.5
-    damping: float = 0.6
-
-    def __post_init__(self) -> None:
-        _refuse_not_positive(self, "frequency", "damping")
+    frequency: Positive = 1.5
+    damping: Positive = 0.6
 
     @property
     def intensity(self) -> float:

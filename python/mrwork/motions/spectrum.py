@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mrwork.base.plotted import SpectrumPlots
 
 Complexes = NDArray[np.complex128]
+Ratio = Annotated[float, Within(least=0.0, below=1.0)]
 
 # Points per period at which peaks are evaluated; the error of a peak is at most 1 - cos(pi / 64) = 0.12 %.
 _PER_PERIOD = 64
@@ -87,7 +88,7 @@ class ResponseSpectrum(Summarised):
 
 
 @checked
-def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: float = 0.05) -> ResponseSpectrum:
+def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: Ratio = 0.05) -> ResponseSpectrum:
     """Response spectrum of a motion, by the exact recurrence for piecewise linear ground acceleration.
 
     `x'' + 2 zeta w x' + w^2 x = -a_g` from rest is one complex equation of first order, `z' = lambda z - a_g`, with
@@ -113,10 +114,6 @@ def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: floa
     if period.ndim != 1 or period.size == 0 or not (period >= SMALLEST).all():
         raise SettingError(
             "periods of a response spectrum must be positive numbers; give one or more in seconds"
-        )
-    if not 0.0 <= damping < 1.0:
-        raise SettingError(
-            f"damping ratio of a response spectrum is {damping}; give 0 to below 1, such as 0.05"
         )
     places = np.clip(np.ceil(_PER_PERIOD * motion.dt / period), _FEWEST_PLACES, _MOST_PLACES).astype(int)
     peaks = np.empty((3, period.size))
@@ -206,7 +203,7 @@ def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundM
 
 
 @checked
-def scaled_to_sa(motion: GroundMotion, sa: float, *, period: Positive, damping: float = 0.05) -> GroundMotion:
+def scaled_to_sa(motion: GroundMotion, sa: float, *, period: Positive, damping: Ratio = 0.05) -> GroundMotion:
     """Scale a motion to the spectral acceleration `sa` [m/s^2], a pseudo-acceleration.
 
     Parameters
@@ -236,7 +233,6 @@ _TABLE_STEPS = 32
 _ROUNDED = 1.0 + 1e-9
 # A factor that is told with three digits is not rounded up beyond the limit.
 _SAFE = 0.995
-_UNITS: dict[TableLimit, str] = {"stroke": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -329,14 +325,14 @@ class ShakeTable:
         taken = self._measure_demand(given)
         if taken.within:
             return given
-        limit, most = taken.limit, getattr(self, taken.limit)
+        limit, most, unit = taken.limit, getattr(self, taken.limit), TableDemand._units[taken.limit]
         if beyond == "refuse":
             raise SettingError(
-                f"ground motion {motion.name}: takes a {limit} of {getattr(taken, limit):.3g} {_UNITS[limit]}, and the "
+                f"ground motion {motion.name}: takes a {limit} of {getattr(taken, limit):.3g} {unit}, and the "
                 f"table has {most:.3g}; scale the motion by {_SAFE / taken.share:.3g} or less, or set `beyond` "
                 "to 'scale'"
             )
-        reason = f"scaled to the {limit} of the table, {most:.3g} {_UNITS[limit]}"
+        reason = f"scaled to the {limit} of the table, {most:.3g} {unit}"
         smaller = scaled(given, 1.0 / taken.share)
         return replace_samples(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
 

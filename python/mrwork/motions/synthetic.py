@@ -38,13 +38,14 @@ from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
-from mrwork.base.arguments import Seed, checked
-from mrwork.base.hints import SMALLEST, Within
+from mrwork.base.arguments import NotNegative, Positive, Seed, checked
+from mrwork.base.hints import Within
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 
+AboveOne = Annotated[float, Within(above=1.0)]
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
 # A filter that decays slower [1/s] would want a run-in of months.
@@ -88,17 +89,13 @@ def synthetic_motion(
     """
     spectrum = CloughPenzien() if spectrum is None else spectrum
     envelope = Envelope() if envelope is None else envelope
-    if not (math.isfinite(duration) and 0.0 < dt <= duration):
-        raise SettingError(
-            f"synthetic motion of {duration} s every {dt} s; give a positive step below the duration"
-        )
+    time = _time(duration, dt)
     seed = f"seed {rng}" if isinstance(rng, int) else "a generator that was passed"
     generator = np.random.default_rng(rng)
     run_in = _RUN_IN * _memory(spectrum)
     check_samples(duration + run_in, dt)
-    n_time = round(duration / dt) + 1
     n_run_in = math.ceil(run_in / dt)
-    n_noise = n_time + n_run_in
+    n_noise = time.size + n_run_in
     # Samples of white noise of two-sided density S0 over circular frequency have the variance 2 pi S0 / dt.
     noise = math.sqrt(2.0 * math.pi * spectrum.intensity / dt) * generator.standard_normal(n_noise)
     w = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n_noise, dt), dtype=np.float64)
@@ -106,7 +103,7 @@ def synthetic_motion(
     motion = GroundMotion(
         name=name,
         dt=dt,
-        acceleration=stationary * envelope.at(dt * np.arange(n_time, dtype=np.float64)),
+        acceleration=stationary * envelope.at(time),
         source=f"{spectrum.name} filtered white noise, {seed}",
     )
     return motion if peak is None else scaled_to_peak(motion, peak)
@@ -132,15 +129,13 @@ class Envelope:
 
     rise: float = 4.0
     plateau_end: float = 15.0
-    decay: float = 0.0992
+    decay: NotNegative = 0.0992
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.rise <= self.plateau_end < np.inf:
             raise SettingError(
                 f"envelope rises until {self.rise} s and stays until {self.plateau_end} s; give times in that order"
             )
-        if not 0.0 <= self.decay < np.inf:
-            raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
     def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
@@ -156,15 +151,8 @@ class GammaEnvelope:
     gamma distribution, from 5 to 95 % in `significant_duration` [s].
     """
 
-    significant_duration: float
-    shape: float = 5.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.significant_duration < np.inf and 1.0 < self.shape < np.inf):
-            raise SettingError(
-                f"envelope of {self.significant_duration} s and shape {self.shape}; give a positive duration and a "
-                "shape above 1"
-            )
+    significant_duration: Positive
+    shape: AboveOne = 5.0
 
     @property
     def scale(self) -> float:
@@ -188,7 +176,7 @@ class GammaEnvelope:
 
 
 @checked
-def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
+def sine(*, amplitude: float, frequency: Positive, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
     time = _time(cycles / _sample("frequency", frequency, dt), dt)
     acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
@@ -197,7 +185,7 @@ def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001
 
 @checked
 def sine_sweep(
-    *, amplitude: float, start: float, end: float, duration: float, dt: float = 0.001
+    *, amplitude: float, start: Positive, end: float, duration: float, dt: float = 0.001
 ) -> GroundMotion:
     """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
     time = _time(duration, dt)
@@ -206,7 +194,8 @@ def sine_sweep(
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
-def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
+@checked
+def ricker(*, amplitude: float, frequency: Positive, dt: float = 0.001) -> GroundMotion:
     """Ricker pulse of three periods, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`."""
     half = 1.5 / _sample("frequency", frequency, dt)
     time = _time(2.0 * half, dt)
@@ -216,7 +205,7 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
 
 @checked
 def near_fault_pulse(
-    *, amplitude: float, period: float, cycles: float = 1.5, phase: float = 0.0, dt: float = 0.01
+    *, amplitude: float, period: Positive, cycles: AboveOne = 1.5, phase: float = 0.0, dt: float = 0.01
 ) -> GroundMotion:
     """Near-fault pulse of ground velocity: a cosine of `period` [s] in a cosine bell `cycles` periods long.
 
@@ -224,9 +213,7 @@ def near_fault_pulse(
     more than one cycle and the phase [rad]. The velocity returns to zero, the displacement need not (Mavroeidis and
     Papageorgiou, Bull. Seismol. Soc. Am. 93, 2003, 1099-1131, equations 2 and 3).
     """
-    if not cycles > 1.0:
-        raise SettingError(f"near-fault pulse of {cycles} cycles; give more than one")
-    time = _time(cycles * _positive("period", period), dt)
+    time = _time(cycles * period, dt)
     w = 2.0 * np.pi / period
     t = time - 0.5 * time[-1]
     bell = np.where(np.abs(t) <= 0.5 * cycles * period, 1.0 + np.cos(w * t / cycles), 0.0)
@@ -240,7 +227,7 @@ def near_fault_pulse(
 
 def _time(duration: float, dt: float) -> Floats:
     if not (math.isfinite(duration) and 0.0 < dt <= duration):
-        raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
+        raise SettingError(f"a motion of {duration} s every {dt} s; give a positive step below the duration")
     check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
 
@@ -252,13 +239,7 @@ def _sample(name: str, frequency: float, dt: float) -> float:
             f"{name} is {frequency:g} Hz, and samples every {dt:g} s hold nothing above {0.5 / dt:g} Hz; give less, or "
             "a shorter `dt`"
         )
-    return _positive(name, frequency)
-
-
-def _positive(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value >= SMALLEST):
-        raise SettingError(f"{name} of a pulse is {value}; give a number of at least {SMALLEST:g}")
-    return value
+    return frequency
 
 
 def _motion(name: str, dt: float, acceleration: Floats) -> GroundMotion:

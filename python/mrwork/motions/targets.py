@@ -19,12 +19,11 @@ from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_in_words, replace_samples
-from mrwork.motions.spectrum import response_spectrum
+from mrwork.motions.spectrum import Ratio, response_spectrum
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import SuitePlots
 
-Ratio = Annotated[float, Within(least=0.0, below=1.0)]
 Ground = Literal["A", "B", "C", "D", "E"]
 ScaledBy = Literal["pga", "sa", "least_squares"]
 """What of a motion becomes that of its target: peak, Sa at a period, or Sa over a range of periods."""

@@ -28,7 +28,6 @@ def motion_of_columns(
 
     Steps that are equal up to jitter or rounding are taken as uniform; otherwise the record is resampled linearly.
     """
-    changes: list[str] = []
     for values, what in ((time, "time"), (acceleration, "acceleration")):
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values))[0])
@@ -44,22 +43,13 @@ def motion_of_columns(
             f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
             "digits enough to differ"
         )
-    if _ends_in_padding(time, acceleration):
-        changes.append(
-            f"last point dropped: zero at {time[-1]:g} s, {time[-1] - time[-2]:g} s behind the others, is padding"
-        )
+    padding, last, others = "", time[-1] - time[-2], np.diff(time[:-1]).max(initial=0.0)
+    if time.size > 3 and acceleration[-1] == 0.0 and last > max(_PADDING, _PADDING_STEPS * others):
+        padding = f"last point dropped: zero at {time[-1]:g} s, {last:g} s behind the others, is padding"
         time, acceleration = time[:-1], acceleration[:-1]
     dt, acceleration, change = _on_one_step(time, acceleration, where)
-    if change:
-        changes.append(change)
-    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=tuple(changes))
-
-
-def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
-    if time.size < 4 or acceleration[-1] != 0.0:
-        return False
-    last = float(time[-1] - time[-2])
-    return last > _PADDING and last > _PADDING_STEPS * float(np.diff(time[:-1]).max())
+    changes = tuple(filter(None, (padding, change)))
+    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=changes)
 
 
 def _on_one_step(
@@ -67,11 +57,11 @@ def _on_one_step(
 ) -> tuple[float, Floats, str]:
     """Step [s], samples, and a description of the change."""
     steps = np.diff(time)
-    mean, median = float(time[-1] - time[0]) / steps.size, float(np.median(steps))
+    median = float(np.median(steps))
     # In a long record, times written with few digits differ in the last digit.
     regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
     if regular.all():
-        return mean, acceleration, ""
+        return float(time[-1] - time[0]) / steps.size, acceleration, ""
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / steps.size
@@ -85,13 +75,11 @@ def _on_one_step(
     place = int(np.argmax(steps))
     is_gap = place < steps.size - 1 and steps[place] > max(_GAP_STEPS * dt, _GAP)
     if n_time > 2 * time.size or is_gap:
-        left = "most of the record empty" if n_time > 2 * time.size else "a part of it straight"
         raise RecordError(
-            f"{where(place + 1)}: a gap of {steps[place]:.4g} s before it, and steps of {dt:.4g} s elsewhere, leave "
-            f"{left}; cut out one continuous part"
+            f"{where(place + 1)}: a gap of {steps[place]:.4g} s before it, and steps of {dt:.4g} s elsewhere; cut out "
+            "one continuous part"
         )
-    odd = int(np.count_nonzero(~regular))
-    count = "one step differs" if odd == 1 else f"{odd} steps differ"
-    worst = steps[~regular][np.argmax(np.abs(steps[~regular] - dt))]
-    change = f"resampled every {dt:.6g} s, straight between: {count}, by up to {worst - dt:+.4g} s"
+    odd = steps[~regular] - dt
+    worst = odd[np.argmax(np.abs(odd))]
+    change = f"resampled every {dt:.6g} s, straight between; steps that differ: {odd.size}, by up to {worst:+.4g} s"
     return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -133,9 +134,10 @@ def motions_of_study(
     bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
     read = [each for of_table in bare for each in of_table()]
     _refuse_both_uses(read)
-    copies = _copies(read)
+    copies = copies_among([each.ground for each in read])
+    names = {copy: read[first].ground.name for copy, first in copies.items()}
     scaled = [
-        each.table.place.attempt(_scaled_motions, each, sample_time, aims, copies.get(number, ""))
+        each.table.place.attempt(_scaled_motions, each, sample_time, aims, names.get(number, ""))
         for number, each in enumerate(read)
     ]
     motions = tuple(motion for of_one in scaled for motion in of_one())
@@ -147,16 +149,6 @@ def motions_of_study(
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
     return motions
-
-
-def _copies(bare: Sequence[_Bare]) -> dict[int, str]:
-    """The name of the first record of the same use that a record is a copy of, by its index."""
-    copies: dict[int, str] = {}
-    for use in {each.table.use for each in bare}:
-        own = [number for number, each in enumerate(bare) if each.table.use == use]
-        for copy, first in copies_among([bare[number].ground for number in own]).items():
-            copies[own[copy]] = bare[own[first]].ground.name
-    return copies
 
 
 def _scaled_motions(
@@ -219,10 +211,9 @@ def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
     """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
     if _is_synthetic(table):
         return ()
-    scaled_to = (table.pga, table.sa, table.scale_to)
-    factor = max((abs(each) for each in _several(table.factor) if each), default=1.0)
-    at_most = replace(ground, acceleration=factor * ground.acceleration)
-    return examined(at_most, scaled=any(each is not None for each in scaled_to))
+    factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
+    is_scaled = any(each is not None for each in (table.pga, table.sa, table.scale_to))
+    return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
 def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
@@ -299,21 +290,18 @@ def _synthetic(table: MotionTable, seed: int) -> _Grounds:
 
 def _refuse_both_uses(bare: Sequence[_Bare]) -> None:
     """Refuse a training motion that is a test motion, or a copy of one under another name."""
-    training = [each for each in bare if each.table.use == "training"]
-    for test in bare if training else ():
-        if test.table.use == "training":
-            continue
-        for other in training:
-            names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
-            remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
-            channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
-            if test.file is not None and channels[0] == channels[1]:
-                test.table.place.refuse(f"{names} are of one file, {test.file.name}; {remedy}")
-            if is_copy(test.ground, other.ground):
-                test.table.place.refuse(
-                    f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
-                    f"{likeness(test.ground, other.ground):.3f}; {remedy}"
-                )
+    tests, training = ([each for each in bare if each.table.use == use] for use in ("test", "training"))
+    for test, other in product(tests, training):
+        names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
+        remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
+        channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
+        if test.file is not None and channels[0] == channels[1]:
+            test.table.place.refuse(f"{names} are of one file, {test.file.name}; {remedy}")
+        if is_copy(test.ground, other.ground):
+            test.table.place.refuse(
+                f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
+                f"{likeness(test.ground, other.ground):.3f}; {remedy}"
+            )
 
 
 def _refuse_still(bare: _Bare, sample_time: float) -> None:

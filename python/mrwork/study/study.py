@@ -325,15 +325,15 @@ class Study(Summarised):
     @property
     def motion_warnings(self) -> tuple[str, ...]:
         """Sentences on what is doubtful of the records of the motions, and on copies of one record."""
-        copies: dict[str, dict[str, None]] = {}
+        copies: dict[str, list[str]] = {}
         for copy in self.motions:
             for first in self.motions if copy.copy_of else ():
                 # A record that is named twice for its levels is no copy.
                 is_level = first.ground.source == copy.ground.source and first.level != copy.level
-                if first.record == copy.copy_of != copy.record and first.use == copy.use and not is_level:
-                    copies.setdefault(copy.copy_of, {})[copy.record] = None
+                if first.record == copy.copy_of != copy.record and not is_level:
+                    copies.setdefault(copy.copy_of, []).append(copy.record)
         of_records = dict.fromkeys(sentence for each in self.motions for sentence in each.warnings)
-        return (*of_records, *copies_in_words({first: tuple(names) for first, names in copies.items()}))
+        return (*of_records, *copies_in_words(copies))
 
     @property
     def at_zero(self) -> Arrangement:
