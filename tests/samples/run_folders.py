@@ -19,7 +19,7 @@ from mrwork.store.unfinished import begin_addition, keep_addition
 from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
-from mrwork.uncertainty.bands.held_out import HeldOutTest, HeldOutTests, write_held_out
+from mrwork.uncertainty.bands.held_out import write_held_out
 from mrwork.uncertainty.bands.prediction import predict_tests
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
@@ -46,8 +46,7 @@ def add_every_file(
     predictions = predict_tests(fit, others)
     calibration = mr.calibrate(predictions, held_out="the fit has not seen")
     write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
-    held_out = tuple(HeldOutTest(name=each.test.name, fit_percent=90.0, rmse_n=1.0) for each in predictions)
-    write_held_out(place, fit, HeldOutTests(tests=held_out, predictions=tuple(predictions)))
+    write_held_out(place, fit, predictions)
     contents = {
         DRAWS: draws_content(draws, fit),
         PROFILES: addition_content(asdict(mr.profile(fit, test, threads=1)), fit),

@@ -8,7 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import StringIO
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +86,7 @@ class _Steps:
     """The steps in their order, and the time that they are expected to take [s]."""
 
     options: argparse.Namespace
-    total: int
+    total: int = 1
     left: float = 0.0
     done: list[dict[str, Any]] = field(default_factory=list)
 
@@ -127,48 +129,42 @@ def run(options: argparse.Namespace) -> int:
         raise RecordError(
             f"{options.folder / TABLE_NAME}: no row has the use fit; set it for the tests to be fitted"
         )
-    steps = _Steps(options=options, total=2 + bool(uses["calibration"]) + bool(uses["test"]))
+    steps = _Steps(options=options)
     if not is_quiet(options):
         note(
             f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = destination.continues and is_complete(place)
-    spare = ""
-    several = False
-    if not fitted:
+    spare, several = "", False
+    if fitted:
+        _check_same(place, rows)
+    else:
         tests = _read([row for row in rows if row.use == "fit"])
         several = len({test.command_in_words for test in tests if test.commands}) > 1
         if several:
-            _refuse_lone_commands(options, rows, tests)
-            if not any(_is_enough([*tests[:index], *tests[index + 1 :]]) for index in range(len(tests))):
+            _refuse_lone_commands(options.folder, rows, tests)
+            if not any(map(_is_enough, combinations(tests, len(tests) - 1))):
                 spare = "; the laws of the command need every fitted test, so record further motions for it"
     steps.left = _PAGE if fitted else _expected(options, tests, several=several)
     common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
-    threads = ["--threads", str(options.threads)]
+    threads, later = ["--threads", str(options.threads)], _LATER * _PAGE
+    left: list[tuple[str, str, list[str], float]] = []
     if not fitted:
         given = [table, "--model", options.model, "--out", str(place), "--seed", str(options.seed)]
-        given += [*threads, *common]
-        given += ["--law", "auto"] if several else []
-        given += ["--replace"] if options.replace else []
-        given += ["--resume"] if options.resume else []
-        status = steps.step("choosing model and laws", lambda: _verb("identify", given), steps.left - _PAGE)
-        if status:
-            return status
-    else:
-        _check_same(place, rows)
-        steps.total -= 1
-    later = _LATER * steps.left
-    wanted = {CALIBRATION: uses["calibration"], HELD_OUT: uses["test"], SUMMARY: True}
-    if fitted and all((place / name).is_file() for name, use in wanted.items() if use):
-        note(nothing_to_resume(place))
-    if uses["calibration"] and not (options.resume and (place / CALIBRATION).is_file()):
-        given = [str(place), table, *threads, *common]
-        if status := steps.step("calibrating the bands", lambda: _verb("calibrate", given), later):
-            return status
-    if uses["test"] and not (options.resume and (place / HELD_OUT).is_file()):
+        given += [*threads, *common, *(["--law", "auto"] if several else [])]
+        given += [f"--{name}" for name in ("replace", "resume") if getattr(options, name)]
+        left.append(("choosing model and laws", "identify", given, steps.left - _PAGE))
+    if uses["calibration"] and not (fitted and (place / CALIBRATION).is_file()):
+        left.append(("calibrating the bands", "calibrate", [str(place), table, *threads, *common], later))
+    if uses["test"] and not (fitted and (place / HELD_OUT).is_file()):
         given = [str(place), table, *common, *(["--level", "0.9"] if uses["calibration"] else [])]
-        if status := steps.step("predicting the tests kept for test", lambda: _verb("predict", given), later):
+        left.append(("predicting the tests kept for test", "predict", given, later))
+    if not left and (place / SUMMARY).is_file():
+        note(nothing_to_resume(place))
+    steps.total += len(left)
+    for what, verb, given, seconds in left:
+        if status := steps.step(what, partial(_verb, verb, given), seconds):
             return status
 
     def draw(on_progress: OnDrawn) -> None:
@@ -190,12 +186,8 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: 
 
     opened, compared = open_run(place)
     fit, said = opened.fit, verdict_of(opened, compared)
-    laws = (
-        {}
-        if fit.spec.current is None
-        else dict(zip(fit.spec.without_laws.names, fit.spec.current.laws, strict=True))
-    )
-    following = {name: laws[name] for name in fit.spec.following}
+    laws = () if fit.current is None else zip(fit.spec.without_laws.names, fit.current.laws, strict=True)
+    following = {name: law for name, law in laws if name in fit.spec.following}
     if options.json:
         held_out = opened.held_out
         print_json(
@@ -303,16 +295,14 @@ def _read(rows: Sequence[ListedTest]) -> tuple[DamperTest, ...]:
         return reading.tests(on_read=on_read)
 
 
-def _refuse_lone_commands(
-    options: argparse.Namespace, rows: Sequence[ListedTest], tests: tuple[DamperTest, ...]
-) -> None:
+def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Sequence[DamperTest]) -> None:
     """Refuse fitted tests of which those that remain without one motion run at one command, if a kept one helps."""
     if _is_enough(tests):
         return
     for row in rows:
         if row.use in ("calibration", "test") and _is_enough([*tests, *_read([row])]):
             raise RecordError(
-                f"{options.folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
+                f"{folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
                 f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"
             )
 

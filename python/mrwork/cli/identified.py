@@ -94,17 +94,15 @@ class Identification:
 
         Return the exit status, `None` where there is no such comparison or it is not to be resumed.
         """
-        destination, options = self.frame.destination, self.frame.options
-        folder = destination.path
+        destination, folder = self.frame.destination, self.frame.folder
         if not (destination.continues and is_complete(folder) and (destination.place / table).is_file()):
             return None
         fit = read_fit(folder)
         if {test.sha256 for test in self.tests} != {*fit.provenance.inputs.values()}:
             raise RecordError(f"{folder} is of other tests; give the same, or --replace instead of --resume")
         note(nothing_to_resume(folder))
-        status = renew_page(folder, quiet=self.frame.is_quiet)
-        print_result(options, summary_of(fit, self.tests, folder), text_of(fit, self.tests))
-        return status
+        print_result(self.frame.options, summary_of(fit, self.tests, folder), text_of(fit, self.tests))
+        return renew_page(folder, quiet=self.frame.is_quiet)
 
     def end(
         self,

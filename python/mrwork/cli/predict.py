@@ -39,7 +39,7 @@ from mrwork.store.run_folder import HELD_OUT
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
-from mrwork.uncertainty.bands.held_out import HeldOutTest, HeldOutTests, write_held_out
+from mrwork.uncertainty.bands.held_out import write_held_out
 from mrwork.uncertainty.bands.prediction import Prediction, with_others
 
 _AS_FITTED = "as in the identification"
@@ -109,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     others = read_others(Path(options.run_folder), fit) or ()
     apart: list[tuple[str, SetsApart]] = []
-    held_out = HeldOutTests(tests=())
+    held_out: list[Prediction] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     _, tests = read_tests(options, "test", fit)
@@ -161,9 +161,7 @@ def run(options: argparse.Namespace) -> int:
                 },
             }
         if seen is None and used is None:
-            numbers = named(quality, "fit_percent", "rmse_n")
-            own = HeldOutTest(name=test.name, **numbers, outside=outside.names)
-            held_out = held_out.add(HeldOutTests(tests=(own,), predictions=(prediction,)))
+            held_out.append(prediction)
     warnings = [
         *missing_warnings(fit.nuisances, nuisances),
         *prediction_warning(spec, tests),
@@ -213,10 +211,10 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _store(options: argparse.Namespace, fit: Fit, held_out: HeldOutTests) -> bool:
+def _store(options: argparse.Namespace, fit: Fit, held_out: list[Prediction]) -> bool:
     """Keep what the fit predicts of tests that it has not seen, for its page; whether it was kept."""
     place = options.run_folder
-    if not held_out.tests or not os.access(place, os.W_OK):
+    if not held_out or not os.access(place, os.W_OK):
         return False
     with adding(place, HELD_OUT):
         write_held_out(place, fit, held_out)

@@ -135,7 +135,11 @@ def _sample(
                 if not told and most is not None:
                     told.append(progress)
                     if most > _LONG and not is_quiet(options):
-                        note(_in_advance(progress.most_steps, most))
+                        note(
+                            f"{progress.most_steps:,} steps take about {duration_in_words(most)}; the chain ends "
+                            "sooner where it has converged, which its autocorrelation times tell, or at fewer --steps, "
+                            "which --resume continues"
+                        )
                 line(progress)
 
             return sample(
@@ -157,13 +161,6 @@ def _sample(
             "run the same command with --resume to continue"
         )
         return None
-
-
-def _in_advance(most_steps: int, seconds: float) -> str:
-    return (
-        f"{most_steps:,} steps take about {duration_in_words(seconds)}; the chain ends sooner where it has converged, "
-        "which its autocorrelation times tell, or at fewer --steps, which --resume continues"
-    )
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

@@ -327,8 +327,8 @@ def solver_remarks(material: OpenSeesBoucWen, error: float = USUAL_OPENSEES_ERRO
     )
 
 
-def require_bounded_loop(theta: Floats) -> None:
-    """Check that a `bouc_wen`, shape (8,), has a normalised form."""
+def require_bounded_loop(theta: Floats) -> Floats:
+    """The parameters of a `bouc_wen`, shape (8,), which are refused without a normalised form."""
     alpha, gamma, beta, A, n = map(float, theta[3:])
     if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
         raise SettingError(
@@ -343,6 +343,7 @@ def require_bounded_loop(theta: Floats) -> None:
             f"the factor of |v| z is {gamma:g}, so no loop dissipates; "
             "if the source has it the other way round, swap gamma and beta"
         )
+    return theta
 
 
 def convention_remarks(theta: Floats) -> tuple[str, ...]:

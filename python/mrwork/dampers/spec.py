@@ -464,14 +464,13 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         share, value = passing(law_named(name), parameter, own)
         if share.max() <= _OVERSHOOT:
             continue
-        remedy, most = "choose another law", int(np.argmax(share))
+        most = int(np.argmax(share))
         if instead := other_form(law_named(name), parameter):
             others, values = passing(law_named(instead), parameter, own)
             dies = values.min() < max(parameter.lower, _VANISHED * values.max())
             if others.max() > _OVERSHOOT or dies or values.max() > parameter.upper:
                 instead = ""
-            else:
-                remedy = f"give {parameter.name}={instead} as its law"
+        remedy = f"give {parameter.name}={instead} as its law" if instead else "choose another law"
         low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
         at = of_unit(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit, 3)
         words = (

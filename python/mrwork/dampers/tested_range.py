@@ -294,14 +294,11 @@ def beyond_rating(
     demand: OperatingRange, *, force: float | None, stroke: float | None
 ) -> tuple[Exceedance, ...]:
     """Peaks of a demand beyond the force [N] and the stroke [m] that a damper is rated for, `None` if unknown."""
-    rated: tuple[tuple[OperatingQuantity, str, float, float | None], ...] = (
-        ("force", "N", demand.force, force),
-        ("stroke", "m", demand.stroke, stroke),
-    )
+    rated = {"force": force, "stroke": stroke}
     return tuple(
-        Exceedance(quantity=name, demanded=demanded, lowest=0.0, highest=highest, unit=unit, rated=True)
-        for name, unit, demanded, highest in rated
-        if highest is not None and demanded > highest
+        Exceedance(quantity=name, demanded=peak, lowest=0.0, highest=most, unit=unit, rated=True)
+        for name, unit in _PEAKS
+        if (most := rated.get(name)) is not None and (peak := getattr(demand, name)) > most
     )
 
 

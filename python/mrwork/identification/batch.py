@@ -9,6 +9,7 @@ from functools import partial
 from operator import is_
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Fit
@@ -19,6 +20,8 @@ from mrwork.records import DamperTest
 from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import JOURNAL_FILE, Journal
 from mrwork.workers.engine import Outcome, kinds_remark, own_kind, present_workers
+
+T = TypeVar("T")
 
 JournalOf = Callable[[str], Journal]
 """Opens the journal of the named step; it is closed when the step is done."""
@@ -87,10 +90,7 @@ class FitBatch:
                 examines=task.examines,
             )
 
-        if self.journal_of is None:
-            return identify(None)
-        with closing(self.journal_of(task.step)) as journal:
-            return identify(journal)
+        return with_journal(self.journal_of, task.step, identify)
 
     def _made_elsewhere(self) -> Iterator[Outcome[tuple[Fit, bytes]]]:
         workers = present_workers()
@@ -104,7 +104,7 @@ class FitBatch:
                 task.settings,
                 task.examines,
                 [places[id(test)] for test in task.tests],
-                self._recorded(task),
+                with_journal(self.journal_of, task.step, lambda journal: journal and journal.lines),
             )
             for task in self.tasks
         ]
@@ -125,12 +125,13 @@ class FitBatch:
         """A fit with its tests, which come back only where they are not those of its task."""
         return fit if fit.tests else replace(fit, tests=self.tasks[number].tests)
 
-    def _recorded(self, task: FitTask) -> bytes | None:
-        """Lines of the journal of a task, from which a worker goes on; `None` where none are wanted."""
-        if self.journal_of is None:
-            return None
-        with closing(self.journal_of(task.step)) as journal:
-            return journal.lines
+
+def with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journal | None], T]) -> T:
+    """Do the work of a step with its own journal, if any, which is closed afterwards."""
+    if journal_of is None:
+        return work(None)
+    with closing(journal_of(step)) as journal:
+        return work(journal)
 
 
 def fit_on_worker(

@@ -131,14 +131,6 @@ class Direction:
     seen: bool
     sentence: str
 
-    @property
-    def starts_with_name(self) -> bool:
-        """Whether the sentence starts with a parameter name, which is not capitalised.
-
-        It does not where a single parameter has no effect: "the residuals do not depend on it".
-        """
-        return self.seen or len(self.changes) > 1
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Identifiability(Summarised):
@@ -480,14 +472,13 @@ class Fit(WithAxes, Summarised, Related):
         tests: dict[str, list[str]] = {}
         for each in self.quality:
             tests.setdefault(each.recorded_in_words, []).append(each.test)
-        of = {words: "" if len(tests) == 1 else f" in {list_names(own, 3)}" for words, own in tests.items()}
-        said = [f"{words}{of[words]}" for words in tests if words]
-        if not said:
-            return ""
-        return (
-            f"The recorded force is that of the damper, {'; '.join(said)}; equation and parameters are of the damper "
-            "alone."
-        )
+        said = [
+            words if len(tests) == 1 else f"{words} in {list_names(own, 3)}"
+            for words, own in tests.items()
+            if words
+        ]
+        alone = "equation and parameters are of the damper alone."
+        return f"The recorded force is that of the damper, {'; '.join(said)}; {alone}" if said else ""
 
     @property
     def settings(self) -> FitSettings:
@@ -668,10 +659,8 @@ class Fit(WithAxes, Summarised, Related):
                 "rmse_n": ("N", "root mean square error"),
                 "residual_autocorrelation": ("1", "autocorrelation of the residual"),
                 "n_time": ("1", "samples that are compared"),
+                "recorded_in_words": ("", "what the record adds to the model's force"),
             },
-        )
-        tests |= columns_of(
-            self.quality, "test", {"recorded_in_words": ("", "what the record adds to the model's force")}
         )
         search = {
             f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)

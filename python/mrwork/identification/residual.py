@@ -144,7 +144,8 @@ def _linearised_without_nuisance(
         return residuals, slope
     coefficients, columns = _best(force, residuals, names)
     residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
-    change = np.stack([_slope(name, slope) for name in names])
+    # The column of the offset depends on nothing.
+    change = np.stack([np.zeros_like(slope) if name == "offset" else _column(name, slope) for name in names])
     moved = slope - np.einsum("kb,kbpt->bpt", coefficients, change)
     along = np.einsum("kbpt,bt->kbp", change, residuals)
     derivative = np.empty_like(slope)
@@ -206,11 +207,6 @@ def _column(name: NuisanceName, force: Any) -> Any:
     if name == "offset":
         return xp.ones_like(force)
     return force if name == "level" else xp.gradient(force, axis=-1)
-
-
-def _slope(name: NuisanceName, slope: Floats) -> Floats:
-    """Derivative of the column with respect to the parameters of the model, from that of the force."""
-    return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))
 
 
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]

@@ -281,10 +281,7 @@ _NEAR = 1.25
 
 
 def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tuple[str, ...]:
-    """A sentence for each law that leaves its admissible range, or vanishes, within or near the tested commands.
-
-    And for each that has an extremum between them.
-    """
+    """Sentences on laws that vanish or leave their range in or near the tested commands, or have an extremum there."""
     if tested.command is None:
         return ()
     lowest, highest = tested.command

@@ -129,12 +129,12 @@ def _kind_of(search: Any) -> str:
         return _MULTISTART
     own = _settings_of(search)
 
-    def equal_settings(name: str) -> int:
-        registered = _settings_of(searches()[name])
-        return sum(own[setting] == value for setting, value in registered.items())
-
-    names = [name for name, each in searches().items() if type(search) is type(each)]
-    return max(names, key=equal_settings, default=type(search).__name__)
+    equal = {
+        name: sum(own[setting] == value for setting, value in _settings_of(each).items())
+        for name, each in searches().items()
+        if type(search) is type(each)
+    }
+    return max(equal, key=equal.__getitem__, default=type(search).__name__)
 
 
 def _search_of_record(record: Mapping[str, Any]) -> Search:

@@ -16,9 +16,9 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.errors import MrworkError, SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
 from mrwork.runs.load import StoredRun, load
+from mrwork.uncertainty.bands.prediction import predict_test
 
 if TYPE_CHECKING:
     from mrwork.study.results import StudyResults
@@ -203,10 +203,7 @@ def _predicted(
         row = []
         for run in runs:
             try:
-                _, quality = free_run(
-                    run.fit.spec, np.array(run.fit.theta), run.fit.observed(test), nuisances=run.fit.nuisances
-                )
-                row.append(quality.fit_percent)
+                row.append(predict_test(run.fit, test).fit_percent)
             except MrworkError:
                 row.append(math.nan)
                 failed.append(test.name)

@@ -160,15 +160,10 @@ USUAL_TIME_STEP = 0.001
 _MOST_SUBSTEPS = 256
 
 
-def _spencer(theta: Floats) -> Floats:
-    require_bounded_loop(theta)
-    return np.asarray(normalised_from_bouc_wen(theta))
-
-
 # Models that are BoucWen beside a dashpot and a spring, with the conversion to the normalised form.
 _NORMALISED: dict[str, Callable[[Floats], Floats]] = {
     "normalised_bouc_wen": lambda theta: theta,
-    "bouc_wen": _spencer,
+    "bouc_wen": lambda theta: np.asarray(normalised_from_bouc_wen(require_bounded_loop(theta))),
 }
 
 
@@ -237,11 +232,8 @@ def opensees_damper(
     material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
     wanted = USUAL_OPENSEES_ERROR if error is None else error
     step = material.strain_step(wanted)
-    at = (
-        ""
-        if command is None or fit.spec.current is None
-        else f" at {of_unit(command, fit.spec.current.unit)}"
-    )
+    current = fit.spec.current
+    at = "" if command is None or current is None else f" at {of_unit(command, current.unit)}"
     facts = [
         f"{fit.spec.title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
         f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",

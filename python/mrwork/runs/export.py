@@ -218,9 +218,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
             "A law by values goes on along its tangents beyond its commands; every parameter that follows the command "
             "is limited to the admissible range of the model."
         )
-    content["tests"] = (
-        _cells([_as_recorded(each) for each in fit.quality]) if place is None else _tests(place)
-    )
+    content["tests"] = _cells([*map(_as_recorded, fit.quality)]) if place is None else _tests(place)
     return _file(content)
 
 

@@ -147,22 +147,9 @@ def load(
 
 @checked
 def save(result: Fit | Draws, folder: str | Path) -> Path:
-    """Save a fit, or draws beside their fit, as a run folder that `load` and every verb take as that of a verb.
+    """Save a fit in a new run folder, or draws in that of their fit; return the folder, which has no page.
 
-    Verbs that need the tests again take a folder whose tests were read from files by `mrwork identify`; there is no
-    page.
-
-    Parameters
-    ----------
-    result
-        What `identify` or `sample` returned.
-    folder
-        Of a fit a folder without a run, of draws that of their fit without draws.
-
-    Returns
-    -------
-    Path
-        The folder.
+    `load` and every verb take it, but for those that need tests again which `mrwork identify` has not read from files.
 
     Raises
     ------

@@ -37,6 +37,7 @@ _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0) |
 _DISK_SHARE = 0.01
 _SHOWN = 3
 _NOT_LOST = "make room and resume, nothing in it is lost"
+_ANEW = "run again with --replace, not --resume"
 
 
 class Counters(Protocol):
@@ -86,7 +87,8 @@ class Journal:
     ) -> None:
         self.path = Path(path)
         self._recorded: list[dict[str, Any]] = []
-        self._asked = 0
+        self.n_asked = 0
+        """Number of steps that have been asked for."""
         self._counters: Counters | None = None
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
@@ -94,7 +96,8 @@ class Journal:
         self._lock: Lock | None = None
         self._kept = False
         self._file: int | None = None
-        self._own = False
+        self.is_own = False
+        """Whether this journal has opened the file, which until then is that of an earlier run."""
         self._synced, self._pause = 0.0, 0.0
         self.lines = b""
         """The lines that were there when a file was resumed."""
@@ -118,19 +121,9 @@ class Journal:
         return float(self._recorded[-1]["seconds"]) if self._recorded else 0.0
 
     @property
-    def is_own(self) -> bool:
-        """Whether this journal has opened the file, which until then is that of an earlier run."""
-        return self._own
-
-    @property
-    def n_asked(self) -> int:
-        """Number of steps that have been asked for."""
-        return self._asked
-
-    @property
     def recalling(self) -> bool:
         """Whether the next step is recorded."""
-        return self._asked < len(self._recorded)
+        return self.n_asked < len(self._recorded)
 
     @checked
     def carry(self, counters: Counters) -> None:
@@ -150,7 +143,7 @@ class Journal:
             more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
                 f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
-                "resume with the same inputs and settings as before, or run again with --replace, not --resume"
+                f"resume with the same inputs and settings as before, or {_ANEW}"
             )
 
     @checked
@@ -172,7 +165,7 @@ class Journal:
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
             raise JournalError(
                 f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
-                f"({type(reason).__name__}: {reason}); run again with --replace, not --resume"
+                f"({type(reason).__name__}: {reason}); {_ANEW}"
             ) from reason
 
     @checked
@@ -217,15 +210,24 @@ class Journal:
         if new := lines[len(self.lines) :]:
             self._write(new)
 
-    def lock(self) -> None:
+    def lock(self) -> Journal:
         """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`."""
         self._take_lock()
         self._kept = True
+        return self
 
     def finish(self) -> None:
         """Close the file, and release it unless `lock` was called; a later step is refused."""
         try:
-            self._close_file()
+            with self._writing:
+                self._closed = True
+                if self._file is not None:
+                    file, self._file = self._file, None
+                    try:
+                        with explain_failure(f"write the journal {self.path}", _NOT_LOST):
+                            os.fsync(file)
+                    finally:
+                        os.close(file)
         finally:
             if not self._kept and self._lock is not None:
                 self._lock.release()
@@ -236,17 +238,6 @@ class Journal:
         self._kept = False
         self.finish()
 
-    def _close_file(self) -> None:
-        with self._writing:
-            self._closed = True
-            if self._file is not None:
-                file, self._file = self._file, None
-                try:
-                    with explain_failure(f"write the journal {self.path}", _NOT_LOST):
-                        os.fsync(file)
-                finally:
-                    os.close(file)
-
     def _take_lock(self) -> None:
         if self._lock is None:
             self._lock = Lock(self.path)
@@ -255,8 +246,8 @@ class Journal:
         """Next recorded line, which must be of this step; `None` after the last."""
         if not self.recalling:
             return None
-        recorded = self._recorded[self._asked]
-        self._asked += 1
+        recorded = self._recorded[self.n_asked]
+        self.n_asked += 1
         if recorded.get("step") != step:
             raise self._mismatch(recorded, step)
         return recorded
@@ -264,7 +255,7 @@ class Journal:
     def _mismatch(self, recorded: Mapping[str, Any], step: str) -> JournalError:
         return JournalError(
             f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
-            f"{step}: the program or the machine has changed since; run again with --replace, not --resume"
+            f"{step}: the program or the machine has changed since; {_ANEW}"
         )
 
     def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
@@ -291,13 +282,13 @@ class Journal:
         self._take_lock()
         with explain_failure(f"write {self.path}", "choose another folder"):
             file = open_to_write(self.path, _FLAGS)
-        self._file, self._own = file, True
+        self._file, self.is_own = file, True
         return file
 
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
-        self._asked += 1
-        first = {"format": FORMAT} if self._asked == 1 else {}
-        numbered = {"line": self._asked, "step": step, **first, **entry}
+        self.n_asked += 1
+        first = {"format": FORMAT} if self.n_asked == 1 else {}
+        numbered = {"line": self.n_asked, "step": step, **first, **entry}
         self._write(line_of(numbered | {"seconds": time.perf_counter() - self._began}))
 
     def _write(self, lines: bytes) -> None:
@@ -366,26 +357,20 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     lines = [line + b"\n" for line in lines[:-1]] + ([lines[-1]] if lines[-1] else [])
     entries = [_entry_of(line) for line in lines]
     sound = entries.index(None) if None in entries else len(entries)
-    if any(entry is not None for entry in entries[sound:]):
-        raise JournalError(
-            f"{path} is damaged in line {sound + 1}, with sound lines after it; run again with --replace, not --resume"
-        )
-    if not sound and len(lines) > 1:
-        raise JournalError(
-            f"{path} is not a journal that this version can resume; run again with --replace, not --resume"
-        )
     kept = [entry for entry in entries[:sound] if entry is not None]
-    if kept and kept[0].get("format") != FORMAT:
-        raise JournalError(
-            f"{path} has format {kept[0].get('format')}, this version reads {FORMAT}; run again with --replace, "
-            "not --resume"
-        )
-    for number, entry in enumerate(kept, start=1):
-        if entry.get("line") != number:
-            raise JournalError(
-                f"{path} lacks a line before its line {number}, which says it is line {entry.get('line')}; "
-                "run again with --replace, not --resume"
-            )
+    fault = ""
+    if any(entry is not None for entry in entries[sound:]):
+        fault = f"is damaged in line {sound + 1}, with sound lines after it"
+    elif not kept and len(lines) > 1:
+        fault = "is not a journal that this version can resume"
+    elif kept and kept[0].get("format") != FORMAT:
+        fault = f"has format {kept[0].get('format')}, this version reads {FORMAT}"
+    elif odd := [
+        each for each in enumerate((entry.get("line") for entry in kept), start=1) if each[0] != each[1]
+    ]:
+        fault = f"lacks a line before its line {odd[0][0]}, which says it is line {odd[0][1]}"
+    if fault:
+        raise JournalError(f"{path} {fault}; {_ANEW}")
     return kept, sum(len(line) for line in lines[:sound])
 
 

@@ -175,7 +175,10 @@ class Lock:
                 _flock(file, path)
                 # Another writer may have removed the file between the two lines above.
                 if self._place.exists() and os.path.samestat(os.fstat(file), self._place.stat()):
-                    _sign(file)
+                    # Who holds the lock; on a full disk the holder stays unnamed.
+                    with suppress(OSError):
+                        os.ftruncate(file, 0)
+                        os.write(file, f"{_signature()}\n".encode())
                     return file
             except BaseException:
                 os.close(file)
@@ -208,13 +211,6 @@ def _flock(file: int, path: Path) -> None:
             MrworkWarning,
             stacklevel=2,
         )
-
-
-def _sign(file: int) -> None:
-    """Write who holds the lock; on a full disk the holder stays unnamed."""
-    with suppress(OSError):
-        os.ftruncate(file, 0)
-        os.write(file, f"{_signature()}\n".encode())
 
 
 def _signature() -> str:

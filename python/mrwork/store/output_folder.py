@@ -91,12 +91,10 @@ class Destination:
 
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
-        run = self.run()
-        if run is None:
-            return
-        if not self.replace:
-            self._check_losses_of(run)
-        run.refuse_special_files()
+        if (run := self.run()) is not None:
+            if not self.replace:
+                self._check_losses_of(run)
+            run.refuse_special_files()
 
     def _check_losses_of(self, run: FolderOfRun) -> None:
         if run.kind != self.kind:

@@ -65,8 +65,8 @@ def run_journal(destination: Destination, *, resume: bool, note: Callable[[str],
     """The journal of a run, begun or resumed; it and the run folder are locked until the end of the block."""
     path = destination.path
     with replacing_run(destination):
-        if not resume:
-            _refuse_unfinished(destination, [part_of(path) / JOURNAL])
+        if not (resume or destination.replace):
+            _refuse_unfinished(path, [part_of(path) / JOURNAL])
         journal = resume_journal(path, note=note) if resume else begin_journal(path)
         with _outliving(journal, real_place(path) / JOURNAL, resume=resume):
             yield journal
@@ -79,23 +79,17 @@ def addition_journal(
     """The journal of an addition, begun or resumed, that the block moves to `kept`; both are locked until its end."""
     with adding(kept.parent, kept.name):
         if not (resume or replace):
-            _refuse_steps(kept, [name_unfinished(kept)])
+            _refuse_unfinished(kept, [name_unfinished(kept)])
         journal = resume_addition(kept, note=note) if resume else begin_addition(kept)
         with _outliving(journal, kept, resume=resume):
             yield journal
 
 
-def _refuse_unfinished(destination: Destination, journals: Iterable[Path]) -> None:
-    """Refuse to begin a run where an unfinished one has steps, in `journals` or in the folder of an interrupted run."""
-    if not destination.replace:
-        place = destination.place
-        interrupted = (place / MANIFEST).exists() and not is_complete(place)
-        _refuse_steps(destination.path, [*journals, *([place / JOURNAL] if interrupted else [])])
-
-
-def _refuse_steps(path: Path, journals: Iterable[Path]) -> None:
-    steps = 0
-    for journal in journals:
+def _refuse_unfinished(path: Path, journals: Iterable[Path]) -> None:
+    """Refuse to begin where an unfinished run has steps, in `journals` or in the folder of an interrupted run."""
+    place, steps = real_place(path), 0
+    interrupted = (place / MANIFEST).exists() and not is_complete(place)
+    for journal in (*journals, *([place / JOURNAL] if interrupted else [])):
         check_own(journal)
         steps += n_steps(journal)
     if steps:
@@ -128,7 +122,7 @@ def _comes_again(error: BaseException, *, resume: bool) -> bool:
 
 def begin_journal(path: str | Path) -> Journal:
     """Begin a journal for the run folder at `path`, locked; an earlier run there does not change."""
-    return _lock(Journal(_folder(path) / JOURNAL, replace=True))
+    return Journal(_folder(path) / JOURNAL, replace=True).lock()
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
@@ -164,7 +158,7 @@ def is_copy(kept: Path, journal: Journal) -> bool:
 
 def begin_addition(kept: Path) -> Journal:
     """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before."""
-    return _lock(Journal(name_unfinished(kept), replace=True))
+    return Journal(name_unfinished(kept), replace=True).lock()
 
 
 def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
@@ -183,7 +177,7 @@ def _resume(
         if not kept.is_file():
             raise JournalError(f"there is no {missing}; run without --resume")
         _copy(kept, begun, copying())
-    return _lock(Journal(begun, resume=True, note=note))
+    return Journal(begun, resume=True, note=note).lock()
 
 
 def keep_addition(journal: Journal, kept: Path) -> None:
@@ -194,28 +188,18 @@ def keep_addition(journal: Journal, kept: Path) -> None:
         journal.path.replace(kept)
 
 
-def _lock(journal: Journal) -> Journal:
-    journal.lock()
-    return journal
-
-
 def _copy(kept: Path, begun: Path, copying: Path) -> None:
     """Copy a complete journal to where it grows, unless another process does so."""
-    try:
-        with Lock(begun):
-            if not begun.is_file():
+    with explain_failure(f"write {begun}", "make room, or choose another folder"), Lock(begun):
+        if not begun.is_file():
+            content = bytes_of(kept, JOURNAL_FILE)
+            try:
                 # Under another name first, so that an incomplete copy is not taken for a journal.
-                content = bytes_of(kept, JOURNAL_FILE)
                 with new_file(copying) as target:
                     target.write(content)
                 copying.rename(begun)
-    except OutputError:
-        raise
-    except OSError as reason:
-        copying.unlink(missing_ok=True)
-        raise OutputError(
-            f"cannot write {begun}: {reason.strerror}; make room, or choose another folder"
-        ) from reason
+            finally:
+                copying.unlink(missing_ok=True)
 
 
 class StepJournals:
@@ -239,13 +223,12 @@ class StepJournals:
             )
         with explain_failure(f"make {self._folder}", "choose another folder"), ExitStack() as locked:
             locked.enter_context(replacing_run(destination))
-            if not resume:
-                _refuse_unfinished(destination, self._folder.rglob(f"*{_STEP_SUFFIX}"))
-            self._folder.parent.mkdir(exist_ok=True)
+            if not (resume or destination.replace):
+                _refuse_unfinished(destination.path, self._folder.rglob(f"*{_STEP_SUFFIX}"))
             if not resume:
                 if self._folder.exists():
                     shutil.rmtree(self._folder)
-                self._folder.mkdir()
+                self._folder.mkdir(parents=True)
             self._locked = locked.pop_all()
 
     def __call__(self, step: str) -> Journal:

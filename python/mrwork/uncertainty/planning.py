@@ -436,10 +436,8 @@ def _forces(posterior: LinearisedPosterior, draws: Floats, candidates: Sequence[
         force = np.where((run.outcome == Outcome.FINISHED)[:, None], run.force[:, counted], np.nan)
         middle = np.nanmean(force, axis=0)
         size = np.std(middle) * np.sqrt(middle.size)
-        velocity = candidate.peak_velocity * np.cos(
-            2.0 * np.pi * candidate.frequency * loading.dt * np.arange(counted.start, counted.stop)
-        )
-        energy = force @ velocity
+        assert loading.velocity is not None
+        energy = force @ loading.velocity[counted]
         forces.append(
             _Forces(
                 force=(force - middle) / size,

@@ -21,7 +21,7 @@ LEVEL = 0.01
 # Samples of the windows after steps of the command and around reversals: a wrong sample to the lag of a slow coil.
 WINDOWS = (1, 4, 16, 64)
 # Windows with more than this share of the samples are not compared with the rest, nor those with fewer degrees of
-# freedom, for which the approximation of F is not made.
+# freedom, of which the scores are not those of F.
 _MOST_OF_SAMPLES = 0.5
 _LEAST_FREEDOM = 3.0
 # Phases of a cycle at which residuals are compared from cycle to cycle, and the least number of cycles for that.
@@ -162,15 +162,10 @@ def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: f
 
 
 def f_beyond(ratio: float, above: float, below: float) -> float:
-    """Survival function of F at these degrees of freedom, about: Paulson (Ann. Math. Stat. 13, 1942, 233-235).
+    """Survival function of F at these degrees of freedom."""
+    from scipy.special import fdtrc
 
-    The cube root of a chi-squared variable over its degrees of freedom is nearly normal. Loading `scipy.special` takes
-    a fifth of a second.
-    """
-    root = ratio ** (1.0 / 3.0)
-    spread = math.sqrt(2.0 / 9.0 * (root**2 / below + 1.0 / above))
-    distance = ((1.0 - 2.0 / (9.0 * below)) * root - (1.0 - 2.0 / (9.0 * above))) / spread
-    return 0.5 * math.erfc(distance / math.sqrt(2.0))
+    return float(fdtrc(above, below, ratio))
 
 
 def autocorrelation(residual: Floats, lags: int) -> Floats:
@@ -196,20 +191,10 @@ def _breusch_pagan(squared: Floats, over: Floats, n_effective: float) -> float:
 
 
 def chi_squared_beyond(statistic: float, degrees: int) -> float:
-    """Survival function of chi-squared with these degrees of freedom, a whole number.
+    """Survival function of chi-squared with these degrees of freedom."""
+    from scipy.special import chdtrc
 
-    A finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5); loading `scipy.special` takes a fifth of a second.
-    """
-    half = 0.5 * statistic
-    order = 0.5 * (degrees % 2)
-    beyond = math.erfc(math.sqrt(half)) if degrees % 2 else 0.0
-    # exp(-half) half^order / gamma(order + 1), summed over order = 1/2, 3/2, ... or 0, 1, ... below degrees / 2.
-    term = math.exp(-half) * half**order / math.gamma(order + 1.0)
-    while order < 0.5 * degrees:
-        beyond += term
-        order += 1.0
-        term *= half / order
-    return beyond
+    return float(chdtrc(degrees, statistic))
 
 
 def _excess_kurtosis(values: Floats) -> float:

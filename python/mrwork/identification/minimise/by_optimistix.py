@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -50,16 +50,16 @@ def find_minimum_by_optimistix(
 
 
 def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinimum:
-    method = _method(Residuals.of(objective, columns=box.free, substeps=None, threads=1), box)
+    begin, advance = _method(Residuals.of(objective, columns=box.free, substeps=None, threads=1), box)
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
     scale = scale_to_unit_sensitivity(Linearisations(objective, box)(origin)[1])
     args = (jnp.asarray(origin), jnp.asarray(scale), arrays_of(objective))
     position = jnp.zeros_like(args[0])
-    state = method.init(position, args)
+    state = begin(position, args)
     squared: list[float] = []
     converged = False
     while len(squared) < _MAX_STEPS and not converged:
-        position, state, done, value = method.step(position, args, state)
+        position, state, done, value = advance(position, args, state)
         squared.append(float(value))
         objective.tally.simulations += 1
         if on_step is not None:
@@ -75,15 +75,9 @@ def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | N
     )
 
 
-class _Method(NamedTuple):
-    """A method compiled for one form of residuals, box and shape of the data."""
-
-    init: Callable[[jax.Array, Any], Any]
-    step: Callable[[jax.Array, Any, Any], tuple[jax.Array, Any, jax.Array, jax.Array]]
-
-
 @cache
-def _method(form: Residuals, box: Box) -> _Method:
+def _method(form: Residuals, box: Box) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Functions that begin and advance a method compiled for one form of residuals, box and shape of the data."""
     solver: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     options: dict[str, object] = {}
     tags: frozenset[object] = frozenset()
@@ -103,4 +97,4 @@ def _method(form: Residuals, box: Box) -> _Method:
         done, _ = solver.terminate(residuals, position, args, options, state, tags)
         return position, state, done, jnp.sum(state.f_info.residual**2)
 
-    return _Method(init=init, step=step)
+    return init, step

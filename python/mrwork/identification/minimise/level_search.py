@@ -224,8 +224,7 @@ def points_from_levels(
             worse = alone.worse_in(on_tests, theta)
             if worse.size:
                 least = (1.0 + settings.closeness) * result.misfit[0]
-                found_again = int(np.count_nonzero(result.misfit <= least)) >= settings.found
-                suspected = not found_again
+                suspected = int(np.count_nonzero(result.misfit <= least)) < settings.found
     except KeyboardInterrupt as interrupt:
         found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
         if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
@@ -303,18 +302,16 @@ def _fit_each(problem: Problem, tests: tuple[DamperTest, ...], fits: Sequence[Le
 def worse_together(
     problem: Problem, objective: Objective, theta: Floats, *, suspected: bool
 ) -> tuple[str, ...]:
-    """Sentence on the tests that a fit `theta`, (n_params,), describes far worse than their own fits do.
+    """Sentence on the tests that a fit `theta`, (n_params,), describes far worse than their own fits, started there.
 
-    These start from the parameters of the fit at the command of each. A minimum may be `suspected` to be false.
+    A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
-    joint = objective.nrmse_of_tests(theta[None])[:, 0]
-    alone = np.full(len(tests), np.nan)
-    for index in far_worse(joint, np.zeros(len(tests))):
-        if command_is_constant(tests[index], spec):
-            command = float(np.mean(np.asarray(loading_of(tests[index], spec).command)))
-            level = LevelFit(command=command, minima=plain_parameters(spec, theta, command)[None])
-            alone[index] = _fit_each(problem, tests[index : index + 1], [level]).nrmse[0]
+    joint, alone = objective.nrmse_of_tests(theta[None])[:, 0], np.full(len(tests), np.nan)
+    levels = _group_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
+    fits = [LevelFit(command=each, minima=plain_parameters(spec, theta, each)[None]) for each in levels]
+    doubtful = far_worse(joint, np.zeros(len(tests)))
+    alone[doubtful] = _fit_each(problem, tuple(tests[index] for index in doubtful), fits).nrmse
     worse = far_worse(joint, alone)
     sentence = far_worse_sentence(tests, worse, joint, alone, found_again=not suspected)
     return (sentence,) if worse.size else ()

@@ -694,8 +694,7 @@ def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: M
         better, own = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)
         return (
             f"the fit of {nested.model}, which this model contains, is better in the search "
-            f"({better} % against {own} %): the minimum is false; "
-            "try another seed",
+            f"({better} % against {own} %): the minimum is false; try another seed",
         )
     if minima.stop_reason == "max_rounds":
         again = int(np.count_nonzero(minima.misfit <= (1.0 + settings.closeness) * least))

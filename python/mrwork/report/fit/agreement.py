@@ -135,7 +135,6 @@ def excitation(test: DamperTest) -> list[str]:
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
     """Command, motion and sampling of a test, and the observation model of its force, in one line."""
-    observed = quality.recorded_in_words
     window = test.window
     ends = [
         f"{end} {numbers.shortest(n_left * test.dt, 2)} s"
@@ -149,7 +148,7 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
         f"velocity {test.velocity_source}",
         f"{' and '.join(ends)} not compared" if ends else "",
         f"{n_bridged} interpolated samples not compared" if n_bridged else "",
-        f"model force {observed}" if observed else "",
+        f"model force {quality.recorded_in_words}" if quality.recorded_in_words else "",
     ]
     return " · ".join(filter(None, parts))
 

@@ -86,14 +86,9 @@ def _verdict(tests: Sequence[_Levels]) -> str:
     means = {level: float(np.mean([row[level].samples.coverage for row in tests])) for level in LEVELS}
     narrow = [f"{100 * level:g} %" for level, (least, _) in _NOMINAL.items() if means[level] < least]
     wide = [f"{100 * level:g} %" for level, (_, most) in _NOMINAL.items() if means[level] > most]
-    said = []
-    if narrow:
-        said.append(
-            f"The {list_names(narrow)} bands are too narrow: the errors of these tests differ more than a few tests "
-            "can show."
-        )
-    if wide:
-        said.append(f"The {list_names(wide)} bands are wider than necessary for tests like these.")
+    too_narrow = "too narrow: the errors of these tests differ more than a few tests can show"
+    found = (narrow, too_narrow), (wide, "wider than necessary for tests like these")
+    said = [f"The {list_names(levels)} bands are {words}." for levels, words in found if levels]
     if len(tests) < _FEW_TESTS:
         said.append(f"{len(tests)} tests are too few to tell whether the bands have their nominal coverage.")
     elif not said:

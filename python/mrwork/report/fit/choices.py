@@ -13,7 +13,6 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.base.table import page_table
-from mrwork.base.units import CommandUnit
 from mrwork.drawing import style
 from mrwork.drawing.canvas import blank, grid_of_axes, name_ordinate, room_for
 from mrwork.drawing.of_tests import Comparison
@@ -157,15 +156,13 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     check = run.plan
     if check is None:
         return None
-    current = run.fit.spec.current
-    unit = None if current is None else current.unit
-    plan = check.plan
+    plan, unit = check.plan, check.plan.command_unit
     best = plan.gains[0]
     name = best.candidate.in_words(unit)
     shown = plan.gains[:_SHOWN]
     note = f"The best {len(shown)} of {len(plan.gains)}." if len(plan.gains) > len(shown) else ""
     what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
-    drawn = panel("plan", "", plan_figure(plan, unit), what)
+    drawn = panel("plan", "", plan_figure(plan), what)
     agreement = (
         "The check with draws failed: almost none of them fits the simulated tests. Use the order of the candidates, "
         "not the numbers."
@@ -192,7 +189,7 @@ def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 @style.drawn_in_style()
-def plan_figure(plan: Plan, unit: CommandUnit | None) -> Figure:
+def plan_figure(plan: Plan) -> Figure:
     """Variance reduction [%] at each amplitude and frequency; the best is framed, other places are blank."""
     commands = sorted({each.candidate.command for each in plan.gains}, key=lambda value: value or 0.0)
     most = max(each.gain for each in plan.gains)
@@ -202,7 +199,7 @@ def plan_figure(plan: Plan, unit: CommandUnit | None) -> Figure:
         gains = [each for each in plan.gains if each.candidate.command == command]
         _draw_gains(axes, gains, plan.gains[0], most)
         title = "Variance reduction (%)"
-        name_ordinate(axes, title if command is None else f"{title}, {command:g} {unit}")
+        name_ordinate(axes, title if command is None else f"{title}, {command:g} {plan.command_unit}")
     return figure
 
 

@@ -40,17 +40,7 @@ from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-SECTIONS: tuple[SectionKind, ...] = (
-    HELD_OUT,
-    BANDS,
-    LAWS,
-    RANKING,
-    PROFILES,
-    POSTERIOR,
-    AMPLITUDES,
-    RESIDUALS,
-    PLAN,
-)
+SECTIONS = (HELD_OUT, BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
 """The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
 
 # Entries of a setting that are shown.
@@ -230,6 +220,5 @@ def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, 
     if run.ranking is not None:
         drawn["ranking"] = partial(ranking_figure, run.ranking)
     if run.plan is not None:
-        current = run.fit.spec.current
-        drawn["plan"] = partial(plan_figure, run.plan.plan, None if current is None else current.unit)
+        drawn["plan"] = partial(plan_figure, run.plan.plan)
     return drawn

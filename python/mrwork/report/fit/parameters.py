@@ -138,15 +138,10 @@ def caution(fit: Fit) -> str:
         )
     if all(estimate.standard_error is None for estimate in fit.estimates):
         return "No standard errors: they could not be computed for this fit."
-    earlier = (
-        "These standard errors are of an earlier version, which took residuals to be independent from one sample to "
-        "the next: read them as lower limits."
-    )
     return (
-        f"{counted.lstrip() or earlier} Standard errors, and the verdicts that follow from them, take the force to be "
-        "linear in the parameters over that range, and the model to be right; profiles and posterior draws do without "
-        "the first."
-    )
+        f"{counted} Standard errors, and the verdicts that follow from them, take the force to be linear in the "
+        "parameters over that range, and the model to be right; profiles and posterior draws do without the first."
+    ).lstrip()
 
 
 def _relative_error(value: float, error: float | None) -> str:
@@ -187,9 +182,9 @@ def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
 
 
 def _sentence(direction: Direction) -> str:
-    """The sentence of a direction, capitalised unless it starts with the name of a parameter."""
-    sentence = direction.sentence
-    return f"{sentence if direction.starts_with_name else sentence[0].upper() + sentence[1:]}."
+    """The sentence of a direction; only "the residuals do not depend on it" does not start with a parameter's name."""
+    sentence, has_name = direction.sentence, direction.seen or len(direction.changes) > 1
+    return f"{sentence if has_name else sentence[0].upper() + sentence[1:]}."
 
 
 _COLUMNS, _HEIGHT = 4, 2.2

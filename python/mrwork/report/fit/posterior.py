@@ -18,13 +18,8 @@ from mrwork.drawing.of_fits import add_corner, label_corner
 from mrwork.drawing.of_tests import Comparison
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
+from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws
 
-_ENDED: dict[DrawsStatus, str] = {
-    "converged": "converged after",
-    "not_converged": "not converged after",
-    "interrupted": "interrupted after",
-}
 _POINTS = 120
 _GROUPS = 4
 _RANK_BINS = 16
@@ -52,7 +47,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="posterior",
         title="Posterior",
-        summary=f"{_ENDED[draws.status]} {draws.n_steps} steps, {format_fixed(len(draws.theta), 0)} draws.",
+        summary=f"{draws.status.replace('_', ' ')} after {draws.n_steps} steps, "
+        f"{format_fixed(len(draws.theta), 0)} draws.",
         groups=(
             Group(prose=_prose(draws)),
             Group(

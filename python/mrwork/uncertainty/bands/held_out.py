@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from mrwork.identification.fit_file import addition_content, read_addition
 from mrwork.identification.result import FitSpread
 from mrwork.records import DamperTest
 from mrwork.records.rig_table import Use
-from mrwork.store.codec import OrInfinite, Related, finite
+from mrwork.store.codec import OrInfinite, finite
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES
 from mrwork.uncertainty.bands.band import score
@@ -42,31 +42,27 @@ class HeldOutTest:
     outside: tuple[str, ...] = ()
     inside: float | None = None
 
+    @classmethod
+    def of(cls, prediction: Prediction, fit: Fit, calibration: Calibration | None = None) -> HeldOutTest:
+        """A test as a fit predicts it, with its share in the band of a calibration."""
+        band = None if calibration is None else calibration.band(prediction, _LEVEL)
+        return cls(
+            name=prediction.test.name,
+            fit_percent=prediction.fit_percent,
+            rmse_n=prediction.rmse_n,
+            outside=fit.outside(prediction.test, prediction.model_force).names,
+            inside=None if band is None else score(band, prediction.measured).coverage,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class HeldOutTests(Summarised, Related):
-    """Tests that neither a fit nor its calibration has seen, as the fit predicts them, with all `predictions`."""
+class HeldOutTests(Summarised):
+    """Tests that neither a fit nor its calibration has seen, and the prediction of each."""
 
     _made_by = "mrwork predict RUN TESTS"
 
     tests: tuple[HeldOutTest, ...]
-    predictions: tuple[Prediction, ...] = ()
-
-    def disagreement(self) -> str:
-        """A file without tests."""
-        return "" if self.tests else "it has no tests"
-
-    def add(self, later: HeldOutTests) -> HeldOutTests:
-        """These and later ones, which take the place of the same tests."""
-        kept = [
-            number
-            for number, each in enumerate(self.predictions)
-            if not any(_is_same(each.test, other.test) for other in later.predictions)
-        ]
-        return HeldOutTests(
-            tests=(*(self.tests[number] for number in kept), *later.tests),
-            predictions=(*(self.predictions[number] for number in kept), *later.predictions),
-        )
+    predictions: tuple[Prediction, ...]
 
     @property
     def spread(self) -> FitSpread:
@@ -112,16 +108,19 @@ class _Document:
     tests: tuple[HeldOutTest, ...]
 
 
-def write_held_out(place: Path, fit: Fit, held_out: HeldOutTests) -> None:
-    """Write the tests into the run folder of a fit, beside those that it has already."""
+def write_held_out(place: Path, fit: Fit, predictions: Sequence[Prediction]) -> None:
+    """Write predicted tests into the run folder of a fit, beside those that it has; of the same the last counts."""
     earlier = None
     with suppress(RecordError):
         # Of another fit, or of another version.
         earlier = read_held_out(place, fit)
-    merged = held_out if earlier is None else earlier.add(held_out)
+    merged: list[Prediction] = []
+    for each in (*(earlier.predictions if earlier else ()), *predictions):
+        merged = [*(other for other in merged if not _is_same(other.test, each.test)), each]
+    document = _Document(tests=tuple(HeldOutTest.of(each, fit) for each in merged))
     contents = {
-        HELD_OUT: addition_content(finite(asdict(_Document(tests=merged.tests))), fit),
-        HELD_OUT_FORCES: predictions_content(merged.predictions),
+        HELD_OUT: addition_content(finite(asdict(document)), fit),
+        HELD_OUT_FORCES: predictions_content(merged),
     }
     write_files(place, contents)
 
@@ -138,19 +137,9 @@ def read_held_out(place: Path, fit: Fit) -> HeldOutTests | None:
             f"{len(predictions)}; run `mrwork predict {place} TESTS` again"
         )
     calibration = stored_calibration(place, fit)
-    kept = [
-        (replace(test, inside=_inside(calibration, each) if calibration else None), each)
-        for test, each in zip(document.tests, predictions, strict=True)
-        if calibration is None or calibration.knows(each.test) is None
-    ]
-    if not kept:
-        return None
-    tests, predictions = zip(*kept, strict=True)
-    return HeldOutTests(tests=tests, predictions=predictions)
-
-
-def _inside(calibration: Calibration, prediction: Prediction) -> float:
-    return score(calibration.band(prediction, _LEVEL), prediction.measured).coverage
+    kept = tuple(each for each in predictions if calibration is None or not calibration.knows(each.test))
+    tests = tuple(HeldOutTest.of(each, fit, calibration) for each in kept)
+    return HeldOutTests(tests=tests, predictions=kept) if kept else None
 
 
 # Level of the band whose coverage is told of each test.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
@@ -35,7 +35,7 @@ from mrwork.errors import (
     UnknownNameError,
     WorkerError,
 )
-from mrwork.identification.batch import FitBatch, FitTask, JournalOf
+from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.level_search import (
@@ -192,10 +192,10 @@ class ChoiceProgress(ProgressReport):
     """
 
     model: str
-    number: int
-    n_models: int
+    number: int = 1
+    n_models: int = 1
     task: str
-    seconds: float
+    seconds: float = 0.0
     seconds_left: float | None = None
     within: Progress | None = None
     n_tried: int = 0
@@ -233,11 +233,8 @@ class Steps:
         return time.perf_counter() - self._began
 
     def run(self, name: str, work: Callable[[Journal | None], T]) -> T:
-        """Do the work of a step with its own journal, if any, which is closed afterwards."""
-        if self.journal_of is None:
-            return work(None)
-        with closing(self.journal_of(name)) as journal:
-            return work(journal)
+        """Do the work of a step with its own journal, if any."""
+        return with_journal(self.journal_of, name, work)
 
     @contextmanager
     def recording_failure(self, model: str) -> Iterator[None]:
@@ -249,33 +246,11 @@ class Steps:
         except MrworkError as error:
             self.failed[model] = str(error)
 
-    def report(
-        self,
-        model: str,
-        task: str,
-        within: Progress | None = None,
-        *,
-        seconds_left: float | None = None,
-        n_tried: int = 0,
-        left_out_percent: float = np.nan,
-        share: float | None = None,
-    ) -> None:
-        """Report that a model is at a task."""
+    def report(self, progress: ChoiceProgress) -> None:
+        """Report the progress of a model, with its number and the time."""
         if self.on_progress is not None:
-            self.on_progress(
-                ChoiceProgress(
-                    model=model,
-                    number=1 + self.models.index(model),
-                    n_models=len(self.models),
-                    task=task,
-                    seconds=self.seconds,
-                    seconds_left=seconds_left,
-                    within=within,
-                    n_tried=n_tried,
-                    left_out_percent=left_out_percent,
-                    share=share,
-                )
-            )
+            number, n_models = 1 + self.models.index(progress.model), len(self.models)
+            self.on_progress(replace(progress, number=number, n_models=n_models, seconds=self.seconds))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -401,13 +376,10 @@ class RunningComparison:
         if workers is None:
             return shared.leave_one_out
 
-        def is_recorded(journal: Journal | None) -> bool:
-            return journal is not None and journal.recalling
-
         missing = [
             fit
             for model, fit in self.fits.items()
-            if not self.steps.run(f"{model}/leave_one_out", is_recorded)
+            if not self.steps.run(f"{model}/leave_one_out", lambda journal: journal and journal.recalling)
         ]
         outcomes = workers.outcomes(
             SharedLikelihood.on_one_thread,
@@ -458,7 +430,10 @@ class RunningComparison:
         left = self._spent / self._done * max(total - self._done, 0) if self._done else None
         # Workers tell the time that is left themselves.
         left = left if present_workers() is None else None
-        self.steps.report(model, task, within, seconds_left=left, share=self._done / total)
+        share = self._done / total
+        self.steps.report(
+            ChoiceProgress(model=model, task=task, within=within, seconds_left=left, share=share)
+        )
 
 
 @checked

@@ -32,7 +32,7 @@ from mrwork.identification.minimise.level_search import (
     spec_by_values,
     tested_commands,
 )
-from mrwork.identification.progress import interruptible, on_every_test
+from mrwork.identification.progress import interruptible
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Start
@@ -174,10 +174,7 @@ class LawSearch:
         return self.in_other_form(fitted, [each.parameter for each in found if each.instead])
 
     def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
-        """The same with laws of these positive parameters interpolated the other way, direct or in logarithms.
-
-        Of laws with a value at every command, whose force in the tests is the same by both.
-        """
+        """The same with those of these laws interpolated the other way that have the force of every test by both."""
         laws = fitted.laws
         for name in names:
             degree = _degree(own := laws.get(name, ""))
@@ -390,23 +387,12 @@ class LawSearch:
 
     def _predict_left_out(self, spec: DamperSpec, theta: Floats) -> _Predictions:
         """Predict the whole tests of each split by the fit without them, `theta`, shape (1 + n_splits, n_params)."""
-        rows_of: dict[int, list[int]] = {}
-        for row, members in enumerate(self.splits.members, start=1):
-            for index in members:
-                rows_of.setdefault(index, []).append(row)
-        nrmse = np.full((len(theta), len(self.whole)), np.nan)
-
-        def fill(index: int, threads: int) -> None:
-            rows = rows_of.get(index, [])
-            if rows:
-                own = replace(self.whole[index], spec=spec)
-                residuals, failed = own.residuals(theta[rows], threads=threads)
-                error = np.linalg.norm(residuals, axis=1) * own.weight(1)
-                nrmse[rows, index] = np.where(failed, np.inf, error)
-
-        on_every_test(len(self.whole), self.folded.threads, fill)
-        pairs = [nrmse[row, members] for row, members in enumerate(self.splits.members, start=1)]
-        return _Predictions(nrmse=np.concatenate(pairs))
+        rows = [(row, list(members)) for row, members in enumerate(self.splits.members, start=1)]
+        left_out = np.zeros((len(theta), len(self.whole)))
+        for row, members in rows:
+            left_out[row, members] = 1.0
+        squared = replace(self.folded, observed=self.whole).squared_nrmse(spec, theta, left_out)
+        return _Predictions(nrmse=np.sqrt(np.concatenate([squared[row, members] for row, members in rows])))
 
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""

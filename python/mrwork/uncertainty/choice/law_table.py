@@ -292,12 +292,8 @@ def sentence_on(table: LawTable) -> str:
     if best is not chosen:
         behind = _format_behind(chosen)
         of_model = f", of {best.model}," if table.is_of_several else ","
-        by_error = (chosen.behind or 0.0) <= (chosen.behind_error or 0.0)
-        within = (
-            "within one standard error of it"
-            if by_error
-            else f"within {NEGLIGIBLE:g} points, which are negligible"
-        )
+        is_small = (chosen.behind or 0.0) > (chosen.behind_error or 0.0)
+        within = f"less than {NEGLIGIBLE:g} points" if is_small else "within one standard error of it"
         text += (
             f"; that is {behind} points behind the best{of_model} which has {best.n_params} parameters "
             f"({best.in_words}), and {within}"

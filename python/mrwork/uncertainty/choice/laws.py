@@ -187,22 +187,19 @@ class RunningLawChoice:
             and each.left_out_percent >= chosen.left_out_percent - NEARLY_AS_WELL
         ]
         searches = {each.name: each for each in self.compared}
-        first, *others = [
-            (search := searches[tried.model], search.candidate(tried)) for tried in (chosen, *near)
-        ]
+        first, *others = ((own := searches[each.model], own.candidate(each)) for each in (chosen, *near))
         sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
         for search, candidate in (first, *self._other_form(*first), *others):
             tests = sorted(search.tests, key=lambda test: float(np.abs(test.velocity).max()))
             forces = []
-            fastest = {test.command_in(search.unit): test for test in tests}.values()
-            between = 0.5 * (search.commands[:-1] + search.commands[1:])
-            for test, at in [*((test, None) for test in fastest), *((tests[-1], at) for at in between)]:
-                loading = loading_of(test, candidate.spec)
+            fastest = {test.command_in(search.unit): test for test in tests}
+            between = dict.fromkeys(0.5 * (search.commands[:-1] + search.commands[1:]), tests[-1])
+            for command, test in (*fastest.items(), *between.items()):
                 beyond = replace(
-                    loading,
+                    loading_of(test, candidate.spec),
                     displacement=_BEYOND * test.displacement,
                     velocity=_BEYOND * test.velocity,
-                    command=loading.command if at is None else float(at),
+                    command=command,
                 )
                 run = simulate_forces(candidate.spec, candidate.fit.theta[:1], beyond.history())
                 forces.append(run.force[0] / np.std(test.force))
@@ -272,7 +269,11 @@ class RunningLawChoice:
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         scores = [laws.score for laws in self.fitted_laws]
         best = 100.0 * (1.0 - min(scores, default=np.nan))
-        self.steps.report(search.name, task, within, n_tried=len(scores), left_out_percent=best)
+        self.steps.report(
+            ChoiceProgress(
+                model=search.name, task=task, within=within, n_tried=len(scores), left_out_percent=best
+            )
+        )
 
 
 @checked

@@ -48,15 +48,12 @@ def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> 
 def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> str:
     """That the force falls beyond the tested velocities, at the command where it falls most; else empty."""
     fastest: dict[float, DamperTest] = {}
-    for test in tests:
+    for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
         command = loading_of(test, spec).command
         if isinstance(command, np.ndarray):
             continue
         unit = "A" if spec.current is None else spec.current.unit
-        level = 0.0 if command is None else command_level(float(command), unit)
-        known = fastest.get(level)
-        if known is None or np.abs(test.velocity).max() > np.abs(known.velocity).max():
-            fastest[level] = test
+        fastest[0.0 if command is None else command_level(float(command), unit)] = test
     worst, sentence = -_FALLS, ""
     for test in fastest.values():
         loading = loading_of(test, spec)

@@ -119,7 +119,15 @@ def inference_data(
     groups = {
         "log_likelihood": _log_likelihood(target, theta, start, kept, labels, pointwise),
         "prior": _prior(target, kept, stream),
-        "observed_data": _observed_forces(own_tests, labels),
+        "observed_data": NamedArrays(
+            title="Measured force of the samples that are compared",
+            rows=(),
+            labels=_times(own_tests),
+            arrays={
+                label: NamedArray.of(test.force[test.counted], axis, unit="N", long_name="measured force")
+                for label, axis, test in zip(labels, _time_axes(own_tests), own_tests, strict=True)
+            },
+        ),
         "posterior_predictive": _predictive(target, theta, kept, own_tests, labels, stream),
     }
     for name, group in groups.items():
@@ -197,18 +205,6 @@ def _predictive(
         rows=("chain", "draw"),
         labels=_chain_labels(shape) | _times(tests),
         arrays=forces,
-    )
-
-
-def _observed_forces(tests: Sequence[DamperTest], labels: Sequence[str]) -> NamedArrays:
-    return NamedArrays(
-        title="Measured force of the samples that are compared",
-        rows=(),
-        labels=_times(tests),
-        arrays={
-            label: NamedArray.of(test.force[test.counted], axis, unit="N", long_name="measured force")
-            for label, axis, test in zip(labels, _time_axes(tests), tests, strict=True)
-        },
     )
 
 
