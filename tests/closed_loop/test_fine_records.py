@@ -23,7 +23,7 @@ from mrwork.closed_loop import (
     simulate_prescribed,
 )
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantProblem
-from mrwork.closed_loop.simulate import GainChanges, simulate_moved
+from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.twins.loop_stepping import half_steps, stage_values
@@ -228,7 +228,7 @@ def test_derivatives_of_gains_are_those_of_the_loop() -> None:
     law = law_with_gains("proportional_direct", plant_with(loop))
     direction, reach = law.gain_rows(1, 10)[0], 1e-6
     changes = GainChanges(rows=direction[None], reach=reach)
-    moved = simulate_moved(five_storeys(), loop, law, [noisy(0.5)], Hardware(), changes=changes)
+    moved = simulate_loop(five_storeys(), loop, law, [noisy(0.5)], Hardware(), changes=changes)
     for sign, place in ((1.0, 1), (-1.0, 2)):
         other = replace(law, gains={name: each * (1.0 + sign * reach) for name, each in law.gains.items()})
         again = simulate_loop(five_storeys(), loop, other, [noisy(0.5)])

@@ -132,7 +132,7 @@ def test_a_likelihood_without_a_maximum_determines_no_median() -> None:
     assert set(found.ends[1][undetermined]) == {math.inf}
     assert set(found.medians[~undetermined]) == {0.0, math.inf}
     assert "so that median and dispersion are not determined: give further levels" in found.cautions[0]
-    assert "a: not determined, 0 to ∞ g (4 of 8 records reach it)" in repr(found)
+    assert "a: not determined (0 to ∞); 4 of 8 records reach it" in repr(found)
     assert math.isnan(all_found.ratio("b", "a")[0])
     assert "is not determined, with b 0." in all_found.in_words("b")[0]
     assert np.isnan(all_found.to_xarray()["probability"].sel(row="a")).all()

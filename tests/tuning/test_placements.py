@@ -188,7 +188,7 @@ def test_places_are_told_with_the_number_of_dampers_and_their_page_states_the_be
     without = replace(results, laws=(), references=())
     front = " ".join(tuning_page(without, summary=True).partition("<table")[0].split())
     assert f"The best place of the dampers: {best.in_words}, at {best.command:.3g} A; score" in front
-    assert "on the test motions. As the study has them, 6 in storey 1: " in front
+    assert "on the test motions. As the study has them, 6 in storey 1, at " in front
     assert "Places of dampers compared on training motions" in front
     assert "No law was tuned" not in front
 

@@ -221,11 +221,9 @@ def range_in_words(entry: Field[Any]) -> str:
 def _range_of(entry: Field[Any]) -> Within:
     """Permitted range of a key's number in a file, where counts may start from one."""
     within: Within = entry.metadata["within"]
-    return (
-        replace(within, least=within.least + 1, most=within.most + 1)
-        if entry.metadata["from_one"]
-        else within
-    )
+    if not entry.metadata["from_one"]:
+        return within
+    return replace(within, least=within.least + 1, most=within.most + 1)
 
 
 def control_in(label: str) -> str:

@@ -311,17 +311,21 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNe
     damping
         Sum over all dampers of the storey [N s/m].
     """
-    row = building.storey_row(storey)
-    name = building.storey_name(storey)
+    name = f"viscous damper in {building.storey_name(storey)}"
+    element = PassiveElement(name=name, row=building.storey_row(storey), damping=damping)
+    return with_element(building, element, f"has {damping:g} N s/m")
+
+
+def with_element(building: Building, element: PassiveElement, says: str) -> Building:
+    """The building with an element, whose spring and dashpot join the matrices; its source `says` what it does."""
+    square = np.outer(element.row, element.row)
     return replace(
         building,
-        name=f"{building.name}, viscous damper in {name}",
-        damping=building.damping + damping * np.outer(row, row),
-        elements=(
-            *building.elements,
-            PassiveElement(name=f"viscous damper in {name}", row=row, damping=damping),
-        ),
-        source=source_with(building, f"viscous damper of {damping:g} N s/m in {name} added"),
+        name=f"{building.name}, {element.name}",
+        stiffness=building.stiffness + element.stiffness * square,
+        damping=building.damping + element.damping * square,
+        elements=(*building.elements, element),
+        source=source_with(building, f"{element.name} {says}, added"),
         status="ours",
     )
 
@@ -378,9 +382,8 @@ def with_brace(
 ) -> Building:
     """Return the building with a brace in series with a damper: the two share the drift of a storey.
 
-    The deformation d of the brace is a new coordinate, `m d'' + c d' + k d = f`, and the rest of the drift,
-    `e q - d`, elongates the damper. This row is appended to the storeys as a stroke, named
-    "damper in storey 1" for storey 1.
+    The deformation d of the brace is a new coordinate, `m d'' + c d' + k d = f`, and the rest of the drift, `e q - d`,
+    elongates the damper. This row is appended to the storeys as a stroke, named "damper in storey 1" for storey 1.
 
     A massless brace would follow `c d' + k d = f`, which is the limit of small `mass`. The mass moves with the
     deformation only, so the mass of the building does not change. With a viscous damper c0, d settles at the rate
@@ -504,15 +507,13 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
         )
-    every = scipy.linalg.eigh(building.stiffness, building.mass, eigvals_only=True)
-    (space,) = (each for each in spaces_of(every) if each.start < mode <= each.stop)
+    (space,) = (each for each in spaces_of(building.frequencies**2) if each.start < mode <= each.stop)
     # Of large buildings these modes alone take a fraction of the time of all.
     squares, shapes = scipy.linalg.eigh(
         building.stiffness, building.mass, subset_by_index=[space.start, space.stop - 1]
     )
     shape, moved = shapes[:, 0], building.floor_row(floor) @ shapes
     if len(moved) > 1 and moved.any():
-        # Of modes of one frequency the combination that moves the floor most.
         shape = shapes @ (moved / np.linalg.norm(moved))
     entry = float(building.floor_row(floor) @ shape)
     # An entry below a millionth of the largest is a node of the mode.

@@ -532,7 +532,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     known = name
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
-            built = _with_storeys(_with_elements(built, table), table)
+            built = _with_statements(built, table)
         if table.element or any(not isinstance(each, _OF_DAMPING) for each in table.additions()):
             refuse_without_masses(built, place.within(form))
         for where, way in ways:
@@ -558,21 +558,14 @@ def refuse_without_masses(building: Building, place: Place) -> None:
         )
 
 
-def _with_elements(building: Building, table: BuildingTable) -> Building:
-    """The building with the strokes and the passive elements that a table states beside its matrices."""
-    if table.n_strokes is None and not table.element:
-        return building
+def _with_statements(building: Building, table: BuildingTable) -> Building:
+    """The building with what a table states beside its matrices: strokes, elements, heights, drift limit, weights."""
     elements = tuple(
         PassiveElement(**{entry.name: getattr(each, entry.name) for entry in keys_of(ElementTable)})
         for each in table.element or ()
     )
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
-    return replace(building, n_strokes=n_strokes, elements=(*building.elements, *elements))
-
-
-def _with_storeys(building: Building, table: BuildingTable) -> Building:
-    """The building with the heights of its storeys, their limit of drift, and the weights on them of a table."""
-    count, strokes = len(building.drifts), np.zeros(building.n_strokes)
+    count = max(len(building.storeys) - n_strokes, 0)
     if table.height is not None and table.heights is not None:
         table.place.within("height").refuse("height and heights both give the heights; keep one")
     given = (table.height,) * count if table.height is not None else table.heights
@@ -581,9 +574,15 @@ def _with_storeys(building: Building, table: BuildingTable) -> Building:
             f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
             "height for all"
         )
-    stated: dict[str, Any] = {} if table.drift_limit is None else {"drift_limit": table.drift_limit}
-    stated |= {} if given is None else {"heights": np.append(given, strokes)}
-    stated |= {} if table.loads is None else {"loads": np.append(table.loads, strokes)}
+    strokes = np.zeros(len(building.storeys) - count)
+    stated: dict[str, Any] = {
+        "n_strokes": table.n_strokes,
+        "elements": (*building.elements, *elements) if elements else None,
+        "drift_limit": table.drift_limit,
+        "heights": None if given is None else np.append(given, strokes),
+        "loads": None if table.loads is None else np.append(table.loads, strokes),
+    }
+    stated = {name: value for name, value in stated.items() if value is not None}
     return replace(building, **stated) if stated else building
 
 
@@ -654,11 +653,8 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
         order, n = order_of_states(A, name), len(A) // 2
     floors = given.get("floors", np.eye(n))
-    influence, mass, inputs = (
-        given.get("influence", np.ones(n)),
-        given.get("mass", found.get("M")),
-        table.inputs or (),
-    )
+    influence, mass = given.get("influence", np.ones(n)), given.get("mass", found.get("M"))
+    inputs = table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
         table.place.within("inputs").refuse(
             f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each"

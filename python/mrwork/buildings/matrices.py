@@ -234,14 +234,18 @@ class Building(Summarised):
     @property
     def _geometric(self) -> Floats:
         """P / h of each storey under the weight P, as a matrix [N/m], shape (n, n)."""
-        softer = np.divide(self.loads, self.heights, out=np.zeros(len(self.loads)), where=self.heights > 0.0)
-        return np.asarray(self.storeys.T @ np.diag(softer) @ self.storeys)
+        return np.asarray(self.storeys.T @ np.diag(self._softer) @ self.storeys)
+
+    @property
+    def _softer(self) -> Floats:
+        """P / h of each storey [N/m], shape (n_storeys,)."""
+        return np.divide(self.loads, self.heights, out=np.zeros(len(self.loads)), where=self.heights > 0.0)
 
     @property
     def nonlinear(self) -> str:
         """What is simulated and not in the matrices, the first of it by its name; empty of a linear building."""
-        names = [each.name for each in self.elements if not each.is_linear]
-        return next(iter([*names, *(["P-delta"] if self.loads.any() else [])]), "")
+        beside = "P-delta" if self.loads.any() else ""
+        return next((each.name for each in self.elements if not each.is_linear), beside)
 
     @property
     def unit_drifts(self) -> Floats:
@@ -603,10 +607,8 @@ def _ask_of_modes(building: Building) -> Iterator[str]:
     # A frame on isolators moves as a whole in its first mode, and bends in the second.
     isolated = storeys > 1 and abs(building.drifts[0] @ modes[:, 0]) > _RIGID * moved
     mode = int(isolated and float(modal.period[0]) <= _ISOLATED)
-    period, longest = (
-        float(modal.period[mode]),
-        _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys,
-    )
+    period = float(modal.period[mode])
+    longest = _ISOLATED if isolated else _LONGEST[0] + _LONGEST[1] * storeys
     if np.isfinite(period) and not _SHORTEST * storeys <= period <= longest:
         yield (
             f"the {('first', 'second')[mode]} period is {period:.3g} s for {counted(storeys, 'storey')}; frames have "
@@ -681,12 +683,11 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
             numbers.append(("the drift at which a storey yields", float(drifts.max()), (1e-5, 0.5), "m"))
     omega, modes = building._shapes(None)
     for each in building.elements:
+        ratio = float((each.damping * (each.row @ modes) ** 2 / np.maximum(2.0 * omega, 1e-9)).max())
         if each.yield_force and not each.in_stiffness:
-            numbers.append(
-                (f"the force of {each.name} over the weight", each.yield_force / weight, (2e-4, 3.0), "")
-            )
-        elif each.is_linear and each.damping:
-            ratio = float((each.damping * (each.row @ modes) ** 2 / np.maximum(2.0 * omega, 1e-9)).max())
+            share = each.yield_force / weight
+            numbers.append((f"the force of {each.name} over the weight", share, (2e-4, 3.0), ""))
+        elif each.is_linear and ratio:
             numbers.append((f"the damping ratio that {each.name} adds to a mode", ratio, (2e-4, 50.0), ""))
     questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
     yield from (f"{each}." for each in dict.fromkeys(questions) if each)
@@ -726,8 +727,7 @@ def _check_loads(building: Building, where: str) -> None:
             f"{where}: P-delta stands on the heights of the storeys; give height or heights in [building]"
         )
     if loads.any() and not is_positive(building.stiffness - building._geometric):
-        softer = np.divide(loads, building.heights, out=np.zeros(len(loads)), where=building.heights > 0.0)
-        springs = building.storey_stiffnesses
+        softer, springs = building._softer, building.storey_stiffnesses
         storey = int(np.argmax(softer / springs if springs.shape == softer.shape else softer))
         raise SettingError(
             f"{building.name} falls under its weight: in {building.storey_names[storey]} P / h is "
@@ -895,15 +895,12 @@ class Device(Summarised):
 
     def _take_lag(self, lag: float) -> None:
         """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""
-        spec, current = self.spec, self.spec.current
+        plain, current = self.spec.without_laws, self.spec.current
         assert current is not None  # it follows a command
+        laws = dict(zip(plain.names, current.laws, strict=True))
         theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
-        if current.lagged:
-            theta = theta[..., :-1]
-        else:
-            laws = dict(zip(spec.without_laws.names, current.laws, strict=True))
-            lagged = spec.without_laws.with_current_laws(laws, unit=current.unit, lagged=True)
-            object.__setattr__(self, "spec", lagged)
+        theta = theta[..., : theta.shape[-1] - current.lagged]
+        object.__setattr__(self, "spec", plain.with_current_laws(laws, unit=current.unit, lagged=True))
         object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
         object.__setattr__(self, "lag", None)
 
@@ -958,8 +955,8 @@ class Device(Summarised):
         """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""
         outside = outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
         rated = beyond_rating(demand, force=self.rated_force, stroke=self.rated_stroke)
-        is_rated = self.rated_force is not None or self.rated_stroke is not None
-        return replace(outside, exceedances=(*rated, *outside.exceedances), known=outside.known or is_rated)
+        known = outside.known or self.rated_force is not None or self.rated_stroke is not None
+        return replace(outside, exceedances=(*rated, *outside.exceedances), known=known)
 
     def _summary(self) -> Summary:
         return Summary(

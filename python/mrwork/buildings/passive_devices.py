@@ -13,7 +13,12 @@ import numpy as np
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.buildings.frames import mode_at_floor, with_base_isolation_of_period, with_coordinate
+from mrwork.buildings.frames import (
+    mode_at_floor,
+    with_base_isolation_of_period,
+    with_coordinate,
+    with_element,
+)
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.errors import SettingError, UnknownNameError
 
@@ -48,7 +53,7 @@ def with_yielding_damper(
     name
         Name of the element; by default "yielding damper in" and the storey.
     """
-    return _with_element(
+    return with_element(
         building,
         PassiveElement(
             name=name or f"yielding damper in {building.storey_name(storey)}",
@@ -86,7 +91,7 @@ def with_friction_damper(
     storey, sharpness, name
         As of `with_yielding_damper`; the name is by default "friction damper in" and the storey.
     """
-    return _with_element(
+    return with_element(
         building,
         PassiveElement(
             name=name or f"friction damper in {building.storey_name(storey)}",
@@ -297,20 +302,6 @@ def with_optimal_liquid_column(
         width_ratio=width_ratio,
         head_loss=head_loss_of(ratio, frequency, rms_velocity),
         name=name,
-    )
-
-
-def _with_element(building: Building, element: PassiveElement, says: str) -> Building:
-    """The building with an element, whose spring and dashpot join the matrices."""
-    row = element.row
-    return replace(
-        building,
-        name=f"{building.name}, {element.name}",
-        stiffness=building.stiffness + element.stiffness * np.outer(row, row),
-        damping=building.damping + element.damping * np.outer(row, row),
-        elements=(*building.elements, element),
-        source=source_with(building, f"{element.name} {says}, added"),
-        status="ours",
     )
 
 

@@ -79,10 +79,8 @@ def with_storeys_that_yield(
         drifts = drifts * building.drift_heights
     elif yield_shear is not None:
         drifts = drifts / stiffnesses
-    ratios, knees = (
-        _of_each("post_yield_ratio", post_yield_ratio, count),
-        _of_each("sharpness", sharpness, count),
-    )
+    ratios = _of_each("post_yield_ratio", post_yield_ratio, count)
+    knees = _of_each("sharpness", sharpness, count)
     if not ((ratios >= 0.0) & (ratios < 1.0)).all():
         raise SettingError(f"post_yield_ratio is {ratios.tolist()}; give numbers from 0 to below 1")
     loops = tuple(

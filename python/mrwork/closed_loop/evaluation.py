@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -87,9 +87,8 @@ class Criterion:
     that of the highest one if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
     papers report its ratio to the value without dampers, under these `labels`. A number that is `of_command` is zero at
     i = 0, one that is `counted` jumps by whole counts, one that is `optional` is unknown in earlier files or where its
-    scale is. `usual` is the range of its limits in SI, `None` where they are of any size.
-    `over` names the criterion of the building without dampers in the
-    denominator, if it is another one. `short` is the title in a narrow column.
+    scale is. `usual` is the range of its limits in SI, `None` where they are of any size. `over` names the criterion of
+    the building without dampers in the denominator, if it is another one. `short` is the title in a narrow column.
     """
 
     name: str
@@ -122,11 +121,9 @@ class Criterion:
 
     def question(self, limit: float) -> str:
         """Question on a limit of the criterion that is of an unusual size; empty on others."""
-        return (
-            ""
-            if self.usual is None
-            else question_on(f"the limit of {self.name}", limit, self.usual, self.unit)
-        )
+        if self.usual is None:
+            return ""
+        return question_on(f"the limit of {self.name}", limit, self.usual, self.unit)
 
     def value(self, responses: object, scales: Scales) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
@@ -223,6 +220,9 @@ def score(
     return mean
 
 
+_QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """Distribution of a number over ground motions: how many, mean, least, quartiles, median and most.
@@ -246,11 +246,8 @@ class Spread:
             quantiles, mean = np.full(5, np.nan), float("nan")
         else:
             # Between two infinite numbers, as of commands over none at i = 0, nothing can be interpolated.
-            way: Literal["linear", "inverted_cdf"] = (
-                "linear" if np.isfinite(numbers).all() else "inverted_cdf"
-            )
-            quantiles = np.quantile(numbers, (0.0, 0.25, 0.5, 0.75, 1.0), method=way)
-            mean = float(np.mean(numbers))
+            way: Any = "linear" if np.isfinite(numbers).all() else "inverted_cdf"
+            quantiles, mean = np.quantile(numbers, _QUARTILES, method=way), float(np.mean(numbers))
         least, lower, median, upper, most = quantiles.tolist()
         return Spread(
             motions=numbers.size,

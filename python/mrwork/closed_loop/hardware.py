@@ -100,9 +100,9 @@ class Hardware(Summarised):
     from the accelerations of the measured floors and the deformations and forces of the devices. Noise is white; its
     seed is the same for all laws and candidates under the same motion.
 
-    A ground record whose interval is shorter than an integration step (by more than a thousandth, for intervals that
-    are rounded) has several samples in a step: the step takes the line with their mean and first moment. Sensors of the
-    ground then read the mean over the step before. Other records are read at start, middle and end of each step.
+    Of a ground record whose interval is shorter than an integration step, by more than a thousandth, the step takes the
+    line with the mean and the first moment of the samples in it, and sensors of the ground read the mean over the step
+    before. Other records are read at start, middle and end of each step.
     """
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"

@@ -35,10 +35,7 @@ def beyond_twin(
         for name, wanted in (
             (f"the law {law}", law not in OWN_LAWS),
             (f"further signals of {law}", signals),
-            (
-                "passive elements, storeys that yield or P-delta",
-                bool(building.elements or building.nonlinear),
-            ),
+            ("passive elements, yield or P-delta", bool(building.elements or building.nonlinear)),
             ("an observer", hardware.feedback != "state"),
             ("sensors with noise or a resolution", noisy),
             ("faults and prescribed commands", bool(hardware.faults)),

@@ -492,6 +492,14 @@ _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 _ROUNDED = 1.0 + 1e-9
 
 
+@array_dataclass()
+class GainChanges:
+    """Changes of the gains of a law along directions, shape (n_directions, n_gains), and how far results are moved."""
+
+    rows: Floats
+    reach: float
+
+
 @checked
 def simulate_loop(
     building: Building,
@@ -508,6 +516,7 @@ def simulate_loop(
     variation: LoopVariation | None = None,
     threads: Threads = 0,
     on_progress: Callable[[int, int], None] | None = None,
+    changes: GainChanges | None = None,
 ) -> Responses:
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
@@ -540,6 +549,9 @@ def simulate_loop(
         Threads to use, 0 for all.
     on_progress
         Called with the number of runs done and their total.
+    changes
+        Directions in the gains of one candidate. The candidates are then these gains, and two for each direction: every
+        quantity of a run, moved by its exact derivative along the direction times the reach and its negative.
 
     Raises
     ------
@@ -553,54 +565,6 @@ def simulate_loop(
     >>> passive_on = ControlLaw(name="passive", gains={"command": [2.25]})  # doctest: +SKIP
     >>> simulate_loop(building, [device], passive_on, [motion]).peak_drift.shape  # doctest: +SKIP
     (1, 3)
-    """
-    return simulate_moved(
-        building,
-        devices,
-        law,
-        motions,
-        hardware,
-        histories=histories,
-        step_factor=step_factor,
-        nominal=nominal,
-        largest_commands=largest_commands,
-        shaping=shaping,
-        variation=variation,
-        threads=threads,
-        on_progress=on_progress,
-    )
-
-
-@array_dataclass()
-class GainChanges:
-    """Changes of the gains of a law along directions, shape (n_directions, n_gains), and how far results are moved."""
-
-    rows: Floats
-    reach: float
-
-
-def simulate_moved(
-    building: Building,
-    devices: Sequence[Device],
-    law: ControlLaw | UserLaw,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware | None,
-    *,
-    histories: bool = False,
-    step_factor: int = 1,
-    nominal: Building | None = None,
-    largest_commands: ArrayLike | None = None,
-    shaping: ArrayLike | None = None,
-    variation: LoopVariation | None = None,
-    threads: int = 0,
-    on_progress: Callable[[int, int], None] | None = None,
-    changes: GainChanges | None = None,
-) -> Responses:
-    """Simulate a loop, see `simulate_loop`; with `changes` the responses are moved along their derivatives.
-
-    The candidates are then those gains, of one candidate, and two for each direction: every quantity of a run and its
-    exact derivative along the direction, times the reach and its negative. What is computed from the quantities so has
-    its derivative as a difference, without simulating again.
     """
     hardware = Hardware() if hardware is None else hardware
     user = law if isinstance(law, UserLaw) else None
@@ -746,11 +710,8 @@ def simulate_moved(
         parts, order = _respond_elsewhere(workers, loop, own, on_progress), np.arange(len(runs))
     given = () if actuators else given_devices
     if changes is not None:
-        parts, order = (
-            [_moved(parts, order, changes.reach)],
-            np.arange(len(runs) * (1 + 2 * len(changes.rows))),
-        )
         shape = (1 + 2 * len(changes.rows), *shape[1:])
+        parts, order = [_moved(parts, order, changes.reach)], np.arange(shape[0] * len(runs))
         realisation = np.tile(realisation, shape[0])
     responses = _responses(parts, np.argsort(order), core.building, hardware, shape, given, motions)
     responses = responses.with_numbers(
@@ -763,7 +724,7 @@ def simulate_moved(
 
 
 def _moved(parts: list[Any], order: NDArray[np.intp], reach: float) -> tuple[Any, ...]:
-    """Summaries, outcomes and steps of all runs, candidate by candidate, see `simulate_moved`."""
+    """Summaries, outcomes and steps of all runs, candidate by candidate, see `GainChanges`."""
     places = np.argsort(order)
     summary, outcome, steps, slopes = (
         np.concatenate([part[each] for part in parts])[places] for each in (0, 1, 2, 4)
@@ -839,7 +800,7 @@ def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
                     f"{device.largest_command:g} and no more; give a command within it, or a larger `largest_command` "
                     "of the device",
                     MrworkWarning,
-                    stacklevel=4,
+                    stacklevel=3,
                 )
 
 

@@ -142,8 +142,9 @@ class _Fading:
         self._squares: Floats = np.zeros((n_runs, 0))
 
     def take(self, number: int, places: NDArray[np.uintp], readings: Sequence[Floats]) -> RunningRms:
-        """The root mean squares of the runs at `places` after a sample."""
-        taken = np.hstack(readings)
+        """The root mean squares of the runs at `places` after a sample, with readings in the order of `RunningRms`."""
+        columns = [each.reshape(len(places), -1) for each in readings]
+        taken = np.hstack(columns)
         if self._squares.shape[1] != taken.shape[1]:
             self._squares = np.zeros((self._n_runs, taken.shape[1]))
         before = self._squares[places] if number else np.zeros_like(taken)
@@ -153,14 +154,9 @@ class _Fading:
             fresh = np.square(taken, where=finite, out=np.zeros_like(taken))
         squares = np.where(finite, self._left * before + (1.0 - self._left) * fresh, before)
         self._squares[places] = squares
-        roots = np.split(np.sqrt(squares), np.cumsum([each.shape[1] for each in readings])[:-1], axis=1)
-        return RunningRms(
-            deformation=roots[0],
-            rate=roots[1],
-            force=roots[2],
-            acceleration=roots[3],
-            ground_acceleration=roots[4][:, 0],
-        )
+        roots = np.split(np.sqrt(squares), np.cumsum([each.shape[1] for each in columns])[:-1], axis=1)
+        named = zip(RunningRms._units, roots, readings, strict=True)
+        return RunningRms(**{name: root.reshape(each.shape) for name, root, each in named})
 
 
 @checked
@@ -252,35 +248,15 @@ class UserLaw(Summarised):
             None if self.rms_time is None else _Fading(len(runs), math.exp(-sample_time / self.rms_time))
         )
 
-        def ask(
-            number: int,
-            places: NDArray[np.uintp],
-            displacement: Floats,
-            velocity: Floats,
-            deformation: Floats,
-            rate: Floats,
-            force: Floats,
-            acceleration: Floats,
-            ground_acceleration: Floats,
-        ) -> Floats:
+        def ask(number: int, places: NDArray[np.uintp], *readings: Floats) -> Floats:
             kept = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
             sample = LoopSample(
                 time=number * sample_time,
                 candidate=runs[places, 0].astype(np.intp),
                 motion=runs[places, 1].astype(np.intp),
-                displacement=displacement,
-                velocity=velocity,
-                deformation=deformation,
-                rate=rate,
-                force=force,
-                acceleration=acceleration,
-                ground_acceleration=ground_acceleration,
+                **dict(zip(("displacement", "velocity", *RunningRms._units), readings, strict=True)),
                 largest=largest,
-                rms=None
-                if running is None
-                else running.take(
-                    number, places, (deformation, rate, force, acceleration, ground_acceleration[:, None])
-                ),
+                rms=None if running is None else running.take(number, places, readings[2:]),
             )
             try:
                 with undone:

@@ -361,11 +361,8 @@ def _refuse_beyond_twin(
 
 def _shape_command(controller: ControllerTable, law: StudyLaw | None) -> StudyLaw | None:
     """The law of a table with its dead zone and slope."""
-    given = [
-        name
-        for name, off in (("dead_zone", 0.0), ("command_slope", math.inf))
-        if getattr(controller, name) != off
-    ]
+    given = ["dead_zone"] if controller.dead_zone > 0.0 else []
+    given += ["command_slope"] if math.isfinite(controller.command_slope) else []
     if not given:
         return law
     if not isinstance(law, ControlLaw):
@@ -420,11 +417,8 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
     where = baseline.place.within("building")
     with where.prefix_errors(SettingError):
         changed = table.building.override_with(baseline.building).build(folder)
-    missing = [
-        name
-        for name in (*bare.floor_names, *bare.storey_names)
-        if name not in (*changed.floor_names, *changed.storey_names)
-    ]
+    known = {*changed.floor_names, *changed.storey_names}
+    missing = [name for name in (*bare.floor_names, *bare.storey_names) if name not in known]
     if missing:
         where.refuse(
             f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"

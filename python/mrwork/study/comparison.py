@@ -74,11 +74,8 @@ def motion_groups(results: StudyResults) -> tuple[MotionGroup, ...]:
         for name in dict.fromkeys(results.motions[motion].groups):
             members.setdefault(name, []).append(motion)
     groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
-    others = [
-        number
-        for number, motion in enumerate(results.motions)
-        if number not in judged and motion.use == "training"
-    ]
+    every = enumerate(results.motions)
+    others = [number for number, each in every if number not in judged and each.use == "training"]
     made = [*groups.items(), *([("training motions", others)] if others else [])]
     return tuple(MotionGroup(name=name, motions=tuple(motions)) for name, motions in made)
 
@@ -426,14 +423,9 @@ def compared(results: StudyResults) -> StudyComparison:
     scores = [results.score(row) for row in range(len(results.rows))]
     # The best constant command comes before one that is the same by another name.
     best = results.row_of("best_passive")
-    order = sorted(
-        range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best, row)
-    )
-    ranks = tuple(
-        (rank, rows)
-        for rank in RANKS
-        if (rows := tuple(row for row in order if results.rows[row].kind in rank.kinds))
-    )
+    order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best))
+    every = ((rank, tuple(row for row in order if results.rows[row].kind in rank.kinds)) for rank in RANKS)
+    ranks = tuple((rank, rows) for rank, rows in every if rows)
     first = {rank.name: rows[0] for rank, rows in ranks}
     leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
     uncontrolled, passive = first.get("uncontrolled"), first.get(PASSIVE.name)

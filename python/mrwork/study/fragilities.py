@@ -78,20 +78,15 @@ class Fragility(Summarised):
     median, dispersion
         Median [m/s^2], and standard deviation of the logarithm; with added modelling dispersion, if any was given.
         The median is infinite where no record reaches the limit, 0 where all do at their lowest level. The dispersion
-        is 0 where one intensity separates all records, so that finer levels are needed. Both are NaN where the
-        likelihood has no maximum, or where none was found.
+        is 0 where one intensity separates all records. Both are NaN where no maximum of the likelihood was found.
     band
-        Lower and upper end of the band of the median [m/s^2], by bootstrap over the records. An infinite median of a
-        draw is known to lie above the highest level only, one of 0 below the lowest; of a NaN nothing is known. Where
-        the dispersion is 0 the median of a draw is known to lie in the intervals of its middle records only.
+        Lower and upper end of the band of the median [m/s^2], by bootstrap over the records, from the `ends`.
     medians, ends
         Medians of the bootstrap, of the same records for every arrangement, and between which they are known to lie
-        [m/s^2], shapes (n_draws,) and (2, n_draws).
+        [m/s^2], shapes (n_draws,) and (2, n_draws): an infinite one above the highest level, one of 0 below the lowest,
+        a NaN anywhere, and where the dispersion is 0 in the intervals of the middle records.
     crossings
         What is known of each record.
-    bound
-        "above" or "below" where the median lies beyond all levels, so that these bound it only; "not determined" where
-        it is NaN; else empty.
     levels, crossed, outside
         Levels [m/s^2], shape (n_levels,), the share of the resolved runs at each that reach the limit, and of all runs
         that go beyond the tested ranges of a damper; NaN where there is none.
@@ -111,7 +106,6 @@ class Fragility(Summarised):
     medians: Floats
     ends: Floats
     crossings: tuple[Crossing, ...]
-    bound: Literal["above", "below", "not determined", ""]
     levels: Floats
     crossed: Floats
     outside: Floats
@@ -132,6 +126,13 @@ class Fragility(Summarised):
         return f"{sum(each.below < math.inf for each in self.crossings)} of {len(self.crossings)}"
 
     @property
+    def bound(self) -> Literal["above", "below", "not determined", ""]:
+        """How the levels bound a median beyond all of them; "not determined" for NaN; else empty."""
+        if math.isnan(self.median):
+            return "not determined"
+        return "above" if self.median > self.levels[-1] else "below" if self.median < self.levels[0] else ""
+
+    @property
     def median_in_words(self) -> str:
         """The median in g, or how it is bounded, as "above 0.6 g"."""
         if self.bound == "not determined":
@@ -141,49 +142,41 @@ class Fragility(Summarised):
 
     @property
     def in_words(self) -> str:
-        """The median with its band, or how it is bounded."""
-        band = f"{_in_g(self.band[0])} to {_in_g(self.band[1])} g"
-        return (
-            f"{self.label}: {self.median_in_words}, "
-            f"{'beyond the levels' if self.bound in ('above', 'below') else band} "
-            f"({self.reaching} records reach it)"
-        )
+        """The label, the median as in `brief`, and how many records reach the limit."""
+        return f"{self.label}: {self.brief}; {self.reaching} records reach it"
 
     @property
     def brief(self) -> str:
         """The median with its band in parentheses, or how it is bounded."""
-        band = "" if self.bound else f" ({' to '.join(map(_in_g, self.band))})"
+        band = "" if self.bound in ("above", "below") else f" ({' to '.join(map(_in_g, self.band))})"
         return f"{self.median_in_words}{band}"
 
     @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
         unresolved = sum(each.unresolved for each in self.crossings)
-        beyond = [level for level, share in zip(self.levels, self.outside, strict=True) if share > 0.0]
+        beyond, unknown = self.levels[self.outside > 0.0], 100.0 * float(np.isnan(self.medians).mean())
+        above, below = np.array([each.ends for each in self.crossings]).T
         said = []
         if unresolved:
-            records = counted(unresolved, "record")
-            said.append(f"{records} ended at a run that could not be resolved, and count as above")
-        if beyond:
-            said.append(f"from {_in_g(min(beyond))} g on dampers go beyond their tests: extrapolated")
-        above, below = zip(*(each.ends for each in self.crossings), strict=True)
-        if not self.bound and max(above) <= min(below):
-            reason = "one intensity separates all records, so that the dispersion is not known"
-            said.append(f"{reason}: give finer levels")
-        if self.bound == "not determined":
-            between = any(low > 0.0 and high < math.inf for low, high in zip(above, below, strict=True))
-            reason = (
-                "the search for the largest likelihood has not converged"
-                if between
-                else "each record reaches the limit at its lowest level or never, and not more often at higher levels"
-            )
-            said.append(f"{reason}, so that median and dispersion are not determined: give further levels")
-        elif (share := float(np.isnan(self.medians).mean())) and not 0.0 < self.band[0] <= self.band[
-            1
-        ] < math.inf:
             said.append(
-                f"{significant(100.0 * share, 2)} % of the draws of the bootstrap do not determine the median, so that "
-                "the band has an open end: give further levels"
+                f"{counted(unresolved, 'record')} ended at a run that could not be resolved, and count as above"
+            )
+        if beyond.size:
+            said.append(f"from {_in_g(beyond.min())} g on dampers go beyond their tests: extrapolated")
+        if not self.bound and above.max() <= below.min():
+            said.append(
+                "one intensity separates all records, so that the dispersion is not known: give finer levels"
+            )
+        if self.bound == "not determined":
+            reason = "each record reaches the limit at its lowest level or never, and not more often at higher levels"
+            if ((above > 0.0) & np.isfinite(below)).any():
+                reason = "the search for the largest likelihood has not converged"
+            said.append(f"{reason}, so that median and dispersion are not determined: give further levels")
+        elif unknown > 0.0 and not (self.band[0] > 0.0 and math.isfinite(self.band[1])):
+            said.append(
+                f"{significant(unknown, 2)} % of the draws of the bootstrap do not determine the median, so that the "
+                "band has an open end: give further levels"
             )
         return tuple(said)
 
@@ -481,7 +474,6 @@ def fragility_of(
         medians=medians[1:],
         ends=ends,
         crossings=crossings,
-        bound=_bound(medians[0], levels),
         levels=levels,
         crossed=_share(responses >= limit, ~np.isnan(responses)),
         outside=_share(outside == 1.0, there),
@@ -556,12 +548,6 @@ def _known_ends(medians: Floats, levels: Floats) -> Floats:
     return np.stack([np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), np.inf, high)])
 
 
-def _bound(median: float, levels: Floats) -> Literal["above", "below", "not determined", ""]:
-    if math.isnan(median):
-        return "not determined"
-    return "above" if median > levels[-1] else "below" if median < levels[0] else ""
-
-
 def _middle(above: Floats, below: Floats, weights: Floats) -> Floats:
     """Between which the median record of each draw lies, shape (2, n_draws)."""
     half, ends = 0.5 * weights.sum(axis=1, keepdims=True), []
@@ -604,11 +590,10 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     Returns
     -------
     medians, dispersions
-        Shape (n_draws,). Where one intensity separates all records the dispersion is 0, and the median is that
-        intensity; it is infinite if no record has an upper end above it and fewer than half have one below, 0 if none
-        has a lower end below it and more than half have an upper one. Both are NaN where the likelihood has no finite
-        maximum, since no record that counts has two ends and the likelihood does not rise with the slope at 0, and
-        where Newton's method has not converged.
+        Shape (n_draws,), as in `Fragility`. Where one intensity separates all records the median is that intensity; it
+        is infinite if no record has an upper end above it and fewer than half have one below, 0 if none has a lower end
+        below it and more than half have an upper one. The likelihood has no finite maximum where no record that counts
+        has two ends and it does not rise with the slope at 0.
     """
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
@@ -628,8 +613,7 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     )
     medians[open_], dispersions[open_] = np.nan, np.nan
     if has_maximum.any():
-        found = _newton(above, below, weights[has_maximum])
-        medians[has_maximum], dispersions[has_maximum] = found
+        medians[has_maximum], dispersions[has_maximum] = _newton(above, below, weights[has_maximum])
     return medians, dispersions
 
 
@@ -638,18 +622,16 @@ def _rises(above: Floats, below: Floats, weights: Floats) -> NDArray[np.bool_]:
 
     It does where the mean logarithm of the upper ends lies above that of the lower ones.
     """
+    one_sided = ((below, (above == 0.0) & np.isfinite(below)), (above, (above > 0.0) & np.isinf(below)))
     with np.errstate(divide="ignore", invalid="ignore"):
         upper, lower = (
-            weights[:, one] @ np.log(ends[one]) / weights[:, one].sum(axis=1)
-            for ends, one in (
-                (below, (above == 0.0) & np.isfinite(below)),
-                (above, (above > 0.0) & np.isinf(below)),
-            )
+            weights[:, own] @ np.log(ends[own]) / weights[:, own].sum(axis=1) for ends, own in one_sided
         )
     return np.asarray(upper - lower > 1e-12 * np.maximum(np.abs(upper), np.abs(lower)))
 
 
-def _newton(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats]:
+def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
+    """Medians and dispersions, shape (2, n_draws)."""
     with np.errstate(divide="ignore"):
         low, high = np.log(above), np.log(below)
     ends = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
@@ -678,8 +660,7 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floa
         total, gradient, curvature = _likelihood(low, high, weights, slope, place)
     left = np.abs(_newton_step(gradient, curvature)) / np.stack([slope, 1.0 + np.abs(place)], axis=1)
     converged = left.max(axis=1) < _CONVERGED
-    medians, dispersions = np.exp(centre + scale * place / slope), scale / slope
-    return np.where(converged, medians, np.nan), np.where(converged, dispersions, np.nan)
+    return np.where(converged, [np.exp(centre + scale * place / slope), scale / slope], np.nan)
 
 
 def _newton_step(gradient: Floats, curvature: Floats) -> Floats:

@@ -20,7 +20,7 @@ from mrwork.closed_loop.clairvoyant_search import (
 from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
-from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop, simulate_moved
+from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
@@ -153,8 +153,8 @@ def simulate_criteria(
     """Simulate candidates of a law under motions, with realisations, in one call of the core.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`;
-    `changes` make candidates of one law, see `simulate_moved`.
+    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, and `changes` make
+    candidates of one law, see `simulate_loop`.
     """
     noisy = any(noise for noise, _ in hardware.sensors)
     fitted, law = with_devices(arrangement, law)
@@ -166,7 +166,7 @@ def simulate_criteria(
         for stiffness, damping in dict.fromkeys(factors)
     }
     began = perf_counter()
-    responses = simulate_moved(
+    responses = simulate_loop(
         arrangement.building,
         tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
         law,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,16 @@ def magnitudes_of_runs(
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
     first = 2.0 * math.pi * float(building.frequencies[0])
-    middle = partial(_middle, building)
+
+    def middle(values: Floats) -> float:
+        finite = values[np.isfinite(values) & (values > 0.0)]
+        if finite.size:
+            return float(np.median(finite))
+        otherwise = "shorten the step of [hardware], or check building and dampers"
+        raise SettingError(
+            "the dampers at i = 0 or at the largest command have no finite response under the training motions, from "
+            f"which the law takes its settings; {next(iter(building.warnings), otherwise).removesuffix('.')}"
+        )
 
     def at_zero(name: str) -> float:
         return middle(off.numbers[name][0, :, 0])
@@ -82,19 +91,6 @@ def magnitudes_of_runs(
         ground=middle(np.array([motion.peak for motion in motions])),
         command=command,
     )
-
-
-def _middle(building: Building, values: Floats) -> float:
-    finite = values[np.isfinite(values) & (values > 0.0)]
-    if not finite.size:
-        reason = next(
-            iter(building.warnings), "shorten the step of [hardware], or check building and dampers"
-        )
-        raise SettingError(
-            "the dampers at i = 0 or at the largest command have no finite response under the training motions, from "
-            f"which the law takes its settings; {reason.removesuffix('.')}"
-        )
-    return float(np.median(finite))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,11 +217,8 @@ class Trials:
                 says.append(f"{entry.name}, {_MAGNITUDES[span.of[0][0]]}")
             else:
                 lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
-                steps = (
-                    np.linspace(lower, upper, _LEVELS)
-                    if span.scale == "linear"
-                    else np.geomspace(lower, upper, _STEPS)
-                )
+                linear = span.scale == "linear"
+                steps = np.linspace(lower, upper, _LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
                 scanned[entry.name] = np.array([round_to(each) for each in steps])
         if scanned:
             chosen, sentence = self._scan(law, {**given, **taken}, scanned, problem, shape)
@@ -278,19 +271,15 @@ class Trials:
             entry.name: in_command_unit(entry.metadata["unit"], "A" if current is None else current.unit)
             for entry in keys_of(SETTINGS[law])
         }
-        ranges = list_names(
-            [
-                f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}".rstrip()
-                for name, each in scanned.items()
-            ]
+        spans = (
+            f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()
         )
+        ranges = list_names([each.rstrip() for each in spans])
         if not np.isfinite(scores).any():
             return many[best], f"{ranges}, the middle, since none of {count} values has a score"
-        number = len(problem.motions)
+        number, active = len(problem.motions), control_law(law).commands_force
         on = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
-        limit = ""
-        if control_law(law).commands_force:
-            limit = " with no more force than the dampers at the largest command"
+        limit = " with no more force than the dampers at the largest command" if active else ""
         return many[best], (
             f"{ranges}, the best of {count} values{limit} (score {scores[best]:.3f} on "
             f"{on if problem.judged else counted(number, 'training motion')})"

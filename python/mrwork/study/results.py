@@ -365,10 +365,11 @@ class StudyResults(Summarised):
     @property
     def record_levels(self) -> RecordLevels:
         """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
-        levels = {number: self.motions[number].at_level for number in self._test_motions}
-        return RecordLevels.of(
-            {number: (self.motions[number].copy_of or at[0], at[1]) for number, at in levels.items()}
-        )
+        motions = {number: self.motions[number] for number in self._test_motions}
+        levels = {
+            number: (each.copy_of or each.at_level[0], each.at_level[1]) for number, each in motions.items()
+        }
+        return RecordLevels.of(levels)
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
@@ -546,17 +547,13 @@ class StudyResults(Summarised):
             *self.damper_warnings,
         ]
         for number, row in enumerate(self.rows):
-            runs = [
-                (each.name, self.runs[number, motion])
-                for motion, each in enumerate(self.motions)
-                if (number, motion) in self.runs
-            ]
+            named = ((each.name, self.runs.get((number, motion))) for motion, each in enumerate(self.motions))
+            runs = [(name, run) for name, run in named if run is not None]
             ends: dict[str, list[str]] = {}
             for name, run in runs:
                 if run.outcome != "finished":
-                    ends.setdefault(
-                        f"{self._end(row, run)}.{'' if run.finished else _NO_CRITERIA}", []
-                    ).append(name)
+                    end = f"{self._end(row, run)}.{'' if run.finished else _NO_CRITERIA}"
+                    ends.setdefault(end, []).append(name)
             for end, (first, *more) in ends.items():
                 under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
                 warnings.append(f"{row.label} under {under} {end}")
@@ -575,13 +572,13 @@ class StudyResults(Summarised):
             return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
         if run.outcome == "diverged" and row.kind in ("uncontrolled", "baseline"):
             return (
-                "diverged, and it has no dampers that follow a command: check masses, stiffnesses and damping of "
-                "[building], and the step of [hardware]"
+                "diverged without dampers that follow a command: check [building], and the step of [hardware]"
             )
         return run.end
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
+        every = [[self.criteria(row, motion) or {} for motion in shown] for row in range(len(self.rows))]
         return Summary(
             title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(
@@ -593,14 +590,8 @@ class StudyResults(Summarised):
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
             rows=[
-                (
-                    row.label,
-                    *(
-                        format_rounded((self.criteria(number, motion) or {}).get("peak_drift"))
-                        for motion in shown
-                    ),
-                )
-                for number, row in enumerate(self.rows)
+                (row.label, *(format_rounded(each.get("peak_drift")) for each in own))
+                for row, own in zip(self.rows, every, strict=True)
             ],
             notes=[f"warning: {each}" for each in self.warnings()],
         )
@@ -747,13 +738,9 @@ class _Reach:
     shear: float
 
     @property
-    def on_base(self) -> bool:
-        return 0 in self.forces
-
-    @property
     def force(self) -> float:
         """That on the base; storeys stand on each other, so that forces of others do not add to it."""
-        return self.forces[0] if self.on_base else max(self.forces.values())
+        return self.forces[0] if 0 in self.forces else max(self.forces.values())
 
     @property
     def share(self) -> float:
@@ -774,7 +761,7 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
         f"{round_to(1e-3 * force, 3):g} kN in {results.storey_names[storey]}"
         for storey, force in sorted(most.forces.items())
     ]
-    largest = f"; {'on the base' if most.on_base else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
+    largest = f"; {'on the base' if 0 in most.forces else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
     return (
         f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
         f"{' to '.join(shares)} % of the peak base shear of the building without them "
@@ -834,9 +821,8 @@ def _locked_storeys(
     """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
     off = results.row_of("passive_off")
     for device, place in enumerate(places):
-        stiff = {
-            key: ratio for key in results.runs if (ratio := _stiffness(results, key, device, place)) > _RIGID
-        }
+        ratios = {key: _stiffness(results, key, device, place) for key in results.runs}
+        stiff = {key: ratio for key, ratio in ratios.items() if ratio > _RIGID}
         at_zero = {key: ratio for key, ratio in stiff.items() if key[0] == off}
         chosen = at_zero or stiff
         if not chosen:
@@ -850,9 +836,8 @@ def _locked_storeys(
             if at_zero
             else (f"with {named}", "; a smaller largest_command of the law or fewer dampers free it")
         )
-        stroke, force = (
-            float(each[device]) for each in (results.runs[worst].peak_stroke, results.runs[worst].peak_force)
-        )
+        run = results.runs[worst]
+        stroke, force = float(run.peak_stroke[device]), float(run.peak_force[device])
         yield (
             f"{results.device_names[device]} locks its storey {when}: {round_to(1e-3 * force, 3):g} kN at a stroke of "
             f"{round_to(1e3 * stroke, 2):g} mm is {round_to(chosen[worst], 2):g} times the stiffness of the storey "

@@ -224,12 +224,8 @@ def run_study(
                     continue
                 if motion in fresh or not kept(row, motion):
                     # No name holds a history, which may be hundreds of megabytes, while the next one is simulated.
-                    keep(
-                        row,
-                        motion,
-                        fresh.pop(motion, None)
-                        or simulate_history(study, arrangements[row], motion, threads),
-                    )
+                    again = partial(simulate_history, study, arrangements[row], motion, threads)
+                    keep(row, motion, fresh.pop(motion, None) or again())
         if study.clairvoyant is not None:
             row = len(arrangements)
             for motion in range(len(study.motions)):
@@ -283,11 +279,8 @@ def runs_of(
     histories: dict[int, RunHistory] = {}
     for motion, ground in enumerate(study.grounds):
         inputs = digest_of_run(arrangement, ground)
-        recalled = (
-            None
-            if journal is None
-            else journal.recall(step, inputs, lambda record: read_recorded(record, arrangement))
-        )
+        read = partial(read_recorded, arrangement=arrangement)
+        recalled = None if journal is None else journal.recall(step, inputs, read)
         if recalled is not None:
             yield motion, recalled
             continue

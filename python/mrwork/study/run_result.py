@@ -101,9 +101,8 @@ class RunResult(Labelled):
     def end(self) -> str:
         """The outcome as words that follow the name of the run, with a remedy."""
         outcome = Outcome[self.outcome.upper()]
-        return (
-            _OUTCOMES[outcome] if outcome is Outcome.FINISHED else f"{_OUTCOMES[outcome]}: {outcome.remedy}"
-        )
+        remedy = "" if outcome is Outcome.FINISHED else f": {outcome.remedy}"
+        return f"{_OUTCOMES[outcome]}{remedy}"
 
     @property
     def balanced(self) -> bool:
@@ -136,11 +135,8 @@ def kept_quantities() -> list[Quantity]:
 
 def kept_signals() -> list[Quantity]:
     """Signals of a history that a study stores."""
-    return [
-        each
-        for each in history_signals()
-        if each.axis not in ("state", "element") and each.name not in _SIGNALS_LEFT_OUT
-    ]
+    named = (each for each in history_signals() if each.name not in _SIGNALS_LEFT_OUT)
+    return [each for each in named if each.axis not in ("state", "element")]
 
 
 def own_numbers(responses: Responses, arrangement: Arrangement, law: StudyLaw | None) -> dict[str, Floats]:
@@ -314,13 +310,12 @@ class Histories:
         self._damaged: set[Path] = set()
         if not resume:
             self.discard()
+        rows = [_stem_of(each.label) for each in study.rows]
+        motions = [_stem_of(each.name) for each in study.motions]
         self._names = {
-            (
-                row,
-                motion,
-            ): f"{stem_of_history(row, motion)}-{_stem_of(each.label)}-{_stem_of(of_study.name)}.npz"
-            for row, each in enumerate(study.rows)
-            for motion, of_study in enumerate(study.motions)
+            (row, motion): f"{stem_of_history(row, motion)}-{label}-{name}.npz"
+            for row, label in enumerate(rows)
+            for motion, name in enumerate(motions)
         }
 
     def is_stored(self, row: int, motion: int) -> bool:
@@ -469,10 +464,8 @@ class LabelledRuns(Labelled, WithAxes, Summarised):
 
     def criteria(self, place: Place) -> dict[str, float]:
         """Every criterion of a run that is known."""
-        found = {entry: float(self.numbers[entry.name][place]) for entry in criteria()}
-        return {
-            entry.name: value for entry, value in found.items() if not (entry.optional and math.isnan(value))
-        }
+        found = ((entry, float(self.numbers[entry.name][place])) for entry in criteria())
+        return {entry.name: value for entry, value in found if not (entry.optional and math.isnan(value))}
 
     def _named_arrays(self) -> NamedArrays:
         first = tuple(self.axes)[:_N_FIRST]

@@ -490,11 +490,7 @@ class MotionTable:
         "factor of the amplitude, also after scale_to", default=None, most_items=_MOST_SCALED
     )
     pga: float | tuple[float, ...] | None = key(
-        "peak that the motion is scaled to",
-        unit="m/s2",
-        default=None,
-        most_items=_MOST_SCALED,
-        usual=_PEAKS,
+        "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED, usual=_PEAKS
     )
     sa: float | tuple[float, ...] | None = key(
         "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",

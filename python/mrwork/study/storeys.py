@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.base.numbers import NOTHING, counted, significant
+from mrwork.base.numbers import counted, significant
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
@@ -90,15 +90,8 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
         headings[len(lines)] = results.rows[row].label
         for storey, name in enumerate(results.storey_names):
             cells = (values[number] for number in known)
-            lines.append(
-                (
-                    name,
-                    *(
-                        NOTHING if each is None else significant(float(each[:, storey].mean()), 3)
-                        for each in cells
-                    ),
-                )
-            )
+            means = (None if each is None else float(each[:, storey].mean()) for each in cells)
+            lines.append((name, *(significant(each, 3) for each in means)))
     return Table(
         label="Storeys",
         columns=("", *(STOREY_QUANTITIES[number].heading for number in known)),

@@ -528,27 +528,12 @@ def fingerprint_of(study: Study) -> dict[str, object]:
 def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     """Digest of all inputs of the runs of an arrangement, except the hardware."""
     building, law = arrangement.building, arrangement.law
-    devices = [
-        (
-            device.spec,
-            _digest(device.draws),
-            _digest(device.row),
-            device.count,
-            device.differential,
-            device.largest_command,
-        )
-        for device in arrangement.devices
-    ]
+    devices = [(*_identity_of(device), device.largest_command) for device in arrangement.devices]
     own = law if isinstance(law, ControlLaw) else None
     model = None if own is None else own.model
     numbers = {} if own is None else {**own.gains, **own.tables}
     return digest_of(
-        building.mass,
-        building.damping,
-        building.stiffness,
-        building.influence,
-        building.floors,
-        building.storeys,
+        *(getattr(building, name) for name in (*_MATRICES, "floors", "storeys")),
         devices,
         None if law is None else law.name,
         None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
@@ -565,17 +550,16 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
 
 
 def _digest_of_model(model: LoopModel) -> str:
-    building = model.building
-    return digest_of(
-        *(
-            _digest(each)
-            for each in (building.mass, building.damping, building.stiffness, building.influence)
-        ),
-        [
-            (each.spec, _digest(each.draws), _digest(each.row), each.count, each.differential)
-            for each in model.devices
-        ],
-    )
+    matrices = (_digest(getattr(model.building, name)) for name in _MATRICES)
+    return digest_of(*matrices, [_identity_of(device) for device in model.devices])
+
+
+_MATRICES = ("mass", "damping", "stiffness", "influence")
+
+
+def _identity_of(device: Device) -> tuple[Any, ...]:
+    """What tells a device from others, whatever its largest command."""
+    return device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential
 
 
 def _digest(numbers: ArrayLike) -> str:

@@ -174,10 +174,8 @@ def _sizes(
         return [{}]
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
-        return [
-            {_WEIGHT: _round_all(plain_weight(factor * given))}
-            for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)
-        ]
+        factors = np.geomspace(1e-5, 10.0, _STEPS + 1)
+        return [{_WEIGHT: _round_all(plain_weight(factor * given))} for factor in factors]
     # The range of R is that of the weights that are held; another shape costs more or less.
     factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
@@ -245,12 +243,8 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     for first in first_candidates(space, basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
     of_R, of_budget = ("R scanned", "sizes of R"), ("budget scanned", "limits and budgets")
-    for origin, (scanned, choices) in {
-        EQUAL: of_R,
-        CONVEX: of_R,
-        DASHPOTS: of_R,
-        SEMI_ACTIVE: of_budget,
-    }.items():
+    for origin in (EQUAL, CONVEX, DASHPOTS, SEMI_ACTIVE):
+        scanned, choices = of_budget if origin == SEMI_ACTIVE else of_R
         if origin in shapes:
             yield _Reference(
                 label=f"{origin[:1].upper()}{origin[1:]}, {scanned}",

@@ -62,23 +62,15 @@ def follow_gradients(
     """Follow the gradient from a point of the unit cube by L-BFGS-B; the largest command stays."""
     from scipy.optimize import minimize
 
-    slopes = ScoreSlopes(space=space, bench=bench, objective=objective)
-    count = 0
-
-    def value(unit: Floats) -> tuple[float, Floats]:
-        nonlocal count
-        count += 1
-        return slopes.at(unit)
-
     minimum = minimize(
-        value,
+        ScoreSlopes(space=space, bench=bench, objective=objective).at,
         start,
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, 1.0)] * len(start),
         options={"maxiter": steps, "maxfun": 2 * steps},
     )
-    return Finish(unit=np.asarray(minimum.x), gradients=count)
+    return Finish(unit=np.asarray(minimum.x), gradients=int(minimum.nfev))
 
 
 Report = Callable[[int, int, float], None]
@@ -189,32 +181,29 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             design=design or DesignNotes(),
         )
 
+    def interrupted() -> Interrupted[Any]:
+        return Interrupted(result(judgement_of_objective(trace[-1].least), None), "tuning")
+
     if plan.space.continuous:
 
         def on_generation(event: GenerationEvent[Any]) -> None:
-            trace.append(
-                TracePoint(
-                    candidates=len(candidates) + event.evaluations,
-                    least=min(trace[-1].least, event.best_misfit),
-                )
-            )
-            report(trace[-1].candidates, most, trace[-1].least)
+            done, best_so_far = len(candidates) + event.evaluations, min(trace[-1].least, event.best_misfit)
+            trace.append(TracePoint(candidates=done, least=best_so_far))
+            report(done, most, best_so_far)
 
         try:
             search = _search(plan, bench, candidates, scores, rng, on_generation)
         except Interrupted as interrupt:
             if interrupt.result.best_misfit < least:
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
-            raise Interrupted(result(judgement_of_objective(trace[-1].least), None), "tuning") from interrupt
+            raise interrupted() from interrupt
         if search.best_misfit < least:
             chosen, origin = plan.space.candidate(search.best_unit), _ENDS.get(search.stop_reason, "search")
         if table.gradient_steps:
             try:
                 last, misfit, gradients = _finish(plan, bench, chosen)
             except KeyboardInterrupt as interrupt:
-                raise Interrupted(
-                    result(judgement_of_objective(trace[-1].least), None), "tuning"
-                ) from interrupt
+                raise interrupted() from interrupt
             trace.append(TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, misfit)))
             if misfit < min(least, search.best_misfit):
                 chosen, origin = last, f"search, then {gradients} gradients"

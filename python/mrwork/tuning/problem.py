@@ -91,19 +91,9 @@ class Bench(Summarised):
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            batch = simulate_criteria(
-                replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
-                designed.law,
-                self.motions,
-                self.study.hardware,
-                self.realisations,
-                bare=self.study.building,
-                largest_commands=np.array([candidates[n].largest_command for n in places])
-                if together
-                else None,
-                shaping=_shaping_of([candidates[n] for n in places]),
-                threads=self.threads,
-            )
+            commands = np.array([candidates[n].largest_command for n in places]) if together else None
+            shaping = _shaping_of([candidates[n] for n in places])
+            batch = self.simulate(problem, designed.law, largest_commands=commands, shaping=shaping)
             # A law without gains has one candidate, whatever the number of its settings.
             for name, array in batch.numbers.items():
                 runs.numbers[name][places] = array
@@ -112,8 +102,16 @@ class Bench(Summarised):
         self.clock.candidates += len(candidates)
         return replace(runs, seconds=seconds)
 
-    def run_moved(self, problem: DesignProblem, law: ControlLaw, changes: GainChanges) -> LabelledRuns:
-        """Criteria of a law, and of candidates whose results are moved along their derivatives."""
+    def simulate(
+        self,
+        problem: DesignProblem,
+        law: ControlLaw,
+        *,
+        largest_commands: Floats | None = None,
+        shaping: Floats | None = None,
+        changes: GainChanges | None = None,
+    ) -> LabelledRuns:
+        """Criteria of the candidates of a law, see `simulate_loop`."""
         return simulate_criteria(
             replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
             law,
@@ -121,6 +119,8 @@ class Bench(Summarised):
             self.study.hardware,
             self.realisations,
             bare=self.study.building,
+            largest_commands=largest_commands,
+            shaping=shaping,
             threads=self.threads,
             changes=changes,
         )

@@ -311,13 +311,12 @@ class TuningResults(WithAxes, Summarised):
 
     Its arrays are `score` and the ratio of every criterion to that at i = 0 over law and motion, laws before
     references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
-    settings of each law that are numbers.
-    `places` are placements of the dampers, the best first, at which the laws are tuned.
-    `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
-    `building_warnings` are sentences on the building and on unusual numbers of the study, `damper_warnings` on
-    demand of the tuned laws outside the tested ranges of the dampers, `motion_warnings` on doubtful records and on
-    copies; `design_levels` are the levels of the motions
-    that laws are tuned on, where the study names one or its records have several.
+    settings of each law that are numbers. `places` are placements of the dampers, the best first, at which the laws are
+    tuned. `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
+    `building_warnings` are sentences on the building and on unusual numbers of the study, `damper_warnings` on demand
+    of the tuned laws outside the tested ranges of the dampers, `motion_warnings` on doubtful records and on copies;
+    `design_levels` are the levels of the motions that laws are tuned on, where the study names one or its records have
+    several.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -474,11 +473,8 @@ _LISTED = 10
 
 def places_table(results: TuningResults) -> Table | None:
     """The best placements of the dampers and that of the study; `None` where none were compared."""
-    shown = [
-        (number, each)
-        for number, each in enumerate(results.places, start=1)
-        if number <= _LISTED or each.given
-    ]
+    ranked = enumerate(results.places, start=1)
+    shown = [(number, each) for number, each in ranked if number <= _LISTED or each.given]
     if not shown:
         return None
     return Table(

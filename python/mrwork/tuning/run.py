@@ -250,17 +250,13 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     for law in table.laws:
         check_law(table, law)
     if table.search not in ALL_OPTIMISERS:
-        refuse_within(
-            table,
-            f"no search is called {table.search!r}{suggestion(table.search, list(ALL_OPTIMISERS))}",
-            "search",
-        )
+        sentence = f"no search is called {table.search!r}{suggestion(table.search, list(ALL_OPTIMISERS))}"
+        refuse_within(table, sentence, "search")
     if table.budget < table.population:
-        refuse_within(
-            table,
-            f"budget is {table.budget}, and one generation takes {table.population} candidates; allow more",
-            "budget",
+        sentence = (
+            f"budget is {table.budget}, and one generation takes {table.population} candidates; allow more"
         )
+        refuse_within(table, sentence, "budget")
     if table.robust and study.realisations is None:
         refuse_within(
             table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"

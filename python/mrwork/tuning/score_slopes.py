@@ -80,7 +80,8 @@ class ScoreSlopes:
             moved = self._move(unit)
         except SettingError:
             return math.inf, slopes
-        runs = self.bench.run_moved(moved.problem, moved.law, GainChanges(rows=moved.changes, reach=_REACH))
+        changes = GainChanges(rows=moved.changes, reach=_REACH)
+        runs = self.bench.simulate(moved.problem, moved.law, changes=changes)
         values = scores_of(self.objective, runs, self.bench).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes

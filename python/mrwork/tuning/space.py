@@ -127,11 +127,8 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
         if not (weight > 0.0 and math.isfinite(weight)):
             refuse_within(table, f"the weight of {name} is {weight:g}; give a positive number", "criteria")
     if table.tail is not None and table.risk != "cvar":
-        refuse_within(
-            table,
-            f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"',
-            "tail",
-        )
+        sentence = f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"'
+        refuse_within(table, sentence, "tail")
     limits = {
         name: _limit(table, name, value, command_unit) for name, value in (table.constraints or {}).items()
     }
@@ -359,11 +356,8 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         if (is_required(entry) or entry.name in regulated) and entry.name not in {*held, *chosen}
     ]
     if missing:
-        refuse_within(
-            table,
-            f"{law} has no {missing[0]}; give it among the settings, or as free with its range",
-            "settings",
-        )
+        sentence = f"{law} has no {missing[0]}; give it among the settings, or as free with its range"
+        refuse_within(table, sentence, "settings")
     if not free:
         refuse_within(table, f"no setting of {law} is free; leave some out of its settings", "free")
     return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
@@ -380,12 +374,8 @@ def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:
         if name not in known:
-            refuse_within(
-                table,
-                f"{law} has no setting {name!r}{suggestion(name, known, otherwise='it has')}",
-                "settings",
-                name,
-            )
+            sentence = f"{law} has no setting {name!r}{suggestion(name, known, otherwise='it has')}"
+            refuse_within(table, sentence, "settings", name)
     if not kind.weight_names() & {*held, *(table.free or {})}:
         held |= kind.weighed_by_default
     return held
@@ -400,11 +390,9 @@ def _free_names(
         known = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:
             if name not in known:
+                near = suggestion(name, known, otherwise="it has")
                 refuse_within(
-                    table,
-                    f"{law} has no setting {name!r} that can be searched{suggestion(name, known, otherwise='it has')}",
-                    "free",
-                    name,
+                    table, f"{law} has no setting {name!r} that can be searched{near}", "free", name
                 )
             if name in spans and spans[name].held:
                 refuse_within(table, f"{name} of {law} is not searched: {spans[name].held}", "free", name)
@@ -433,31 +421,19 @@ def _free(
     if given:
         if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
             positive = " of positive numbers" if scale == "log" else ""
-            refuse_within(
-                table,
-                f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]",
-                "free",
-                name,
-            )
+            sentence = f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]"
+            refuse_within(table, sentence, "free", name)
         lower, upper = given
         if scale == "log" and upper > _WIDEST * lower:
-            refuse_within(
-                table,
-                f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times",
-                "free",
-                name,
-            )
+            sentence = f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times"
+            refuse_within(table, sentence, "free", name)
     elif span is None:
         lower, upper = magnitudes.command / _SHARES, magnitudes.command
     else:
         lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
     if name == LARGEST and not 0.0 < lower <= upper <= magnitudes.command * (1.0 + 1e-9):
-        refuse_within(
-            table,
-            f"{LARGEST} may be from above 0 to {of_unit(magnitudes.command, '', 4)}, the largest of the dampers",
-            "free",
-            name,
-        )
+        sentence = f"{LARGEST} may be from above 0 to {of_unit(magnitudes.command, '', 4)}, the largest of the dampers"
+        refuse_within(table, sentence, "free", name)
     levels = _SHARES if name == LARGEST else 0
     whole = FreeSetting(name=name, lower=float(lower), upper=float(upper), scale=scale, levels=levels)
     if span is None or not span.entries:

@@ -144,8 +144,8 @@ def study_score(
     """The score of a study as a function of the free settings of a law, for JAX: that which `mr.tune` minimises.
 
     Its derivatives go through the closed loop: building, dampers, driver, observer, delay, sampled commands, as they
-    are simulated. Settings that are not free are held: those of the table, `drifts = 1` of a regulator without weights,
-    and the starts of others. `print` shows them, and `score.settings(point)` and `score.law(point)` have them all.
+    are simulated. Settings that are not free are held, and shown by `print`: those of the table, `drifts = 1` of a
+    regulator without weights, and the starts of others. `score.settings(point)` and `score.law(point)` have them all.
 
     Parameters
     ----------
@@ -162,9 +162,8 @@ def study_score(
     Returns
     -------
     StudyScore
-        A `TracedFunction`: of a point, shape (n_free,), the score; infinite outside the ranges and where the settings
-        make no law or a run has no end, with derivatives of zero. A derivative is not a number where settings next to
-        the point make no law.
+        Of a point, shape (n_free,), the score: infinite outside the ranges and where the settings make no law or a run
+        has no end, with derivatives of zero. A derivative is not a number where settings next to it make no law.
 
     Raises
     ------

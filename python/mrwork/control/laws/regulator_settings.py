@@ -124,18 +124,12 @@ class RegulatorSettings(CostWeights, LawSettings):
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
-        alone = iter(
-            attempt_each(lambda each: each.design(problem), [each for each in many if each._is_alone])
+        single, others = ([each for each in many if each._is_alone is own] for own in (True, False))
+        alone = iter(attempt_each(lambda each: each.design(problem), single))
+        costs = attempt_each(
+            lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)), others
         )
-        regulators = iter(
-            regulators_of_costs(
-                problem.plant,
-                attempt_each(
-                    lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
-                    [each for each in many if not each._is_alone],
-                ),
-            )
-        )
+        regulators = iter(regulators_of_costs(problem.plant, costs))
         outcomes: list[Design | SettingError] = []
         for settings in many:
             known = next(alone if settings._is_alone else regulators)
@@ -395,10 +389,8 @@ class SignalSettings(RegulatorSettings):
         for name in ("floors", "rms_floors"):
             given = getattr(self, name)
             if len(set(given)) < len(given) or any(not 1 <= floor <= n_floors for floor in given):
-                raise InvalidSettingError(
-                    name,
-                    f"{name} are {list(given)}; give floors of {problem.building.name} from 1 to {n_floors}, each once",
-                )
+                of = f"floors of {problem.building.name} from 1 to {n_floors}"
+                raise InvalidSettingError(name, f"{name} are {list(given)}; give {of}, each once")
         constant = self.time_constant
         named = [SOURCES[name] for name in self.signals]
         signals = (
@@ -516,10 +508,8 @@ class SignalPolynomialSettings(SignalSettings):
         terms[:, : lengths.pop()] = self.terms
         powers = terms[:, 1:]
         if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
-            raise InvalidSettingError(
-                "terms",
-                f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
-            )
+            sentence = f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers"
+            raise InvalidSettingError("terms", sentence)
         return Design(
             gains={"gain": gain},
             tables={

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import NotNegative, Positive, Threads, checked
 from mrwork.base.hints import Within
+from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, check_outputs, hold_input, symmetric
@@ -49,11 +50,7 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     matrix = np.diag(value) if value.ndim == 1 else value
     if matrix.shape != (size, size):
         count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
-        given = (
-            f"{value.size} weight{'s' if value.size > 1 else ''}"
-            if value.ndim == 1
-            else f"shape {value.shape}"
-        )
+        given = counted(value.size, "weight") if value.ndim == 1 else f"shape {value.shape}"
         raise InvalidSettingError(
             name,
             f"{name} has {given}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "

@@ -383,18 +383,16 @@ class LyapunovEquations:
 
     def covariance(self, Q: Floats) -> Floats:
         """X of `A X + X A' + step A X A' + Q = 0`."""
-        return self._solve(self._half @ Q @ self._half.T, adjoint=False)
+        return self._solve(self._half @ Q @ self._half.T, "N", "T")
 
     def cost(self, Q: Floats) -> Floats:
         """P of `A'P + P A + step A'P A + Q = 0`."""
-        return self._solve(self._half.T @ Q @ self._half, adjoint=True)
+        return self._solve(self._half.T @ Q @ self._half, "T", "N")
 
-    def _solve(self, Q: Floats, *, adjoint: bool) -> Floats:
+    def _solve(self, Q: Floats, *forms: str) -> Floats:
         right = -self._basis.T @ Q @ self._basis
-        forms = ("T", "N") if adjoint else ("N", "T")
         solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._schur, self._schur, right, *forms)
-        X = self._basis @ solution @ self._basis.T / scale
-        return np.asarray(0.5 * (X + X.T), dtype=np.float64)
+        return symmetric(self._basis @ solution @ self._basis.T / scale)
 
 
 # An equation of so many states is timed where one takes seconds; larger ones take longer than by their cube, because

@@ -242,8 +242,7 @@ def static_law_gain(system: DesignSystem, rows: SquaredRows, multipliers: Floats
     """Gain on s of least cost in a sampled loop with driver and delay, shape (n_devices, 2n); a local minimum.
 
     The gradient is that of static output feedback (W. S. Levine and M. Athans, IEEE Trans. Automatic Control 15(1),
-    1970, 44-48).
-    The gain to start from is halved until the loop is stable.
+    1970, 44-48). The gain to start from is halved until the loop is stable.
     """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 

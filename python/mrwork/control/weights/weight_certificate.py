@@ -45,14 +45,13 @@ class CaseCheck(Summarised):
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
 
-    The design solves its program with a small white noise on every state beside the ground. `rms` of each limited
-    output and `forces`, the rms desired force of each device [N], are those under the regulators of the weights with
-    this noise, roots of the mean square over the cases, and `ratio` is the largest rms over its limit; under the ground
-    alone all are somewhat less. `bound` is a lower bound on the ratio of any linear law within the budget under the
-    ground alone, from the dual (with the c of a semi-active condition as found), and `gap` is ratio / bound - 1: the
-    least ratio lies between the two. `violation` is the largest relative excess of an output over the optimum of the
-    program times its limit, or of a force over its budget. `program_ratio` is that of the semidefinite program before
-    the refinement; `None` if it was not solved, or for modes only.
+    `rms` of each limited output and `forces`, the rms desired force of each device [N], are those under the regulators
+    of the weights, roots of the mean square over the cases, and `ratio` is the largest rms over its limit, all with the
+    small white noise on every state with which the program is solved. `bound` is a lower bound on the ratio of any
+    linear law within the budget under the ground alone, from the dual (with the c of a semi-active condition as found),
+    and `gap` is ratio / bound - 1. `violation` is the largest relative excess of an output over the optimum times its
+    limit, or of a force over its budget. `program_ratio` is that of the semidefinite program before the refinement;
+    `None` if it was not solved, or for modes only.
     """
 
     names: tuple[str, ...]
@@ -89,11 +88,8 @@ class WeightCertificate(Summarised):
         return Summary(
             title="Certificate of a weight design",
             facts=(
-                (
-                    "ratio",
-                    f"{self.ratio:.6g} with the noise of the design{program}, at least {self.bound:.6g} under the "
-                    "ground alone",
-                ),
+                ("ratio", f"{self.ratio:.6g} with the noise of the design{program}"),
+                ("bound", f"{self.bound:.6g} under the ground alone"),
                 ("violation", f"{self.violation:.1e}"),
                 ("law's gain", self.law_in_words),
             ),
@@ -126,9 +122,9 @@ def certificate_of(
     limits = outputs.limits
     squares, forces, cases = [], [], []
     for name, system, own in zip(names, systems, point.regulated, strict=True):
-        y, u = _mean_squares(system, own.gain)
+        y, u = _mean_squares(system, own.gain, system.noise)
         try:
-            law_y, law_u = _mean_squares(system, law_gain @ system.state)
+            law_y, law_u = _mean_squares(system, law_gain @ system.state, system.noise)
         except SettingError:
             law_y, law_u = np.full(len(limits), np.inf), np.full(len(budgets), np.inf)
         squares.append(y)
@@ -167,9 +163,9 @@ def certificate_of(
     )
 
 
-def _mean_squares(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
-    """Mean squares of the outputs and of the desired forces of `u = -gain x`."""
-    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(system.noise)
+def _mean_squares(system: DesignSystem, gain: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Mean squares of the outputs and of the desired forces of `u = -gain x` under a noise of this intensity."""
+    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(noise)
     closed = system.C - system.D @ gain
     return np.einsum("ij,jk,ik->i", closed, X, closed), np.einsum("ij,jk,ik->i", gain, X, gain)
 
@@ -251,11 +247,9 @@ class DesignedWeights(Summarised):
         system = self.system
         K = self.gain @ system.state if controlled else np.zeros_like(system.B.T)
         try:
-            X = LyapunovEquations(system.A - system.B @ K, system.step).covariance(system.ground)
+            return np.asarray(np.sqrt(_mean_squares(system, K, system.ground)[0]))
         except SettingError:
             return np.full(len(self.outputs.limits), np.inf)
-        C = system.C - system.D @ K
-        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", C, X, C)))
 
     def document(self) -> dict[str, object]:
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
@@ -353,15 +347,13 @@ class DesignedWeights(Summarised):
                 "Whether all limits can be met with this budget is not determined: the least factor by which they are "
                 f"is between {self.certificate.bound:.5g} and {ratio:.5g}."
             )
-        elif self.budget_factor is not None and np.isfinite(self.budget_factor):
-            first = (
-                "The limits cannot be met with this budget: the least factor by which all are met at once is "
-                f"{ratio:.3g}; with {self.budget_factor:.3g} times the budget they can."
-            )
         else:
+            times, nor, more = self.budget_factor or np.inf, ", nor with 100 times the budget", ""
+            if np.isfinite(times):
+                nor, more = "", f"; with {times:.3g} times the budget they can"
             first = (
-                f"The limits cannot be met: the least factor by which all are met at once is {ratio:.3g}, and 100 "
-                "times the budget does not bring it to 1."
+                f"The limits cannot be met with this budget{nor}: the least factor by which all are met at once is "
+                f"{ratio:.3g}{more}."
             )
         check = self.certificate
         if check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR:

@@ -318,11 +318,9 @@ def motion_section(results: StudyResults) -> Section:
     for motion in results.motions:
         records.setdefault((motion.use, motion.at_level[0]), []).append(motion)
     several = len(records) < len(results.motions)
-    table = (
-        page_table("Records and their levels", _RECORDS, [*records.values()])
-        if several
-        else page_table("Ground motions", _MOTIONS, results.motions)
-    )
+    table = page_table("Ground motions", _MOTIONS, results.motions)
+    if several:
+        table = page_table("Records and their levels", _RECORDS, [*records.values()])
     of = f" of {counted(len(records), 'record')}" if several else ""
     return Section(
         anchor="motions",

@@ -55,10 +55,8 @@ def fragilities_of_page(results: StudyResults) -> Fragilities | None:
     return fragility(results)
 
 
-def fragility_section(results: StudyResults, found: Fragilities | None) -> Section | None:
-    """Median intensities at the limit of the study, with both figures; `None` where there are none."""
-    if found is None:
-        return None
+def fragility_section(results: StudyResults, found: Fragilities) -> Section:
+    """Median intensities at the limit of the study, with both figures."""
     at = results.record_levels
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -58,7 +57,7 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=" ".join([_verdict(comparison), *([] if found is None else [_medians(comparison, found)])]),
+        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}",
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
@@ -85,18 +84,18 @@ def _subject(results: StudyResults) -> str:
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = f", damping {_least_to_most(ratios, partial(format_fixed, decimals=1))} %" if ratios else ""
+    damping = f", damping {_least_to_most(ratios, lambda each: format_fixed(each, 1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * each for each in facts.yield_drifts if each]
-    yields = (
-        f", yields at {_least_to_most(drifts, partial(significant, digits=3))} mm of drift" if drifts else ""
-    )
+    yields = f", yields at {_least_to_most(drifts)} mm of drift" if drifts else ""
     weights = ", P-delta" if facts.loads else ""
     return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
 
 
-def _least_to_most(values: Sequence[float], shown: Callable[[float], str]) -> str:
+def _least_to_most(
+    values: Sequence[float], shown: Callable[[float], str] = lambda each: significant(each, 3)
+) -> str:
     """The least and the most of numbers; once where both look alike."""
     return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
@@ -113,7 +112,7 @@ def _medians(comparison: StudyComparison, found: Fragilities) -> str:
     labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
     shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
     medians = ", ".join(f"{found[label].brief} with {label}" for label in shown)
-    return f"Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
+    return f" Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
@@ -274,11 +273,8 @@ def _profile_figure(
     factor: Floats | float = 1e3 if drift else 1.0
     abscissa = "Drift (mm)" if drift else "Acceleration (m/s²)"
     if drift and facts is not None and facts.has_ratios:
-        factor, abscissa, limit = (
-            100.0 / np.array(facts.heights),
-            "Drift ratio (%)",
-            100.0 * facts.drift_limit,
-        )
+        factor, abscissa = 100.0 / np.array(facts.heights), "Drift ratio (%)"
+        limit = 100.0 * facts.drift_limit
     of_row = strokes(results, drawn)
     order = [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]
     return profile_figure(

@@ -166,7 +166,7 @@ def study_page(
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
-        fragility_section(results, found),
+        None if found is None else fragility_section(results, found),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),
         storey_section(results, [*first, *bare], drawn_rows(comparison), of_row),

@@ -182,26 +182,20 @@ def _verdict(results: TuningResults) -> str:
 
 def _place_verdict(results: TuningResults) -> str:
     """The best placement with its command and scores, beside that of the study."""
-    best, given = results.places[0], next((each for each in results.places if each.given), None)
-    scores = f"score {_fixed(best.train)} on the training motions"
-    scores += "" if best.test is None else f", {_fixed(best.test)} on the test motions"
-    said = f"The best place of the dampers: {best.in_words}, at {best.command:.3g} {results.command_unit}; {scores}."
-    if best.given or given is None:
-        return f"{said} The study has them there." if best.given else said
-    same = given.test is not None and best.test is not None
-    own = given.test if given.test is not None and same else given.train
-    on = "test" if same else "training"
-    return f"{said} As the study has them, {given.in_words}: {_fixed(own)} on the {on} motions."
+    said = []
+    for each in (results.places[0], *(each for each in results.places[1:] if each.given)):
+        test = "" if each.test is None else f", {_fixed(each.test)} on the test motions"
+        command = f"at {each.command:.3g} {results.command_unit}"
+        said.append(f"{each.in_words}, {command}; score {_fixed(each.train)} on the training motions{test}.")
+    there = " The study has them there." if results.places[0].given else ""
+    return f"The best place of the dampers: {' As the study has them, '.join(said)}{there}"
 
 
 def _changes(law: LawResult, constant: LawResult) -> dict[str, Floats]:
     """Relative changes of both peaks against the constant command, under each motion."""
     pairs = list(zip(law.judged.motions, constant.judged.motions, strict=False))
-    return {
-        name: np.array([one.criteria[name] / other.criteria[name] for one, other in pairs] or [math.nan])
-        - 1.0
-        for name in BOTH
-    }
+    ratios = {name: [one.criteria[name] / other.criteria[name] for one, other in pairs] for name in BOTH}
+    return {name: np.array(each or [math.nan]) - 1.0 for name, each in ratios.items()}
 
 
 _fixed = partial(format_fixed, decimals=3)
