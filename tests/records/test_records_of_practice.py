@@ -12,7 +12,8 @@ from scipy.io import savemat
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.records import DamperTest, read_damper_test
 from mrwork.records.columns import parse_column_option
-from tools.faults.planted_rigs import shares
+from tools.faults import planted_rigs
+from tools.faults.planted import sweep
 
 # 4 Hz through friction and a dashpot, at 200 Hz.
 TIME = 0.005 * np.arange(200)
@@ -177,7 +178,7 @@ def test_a_sentence_names_the_verb_of_an_option_that_the_verb_at_hand_lacks(tmp_
 
 
 def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:
-    told, alarms = shares(24)
+    told, alarms = sweep(planted_rigs.FAULTS, planted_rigs.honest, 24)
     assert alarms == []
     # Two rigs of each of eleven kinds, of which one may be missed.
     assert float(np.mean([*told.values()])) > 0.9

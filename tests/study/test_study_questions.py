@@ -11,7 +11,8 @@ import mrwork as mr
 from mrwork import buildings
 from mrwork.errors import SettingError
 from mrwork.study.reading import read_bare_building
-from tools.faults.planted_studies import FAULTS, sweep
+from tools.faults.planted import sweep
+from tools.faults.planted_studies import FAULTS, honest
 
 ROOT = Path(__file__).parents[2]
 MASS = "mass = [[1e5, 0, 0, 0], [0, 0.02, 0, 0], [0, 0, 1e5, 0], [0, 0, 0, 0.02]]"
@@ -157,7 +158,7 @@ def test_scaled_motions_have_the_limit_of_files(tmp_path: Path) -> None:
 
 
 def test_two_dozen_planted_faults_are_told_and_honest_studies_are_silent() -> None:
-    shares, asked = sweep(2 * len(FAULTS) + 2, 3)
+    shares, asked = sweep(FAULTS, honest, 2 * len(FAULTS) + 2, 3)
     assert asked == []
     assert {kind: share for kind, share in shares.items() if share < 1.0} == {}
 

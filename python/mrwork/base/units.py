@@ -185,15 +185,13 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
 
 # Units of weight, in which masses are given: the mass is the weight over standard gravity.
 _OF_WEIGHT: Final = ("lbf", "kip", "kgf", "tf")
-# Tons of several masses: what each is.
-_TONS: Final = frozenset({"ton", "tons"})
-_WHICH_TON: Final = "a ton may be short (2000 lb), long (2240 lb) or metric (1000 kg)"
 
 # Ratios and angles, which no record has, with the factors of their other units: in products these are no units.
 _PURE: Final[Mapping[str, Mapping[str, float]]] = {
     "1": {"1": 1.0, "%": 1e-2},
     "rad": {"rad": 1.0, "deg": math.pi / 180.0},
 }
+_EVERY: Final = (*FACTORS.values(), *_PURE.values())
 
 # Units are read in any case, except for mega, which would be milli.
 _IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
@@ -248,8 +246,9 @@ def number_in(text: str, unit: str) -> float | str:
         return value
     if given in _PURE.get(unit, {}):
         return value * _PURE[unit][given]
-    if _TONS & set(given.casefold().split()):
-        return f"is {text!r}; {_WHICH_TON}, so give another unit: {known}"
+    if {"ton", "tons"} & set(given.casefold().split()):
+        tons = "short (2000 lb), long (2240 lb) or metric (1000 kg)"
+        return f"is {text!r}; a ton may be {tons}, so give another unit: {known}"
     wanted = [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]
     read = [_unit_of(given, pound) for pound in ("lbf", "lbm")] if len(given) <= _LONGEST else [None]
     if fitting := [each for each in read if each is not None and each.powers in wanted]:
@@ -265,13 +264,9 @@ def number_in(text: str, unit: str) -> float | str:
 
 def _readable(unit: str) -> list[str]:
     """Units that a number in `unit` may have: that one first, usual ones, and every other symbol of the dimension."""
-    usual = next((units for units in (*FACTORS.values(), *_PURE.values()) if unit in units), (unit,))
+    usual = next((units for units in _EVERY if unit in units), (unit,))
     own = _unit_of(unit)
-    alike = [
-        name
-        for name, each in _PREFIXED.items()
-        if own is not None and own.powers and each.powers == own.powers
-    ]
+    alike = [name for name, each in _PREFIXED.items() if own and own.powers == each.powers != {}]
     weights = ["lb", *_OF_WEIGHT] if unit == "kg" else ["lb"] if unit == "N" else []
     return list(dict.fromkeys([*usual, *alike, *weights]))
 
@@ -287,7 +282,7 @@ def question_on(
     if least / room <= value <= most * room:
         return ""
     own = unit.split(" or ")[0]
-    units = next((each for each in (*FACTORS.values(), *_PURE.values()) if own in each), {})
+    units = next((each for each in _EVERY if own in each), {})
     meant = [other for other, factor in units.items() if least <= value * factor <= most]
     # Thousandfold units first, as mm for m.
     meant.sort(key=lambda other: round(math.log10(units[other])) % 3 != 0)

@@ -154,20 +154,17 @@ def _owners(sentence: str, arguments: Sequence[str]) -> str:
     """Which verb has the options of a sentence that the verb at hand lacks, as a further part of the sentence."""
     verb = next(iter(arguments), "")
     named = dict.fromkeys(_OPTION.findall(_TYPED.sub("", sentence)))
-    if verb not in _VERBS or not named:
-        return ""
-    own = _options_of(parser([verb]))[verb]
+    own = _options_of(parser([verb])).get(verb, set(named))
     lacking = [option for option in named if option not in own]
     if not lacking:
         return ""
     options = _options_of(whole_parser())
-    owner = next((each for each in _BY_USE if set(lacking) <= options[each]), "")
+    # The likeliest first.
+    owner = next(
+        (each for each in ("identify", "respond", "tune", *_VERBS) if set(lacking) <= options[each]), ""
+    )
     table = ", or write the column into its row of tests.csv" if "--column" in lacking else ""
     return f"; mrwork {verb} has no {' and '.join(lacking)}: use mrwork {owner}{table}" if owner else ""
-
-
-# Verbs whose options sentences name, the likeliest first.
-_BY_USE = ("identify", "respond", "tune", *_VERBS)
 
 
 def _options_of(root: CommandParser) -> dict[str, set[str]]:

@@ -221,26 +221,28 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
     """Bounds by parameter, from NAME=LOWER:UPPER and NAME=VALUE."""
     bounds: dict[str, tuple[float, float]] = {}
     for text in ranges:
-        name, _, pair = text.partition("=")
-        lower, colon, upper = pair.partition(":")
-        if not (name and colon):
-            raise SettingError(f"--bound is {text!r}; give NAME=LOWER:UPPER, as in rho=100:5000")
+        name, pair = _entry("--bound", text, "NAME=LOWER:UPPER, as in rho=100:5000", inside=":")
+        lower, _, upper = pair.partition(":")
         bounds[name] = (parsed_number(lower, text), parsed_number(upper, text))
     for text in fixed:
-        name, equals, value = text.partition("=")
-        if not (name and equals):
-            raise SettingError(f"--fix is {text!r}; give NAME=VALUE, as in n=2")
+        name, value = _entry("--fix", text, "NAME=VALUE, as in n=2")
         bounds[name] = (parsed_number(value, text), parsed_number(value, text))
     return bounds
+
+
+def _entry(option: str, text: str, form: str, *, inside: str = "") -> tuple[str, str]:
+    """Name and value of the text of an option, which has `form` and something `inside` its value."""
+    name, _, value = text.partition("=")
+    if name and value and inside in value:
+        return name, value
+    raise SettingError(f"{option} is {text!r}; give {form}")
 
 
 def parse_ties(texts: Sequence[str]) -> dict[str, str]:
     """Expressions of tied parameters, from NAME=EXPRESSION."""
     ties: dict[str, str] = {}
     for text in texts:
-        name, equals, expression = text.partition("=")
-        if not (name and equals and expression):
-            raise SettingError(f"--tie is {text!r}; give NAME=EXPRESSION, as in k=2*c")
+        name, expression = _entry("--tie", text, "NAME=EXPRESSION, as in k=2*c")
         if name in ties:
             raise SettingError(f"--tie gives {name} twice; give it once")
         ties[name] = expression
@@ -270,9 +272,7 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
     for text in options.law:
         if text == _AUTO:
             continue
-        name, equals, law = text.partition("=")
-        if not (name and equals):
-            raise SettingError(f"--law is {text!r}; give NAME=LAW, as in k_w=quadratic, or auto")
+        name, law = _entry("--law", text, "NAME=LAW, as in k_w=quadratic, or auto")
         laws[name] = law
     return laws
 
@@ -286,12 +286,8 @@ def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> 
     unit = given or next(iter([*shared, *known]), None) or "V"
     for test, units in zip(tests, own, strict=True):
         if units and unit not in units:
-            other = (
-                next(each.label for each, has in zip(tests, own, strict=True) if unit in has)
-                if not given
-                else ""
-            )
-            beside = f"that of {other} in {unit}" if other else f"--command-unit is {unit}"
+            other = next((each.label for each, has in zip(tests, own, strict=True) if unit in has), "")
+            beside = f"--command-unit is {unit}" if given else f"that of {other} in {unit}"
             raise SettingError(
                 f"{test.label}: the command is {test.command_in_words}, {beside}; laws have one unit of the "
                 "command, so fit tests in one unit"

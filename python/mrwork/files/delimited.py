@@ -21,7 +21,6 @@ from mrwork.files.layout import (
     NUMBER,
     SURELY_DECIMAL,
     Layout,
-    delimiter_of,
     is_data,
     is_labview,
     is_number,
@@ -77,17 +76,10 @@ def nanoseconds(text: str) -> int | None:
 def seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
     seconds = np.full(len(times), np.nan)
-    first: int | None = None
-    last, days = 0, 0
-    for row, time in enumerate(times):
-        if time is None:
-            continue
-        if first is None:
-            first = last = time
-        elif not with_dates and time < last - 12 * _HOUR:
-            days += 1
-        last = time
-        seconds[row] = (time + days * _DAY - first) * 1e-9
+    known = [row for row, time in enumerate(times) if time is not None]
+    clock = np.array([times[row] for row in known], dtype=np.int64)
+    days = np.cumsum(np.diff(clock, prepend=clock[:1]) < -12 * _HOUR) * (not with_dates)
+    seconds[known] = (clock - clock[:1] + days * _DAY) * 1e-9
     return seconds
 
 
@@ -149,13 +141,8 @@ class RegularTable(ColumnTable):
         """Line of a row."""
         return f"line {self.lines(row) + 1}" if row < self.rows.n_rows else f"row {row + 1}"
 
-    @property
-    def markers(self) -> tuple[str, ...]:
-        """Lines among the rows that are none."""
-        return self.careful().markers
-
-    def without_markers(self) -> ColumnTable:
-        """The table without those lines."""
+    def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
+        """As of the table that looks at every line."""
         return self.careful().without_markers()
 
 
@@ -171,7 +158,8 @@ def regular_table(
     if is_labview(lines):
         return None
     data, dropped = without_empty_lines(data)
-    sampled = sampled_layout(lines, _middle(data))
+    middle = data[data.find(b"\n", len(data) // 2) + 1 :][:_HEAD].decode(errors="replace")
+    sampled = sampled_layout(lines, middle.split("\n")[:_WINDOW])
     if sampled is None:
         return None
     layout, with_texts = sampled
@@ -179,7 +167,7 @@ def regular_table(
     if first + np.count_nonzero(dropped < layout.data[0]) != layout.data[0]:
         # A blank line of other characters than those of ASCII.
         return None
-    rows = data[_after_lines(data, first) :]
+    rows = data.split(b"\n", first)[first]
     del data
     in_doubt = layout.delimiter != "," and b"," in rows
     # Without texts and commas in doubt the first row tells what all others have.
@@ -214,27 +202,6 @@ def regular_table(
         in_doubt=bool(form.texts) or in_doubt,
         careful=careful,
     )
-
-
-def _middle(data: bytes) -> list[str]:
-    """Lines from the middle one on, of a text without blank lines and comments."""
-    start = _after_lines(data, (data.count(b"\n") + 1) // 2)
-    return data[start : start + _HEAD].decode(errors="replace").split("\n")[:_WINDOW]
-
-
-def _after_lines(data: bytes, count: int) -> int:
-    """Where the text after so many ends of lines begins, by bisection."""
-    start, stop = 0, len(data)
-    while stop - start > _HEAD:
-        half = (start + stop) // 2
-        n_ends = data.count(b"\n", start, half)
-        if n_ends >= count:
-            stop = half
-        else:
-            start, count = half, count - n_ends
-    for _ in range(count):
-        start = data.index(b"\n", start) + 1
-    return start
 
 
 def _texts(fields: Sequence[Sequence[str]], n_columns: int) -> dict[int, tuple[int, str]]:
@@ -284,22 +251,13 @@ def table_of_text(data: bytes, *, source: str, sha256: str) -> ColumnTable:
 
 
 class DelimitedTable(ColumnTable):
-    """A text table stored as lines, parsed on request; with `names` for one without a header, or its known `layout`."""
+    """A text table stored as lines, parsed on request, with its `layout` where that is known."""
 
-    def __init__(
-        self,
-        *,
-        source: str,
-        sha256: str,
-        lines: list[str],
-        names: tuple[str, ...] | None = None,
-        layout: Layout | None = None,
-    ) -> None:
+    def __init__(self, *, source: str, sha256: str, lines: list[str], layout: Layout | None = None) -> None:
         self.sha256 = sha256
         self._source = source
         self._lines = lines
-        if layout is None:
-            layout = layout_of(lines, source) if names is None else _without_header(lines, names)
+        layout = layout or layout_of(lines, source)
         self.names = layout.names
         self._delimiter = layout.delimiter
         self._cells = Cells(source=source, names=layout.names, delimiter=layout.delimiter)
@@ -337,31 +295,24 @@ class DelimitedTable(ColumnTable):
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
         return f"line {self._data[row] + 1}" if row < len(self._data) else f"row {row + 1}"
 
-    @property
-    def markers(self) -> tuple[str, ...]:
-        """Lines among the rows that are none: words with fewer than two numbers, in front of them or beside."""
-        return tuple(f"line {index + 1} '{self._lines[index].strip()[:40]}'" for index in self._marked())
-
-    def without_markers(self) -> ColumnTable:
-        """The table without those lines."""
-        marked = self._marked()
-        table = copy(self)
-        table._data = tuple(index for index in self._data if index not in marked)
-        table.unused = (*self.unused, *unused_parts("marker", self.markers, "skipped"))
-        return table
-
-    def _marked(self) -> dict[int, None]:
+    def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
+        """The table without lines that have words and fewer than two numbers, or words in front of them."""
         begins_with_number = is_number(self._cells.of_line(self._lines[self._data[0]])[0])
-        marked: dict[int, None] = {}
+        marked: dict[int, str] = {}
         for index in self._data:
             fields = self._cells.of_line(self._lines[index])
             words = [any(map(str.isalpha, each)) and each.casefold() not in MISSING for each in fields]
             is_row = len(fields) == len(self.names) and sum(map(is_number, fields)) > 1
             is_row = is_row and (is_number(fields[0]) or not (words[0] and begins_with_number))
             if not is_row and any(words):
-                marked[index] = None
+                marked[index] = f"line {index + 1} '{self._lines[index].strip()[:40]}'"
         # Where most lines are so, the file is no table of numbers.
-        return marked if 2 * len(marked) < len(self._data) else {}
+        if 2 * len(marked) >= len(self._data):
+            return self, ()
+        table, shown = copy(self), list(marked.values())
+        table._data = tuple(index for index in self._data if index not in marked)
+        table.unused = (*self.unused, *unused_parts("marker", shown, "skipped"))
+        return table, shown
 
     def _parse_line_by_line(self, columns: Sequence[int]) -> Floats:
         texts: list[list[str]] = []
@@ -421,12 +372,6 @@ class DelimitedTable(ColumnTable):
         return True
 
 
-def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:
-    data = tuple(index for index, line in enumerate(lines) if is_data(line))
-    delimiter = delimiter_of(lines[data[0]]) if data else ","
-    return Layout(delimiter=delimiter, names=names, units=(), data=data)
-
-
 # Codecs of texts that are not UTF-8, as sentences call them.
 _ENCODINGS: Final = {
     "utf-16": "UTF-16", "cp932": "Shift-JIS", "gb18030": "GBK", "cp1252": "Windows-1252", "latin-1": "Latin-1",
@@ -445,18 +390,12 @@ def encoding_of(data: bytes) -> str:
         data.decode("utf-8")
     except UnicodeDecodeError:
         head = data[:_HEAD]
-        found = {name: _count_words(head.decode(name, errors="ignore")) for name in ("cp932", "gb18030")}
+        texts = {name: head.decode(name, errors="ignore") for name in ("cp932", "gb18030")}
+        found = {name: sum(map(text.count, ASIAN_WORDS)) for name, text in texts.items()}
         likely = max(found, key=lambda name: found[name])
-        others = head.translate(None, bytes(_NOT_IN_1252)) == head
-        return likely if found[likely] else "cp1252" if others else "latin-1"
+        not_in_1252 = any(byte in head for byte in (0x81, 0x8D, 0x8F, 0x90, 0x9D))
+        return likely if found[likely] else "latin-1" if not_in_1252 else "cp1252"
     return "utf-8"
-
-
-_NOT_IN_1252: Final = (0x81, 0x8D, 0x8F, 0x90, 0x9D)
-
-
-def _count_words(text: str) -> int:
-    return sum(text.count(word) for word in ASIAN_WORDS)
 
 
 def decode_text(data: bytes) -> str:

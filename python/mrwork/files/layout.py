@@ -80,7 +80,7 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     # The first rows that look like those in the middle are no list of limits.
     is_long = middle is not None and middle.length >= _ENOUGH_ROWS
     rows = _run(lines, filled, like=middle if is_long else None)
-    return _of_first_line(lines, filled, source) if rows is None else _layout_above(lines, filled, rows)
+    return _of_first_line(lines, filled) if rows is None else _layout_above(lines, filled, rows)
 
 
 def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout, bool] | None:
@@ -237,14 +237,10 @@ def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _He
     are_units = [_are_units(_texts(lines[index], rows)) for index in fitting]
     if not fitting:
         return _Header(names=nearest[0]) if nearest else None
-    if True not in are_units:
-        return _Header(names=fitting[0])
-    place = are_units.index(True)
+    place = are_units.index(True) if True in are_units else _MOST_BELOW
     if place + 1 < len(fitting) and place < _MOST_BELOW:
         return _Header(names=fitting[place + 1], units=fitting[place], others=tuple(fitting[:place]))
-    if place == 1:
-        return _Header(names=fitting[0], units=fitting[1])
-    return _Header(names=fitting[0])
+    return _Header(names=fitting[0], units=fitting[1] if place == 1 else None)
 
 
 def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
@@ -304,11 +300,9 @@ def _without_remark(line: str) -> str:
     return line.partition("#")[0]
 
 
-def _of_first_line(lines: Sequence[str], filled: Sequence[int], source: str) -> Layout:
+def _of_first_line(lines: Sequence[str], filled: Sequence[int]) -> Layout:
     """Layout of a file in which no row of numbers was found: the first line is the header."""
     header = lines[filled[0]]
-    if len(filled) < 2:
-        raise RecordError(f"{source}: there is a header but no data line after it; check the export")
     delimiter = delimiter_of(header)
     return Layout(
         delimiter=delimiter,
@@ -354,19 +348,19 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
     Remarks are cut off, decimal commas become points, and times are written into rows without them.
     """
-    separator = _separator(lines)
-    settings = dict(_entries(lines, 0, separator))
+    place = _end_of_header(lines, 0, source) + 1
+    separator = _separator(lines[:place])
+    settings = _entries(lines[:place], separator)
     comma = _first(settings, "Decimal_Separator") == ","
     columns = _first(settings, "X_Columns").casefold()
     # Fields of a channel: its own times, and its samples.
     width = 2 if columns == "multi" else 1
-    place = _end_of_header(lines, 0, source) + 1
     plain = list(lines)
     data: list[int] = []
     layout: Layout | None = None
     while any(line.strip() for line in lines[place:]):
-        entries = dict(_entries(lines, place, separator))
         end = _end_of_header(lines, place, source)
+        entries = _entries(lines[place:end], separator)
         names_line = next(
             (index for index in range(end + 1, len(lines)) if lines[index].strip()), len(lines) - 1
         )
@@ -437,18 +431,12 @@ def _separator(lines: Sequence[str]) -> str:
     for line in lines:
         if line.startswith("Separator") and len(line) > len("Separator"):
             return _SEPARATORS.get(line[len("Separator") + 1 :].strip().casefold(), line[len("Separator")])
-        if _END in line:
-            break
     return "\t"
 
 
-def _entries(lines: Sequence[str], start: int, separator: str) -> Iterator[tuple[str, list[str]]]:
-    for line in lines[start:]:
-        if _END in line:
-            return
-        key, *values = (field.strip() for field in line.split(separator))
-        if key:
-            yield key, values
+def _entries(lines: Sequence[str], separator: str) -> dict[str, list[str]]:
+    rows = ([field.strip() for field in line.split(separator)] for line in lines)
+    return {key: values for key, *values in rows if key}
 
 
 def _end_of_header(lines: Sequence[str], start: int, source: str) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from pathlib import Path
 from typing import Final
 
@@ -36,9 +36,21 @@ def read_matrix(path: Path) -> Floats:
         raise RecordError(
             f"{path}: a matrix is read from a {', '.join(_SUFFIXES)}, .npy or .mat file; save it as one of these"
         )
+    text = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n")
+    # In a file of ends of lines alone each line would take more than its byte.
+    n_lines = text.count("\n") + 1
+    if n_lines > _MOST_LINES:
+        raise RecordError(
+            f"{path}: has {n_lines:,} lines where a matrix has {_MOST_LINES:,} at most; {MATRIX.remedy}"
+        )
     rows: list[Floats] = []
     n_numbers = 0
-    for number, line in enumerate(_lines_of(path), start=1):
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) > _LONGEST_LINE:
+            raise RecordError(
+                f"{path}: line {number} is longer than {_LONGEST_LINE >> 20} MiB, which no row of a matrix is; "
+                f"{MATRIX.remedy}"
+            )
         content = line.partition("#")[0].strip()
         if not content:
             continue
@@ -60,27 +72,6 @@ def read_matrix(path: Path) -> Floats:
     if not rows:
         raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
     return np.array(rows)
-
-
-def _lines_of(path: Path) -> Iterator[str]:
-    """Lines of a text, one at a time: in a file of ends of lines alone each would take more than its byte."""
-    text = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n")
-    n_lines = text.count("\n") + 1
-    if n_lines > _MOST_LINES:
-        raise RecordError(
-            f"{path}: has {n_lines:,} lines where a matrix has {_MOST_LINES:,} at most; {MATRIX.remedy}"
-        )
-    start = 0
-    for number in range(1, n_lines + 1):
-        stop = text.find("\n", start)
-        stop = len(text) if stop < 0 else stop
-        if stop - start > _LONGEST_LINE:
-            raise RecordError(
-                f"{path}: line {number} is longer than {_LONGEST_LINE >> 20} MiB, which no row of a matrix is; "
-                f"{MATRIX.remedy}"
-            )
-        yield text[start:stop]
-        start = stop + 1
 
 
 def _only_matrix(path: Path) -> Floats:

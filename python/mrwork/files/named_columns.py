@@ -14,7 +14,7 @@ import shlex
 import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 
@@ -256,7 +256,7 @@ def suggested_options(
     left = [name for name in free if name not in {each.column for each in missing}]
     numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
     options: list[str] = []
-    is_sure, is_open = True, False
+    is_sure = True
     suggested: set[str] = set()
     for each in missing:
         if each.column and each.column in suggested:
@@ -264,7 +264,6 @@ def suggested_options(
             continue
         column = each.column or _likely_column(each.quantity, left, units, numbers)
         if not column:
-            is_open = True
             options.append(f"--column {each.quantity}={NO_COLUMN}:{next(iter(FACTORS[each.quantity]))}")
             continue
         suggested.add(column)
@@ -274,7 +273,8 @@ def suggested_options(
         is_sure = is_sure and bool(each.column and unit)
         unit = unit or likely_unit(each.quantity, column, numbers.get(column))
         options.append(column_option(each.quantity, column, unit))
-    return f"{'with' if is_open else 'as in' if is_sure else 'likely'} {' '.join(options)}"
+    all_of_them = " ".join(options)
+    return f"{'with' if NO_COLUMN in all_of_them else 'as in' if is_sure else 'likely'} {all_of_them}"
 
 
 def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> str:
@@ -321,8 +321,7 @@ class ColumnTable(ABC):
     `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
-    record of their own. `encoding` is that of a text which is not UTF-8, `markers` are lines among its rows that are
-    none, such as those of events.
+    record of their own. `encoding` is that of a text which is not UTF-8.
     """
 
     names: tuple[str, ...]
@@ -333,14 +332,9 @@ class ColumnTable(ABC):
     further: tuple[str, ...] = ()
     encoding: str = ""
 
-    @property
-    def markers(self) -> tuple[str, ...]:
-        """Lines among the rows of a text that are none, each with its number."""
-        return ()
-
-    def without_markers(self) -> ColumnTable:
-        """The table without those lines."""
-        return self
+    def without_markers(self) -> tuple[ColumnTable, Sequence[str]]:
+        """The table without lines of a text that stand among its rows and are none, and these with their numbers."""
+        return self, ()
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
@@ -354,32 +348,26 @@ class ColumnTable(ABC):
         """Location of row `row` of the columns (from 0) in the file, for messages."""
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class VectorTable(ColumnTable):
     """Columns that the format stores as arrays (Parquet, MATLAB, TDMS)."""
 
-    def __init__(
-        self,
-        *,
-        source: str,
-        sha256: str,
-        vectors: Mapping[str, NDArray[np.generic]],
-        units: Mapping[str, str] | None = None,
-        unused: tuple[str, ...] = (),
-    ) -> None:
-        self.names = tuple(vectors)
-        self.units = units or {}
-        self.unused = unused
-        self.sha256 = sha256
-        self._source = source
-        self._vectors = vectors
+    source: str
+    sha256: str
+    vectors: Mapping[str, NDArray[np.generic]]
+    units: Mapping[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.names = tuple(self.vectors)
 
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Convert the requested vectors, each of shape (n_time,) or (1,)."""
-        lengths = {name: self._vectors[name].size for name in wanted if self._vectors[name].size != 1}
+        lengths = {name: self.vectors[name].size for name in wanted if self.vectors[name].size != 1}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"'{name}' has {size}" for name, size in lengths.items())
             raise RecordError(
-                f"{self._source}: columns must be equally long, but {listed}; save them from one test"
+                f"{self.source}: columns must be equally long, but {listed}; save them from one test"
             )
         return {name: self._numbers(name) for name in wanted}
 
@@ -388,10 +376,10 @@ class VectorTable(ColumnTable):
         return f"row {row + 1}"
 
     def _numbers(self, name: str) -> Floats:
-        vector = self._vectors[name]
+        vector = self.vectors[name]
         if not (np.issubdtype(vector.dtype, np.integer) or np.issubdtype(vector.dtype, np.floating)):
             raise RecordError(
-                f"{self._source}: column '{name}' holds {vector.dtype} values where real numbers were "
+                f"{self.source}: column '{name}' holds {vector.dtype} values where real numbers were "
                 "expected; convert it before saving"
             )
         # What is beyond the range of doubles is infinite, and refused with its row.

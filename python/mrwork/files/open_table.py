@@ -8,7 +8,7 @@ import io
 import logging
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
@@ -152,22 +152,20 @@ def _waveform(channel: Any) -> tuple[float, float, int] | None:
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx", ".parquet", ".pq")
 """Extensions of the files that can hold a test."""
+_OPENERS: Final[Mapping[str, Callable[[Path], ColumnTable]]] = {
+    **dict.fromkeys(TEXT_EXTENSIONS, open_delimited), ".mat": open_matlab, ".tdms": open_tdms,
+    ".parquet": open_parquet, ".pq": open_parquet,
+}  # fmt: skip
 
 
 def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
     """Open a .mat, .tdms, .xlsx, Parquet or text file as columns; of several sheets, the first that `is_record`."""
     extension = path.suffix.lower()
     check_file(path, RECORD)
-    if extension in TEXT_EXTENSIONS:
-        return open_delimited(path)
-    if extension == ".mat":
-        return open_matlab(path)
-    if extension == ".tdms":
-        return open_tdms(path)
     if extension == ".xlsx":
         return open_workbook(path, is_record)
-    if extension in (".parquet", ".pq"):
-        return open_parquet(path)
+    if extension in _OPENERS:
+        return _OPENERS[extension](path)
     came = f"the extension is '{extension}'" if extension else "there is no extension"
     raise RecordError(
         f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"

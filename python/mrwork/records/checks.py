@@ -15,7 +15,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
-from mrwork.records.motion import Smoother, SmoothMotion, spectrum
+from mrwork.records.motion import Smoother, SmoothMotion, runs_of, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0
@@ -43,8 +43,7 @@ def samples_per_cycle(frequency: float, dt: float) -> Iterator[Finding]:
         "are advised): reversals of the motion, where the force changes most, are poorly resolved"
     )
     action = f"sample at {_FEWEST_PER_CYCLE * frequency:.3g} Hz or more"
-    measured = Measured(value=per_cycle, unit="")
-    yield Finding.warning("few_samples_per_cycle", message, action=action, measured=measured)
+    yield Finding.warning("few_samples_per_cycle", message, action=action, measured=Measured(per_cycle, ""))
 
 
 def samples_at_rest(displacement: Floats) -> int:
@@ -58,7 +57,7 @@ def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> Ite
     rest = samples_at_rest(displacement) * dt
     if rest >= _REST_CYCLES / frequency:
         message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
-        yield Finding.note("rest_before_motion", message, measured=Measured(value=rest, unit="s"))
+        yield Finding.note("rest_before_motion", message, measured=Measured(rest, "s"))
 
 
 # The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
@@ -82,7 +81,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
     overshoot = float(force[first].max() - force[started + 1 :].max())
-    return Measured(value=overshoot, standard_error=noise * float(np.sqrt(2.0)), unit="N")
+    return Measured(overshoot, "N", standard_error=noise * float(np.sqrt(2.0)))
 
 
 def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -152,7 +151,7 @@ def force_offset(force: Floats, velocity: Floats) -> Iterator[Finding]:
         f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or the zero of the load cell, "
         "which a model describes by f0 or k x0"
     )
-    yield Finding.note(FORCE_OFFSET, message, measured=Measured(value=offset, unit="N"))
+    yield Finding.note(FORCE_OFFSET, message, measured=Measured(offset, "N"))
 
 
 _SHORTEST_RUN: Final = 3
@@ -183,7 +182,7 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
                 f"the {name} is read in steps of {step:.3g} {unit}, {100 * step / half:.2g} % of its half range of "
                 f"{half:.4g} {unit}",
                 action="measure again with a smaller range or more digits",
-                measured=Measured(value=step, unit=unit),
+                measured=Measured(step, unit),
             )
         elif (share := clipped_share(samples)) > 0.0:
             yield Finding.warning(
@@ -191,7 +190,7 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
                 f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel exceeded its "
                 "range",
                 action="measure again with a wider one, or omit these parts",
-                measured=Measured(value=share, unit=""),
+                measured=Measured(share, ""),
             )
         if (held := held_samples(samples)) > 1:
             yield Finding.warning(
@@ -199,7 +198,7 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
                 f"the {name} has a new value in one of {held} samples only: it is sampled at "
                 f"{1.0 / (held * test.dt):.3g} Hz, and late by {500.0 * (held - 1) * test.dt:.3g} ms in the mean",
                 action=f"use --every {held}, or sample all channels alike",
-                measured=Measured(value=held, unit="samples"),
+                measured=Measured(held, "samples"),
             )
 
 
@@ -232,9 +231,7 @@ def clipped_share(samples: Floats) -> float:
 
 def _flat_samples(samples: Floats, resolution: float) -> int:
     """Number of samples in runs at the maximum with steep flanks."""
-    at_top = np.concatenate([[False], samples == samples.max(), [False]])
-    edges = np.flatnonzero(np.diff(at_top))
-    begin, end = edges[::2], edges[1::2]
+    begin, end = np.array(runs_of(samples == samples.max())).T
     inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
     begin, end = begin[inside], end[inside]
     # Both flanks must be steep; with one steep flank only, it may be a start from rest. They must be so beside the run,
@@ -313,9 +310,7 @@ def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         action = "check its channel and its unit: are millimetres taken for micrometres?"
     else:
         return
-    yield Finding.warning(
-        "displacement_unusual", message, action=action, measured=Measured(value=stroke, unit="m")
-    )
+    yield Finding.warning("displacement_unusual", message, action=action, measured=Measured(stroke, "m"))
 
 
 def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
@@ -329,7 +324,7 @@ def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         return
     message = f"the force reaches {_in_newtons(force)}, {bound}"
     action = f"check its channel and its unit: are {taken}?"
-    yield Finding.warning("force_unusual", message, action=action, measured=Measured(value=force, unit="N"))
+    yield Finding.warning("force_unusual", message, action=action, measured=Measured(force, "N"))
 
 
 def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -346,8 +341,7 @@ def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     )
     taken = "ms taken for s" if slow else "s taken for ms"
     action = f"check the unit of the time (are {taken}?), and that of the displacement"
-    measured = Measured(value=motion.frequency, unit="Hz")
-    yield Finding.warning("time_unusual", message, action=action, measured=measured)
+    yield Finding.warning("time_unusual", message, action=action, measured=Measured(motion.frequency, "Hz"))
 
 
 def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
@@ -359,7 +353,7 @@ def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
                 "command_unusual",
                 f"the command reaches {highest:.4g} {unit}, more than a damper takes",
                 action=f"check its column and its unit: are m{unit} taken for {unit}?",
-                measured=Measured(value=highest, unit=unit),
+                measured=Measured(highest, unit),
             )
 
 
@@ -428,7 +422,7 @@ def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Findin
         f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
         f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of the loop"
     )
-    measured = Measured(value=window, standard_error=test.dt, unit="s")
+    measured = Measured(window, "s", standard_error=test.dt)
     if "force" in smoothing.channels:
         message += "; identify applies the same average to the model's force"
         yield Finding.note("moving_average", message, measured=measured)

@@ -163,21 +163,32 @@ class StatedCommand:
         """Read ``"0.5 A"``, ``"COLUMN:UNIT"`` or ``"COLUMN"``."""
         stated = text.strip()
         number = _NUMBER_AND_UNIT.fullmatch(stated)
-        unit = number[2] if number else stated.rpartition(":")[2].strip()
+        column, colon, unit = (part.strip() for part in stated.rpartition(":"))
+        unit = number[2] if number else unit
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
-        if quantity is None:
-            if number is not None or ":" in stated:
-                return cls._of_other_unit(stated, unit, None if number is None else number[1])
+        other = command_unit_of(unit)
+        if quantity is None and number is None and not colon:
             if not stated or _STARTS_AS_NUMBER.match(stated):
                 raise SettingError(
                     f"the command is '{stated}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
                 )
             return cls(column=stated)
+        if quantity is None and (other is None or not (number or column)):
+            raise UnitError(
+                f"the command is '{stated}': '{unit}' is no unit of a command; give one of "
+                f"{', '.join(known_units(each) for each in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
+            )
         if number is None:
+            if quantity is None:
+                return cls(column=column, unit=other)
             _parse_specification(quantity, text)
             return cls(quantity=quantity, column=stated)
-        factor = factor_to_si(unit, quantity, context=f"the command '{stated}'")
-        value = factor * float(number[1].replace(",", "."))
+        value = float(number[1].replace(",", "."))
+        if quantity is None:
+            if other and (wrong := Command(value, other).impossibility):
+                raise SettingError(f"the command '{stated}' {wrong}")
+            return cls(value=value, unit=other)
+        value *= factor_to_si(unit, quantity, context=f"the command '{stated}'")
         if not 0.0 <= value <= LARGEST_COMMAND:
             raise SettingError(
                 f"the command is '{stated}'; give one from 0 to {LARGEST_COMMAND:g} A or V: the force does not "
@@ -185,38 +196,17 @@ class StatedCommand:
             )
         return cls(value=value, unit="A" if quantity == "current" else "V")
 
-    @classmethod
-    def _of_other_unit(cls, text: str, unit: str, number: str | None) -> StatedCommand:
-        """A command that is neither a current nor a voltage: a number in its unit, or ``"COLUMN:UNIT"``."""
-        own = command_unit_of(unit)
-        column = text.rpartition(":")[0].strip()
-        if own is None or (number is None and not column):
-            raise UnitError(
-                f"the command is '{text}': '{unit}' is no unit of a command; give one of "
-                f"{', '.join(known_units(each) for each in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
-            )
-        if number is None:
-            return cls(column=column, unit=own)
-        value = float(number.replace(",", "."))
-        if wrong := Command(value, own).impossibility:
-            raise SettingError(f"the command '{text}' {wrong}")
-        return cls(value=value, unit=own)
-
 
 def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: str) -> StatedCommand | None:
     """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
-    candidates = [
-        StatedCommand(column=name, unit=unit)
-        for name in names
-        if (unit := scalar_unit_in_name(name, units.get(name, "")))
-    ]
-    if len(candidates) > 1:
-        first, second = candidates[:2]
+    read = [(name, unit) for name in names if (unit := scalar_unit_in_name(name, units.get(name, "")))]
+    if len(read) > 1:
+        (first, own), (second, _) = read[:2]
         raise RecordError(
-            f"{source}: columns '{first.column}' and '{second.column}' both look like the command; say which one to "
-            f"use, as in {column_option(COMMAND, first.column, str(first.unit))}"
+            f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
+            f"{column_option(COMMAND, first, own)}"
         )
-    return next(iter(candidates), None)
+    return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
 
 
 def choose_columns(
@@ -340,10 +330,8 @@ class _Names:
         ]
         if others and not self._is_nameless:
             how = f"the {' and the '.join(others)} cannot be told either; give them, {options}"
-        elif NO_COLUMN in options:
-            how = f"{first.remedy} {options}"
         else:
-            how = f"{first.remedy}, {options}"
+            how = f"{first.remedy}{'' if NO_COLUMN in options else ','} {options}"
         if f"time={NO_COLUMN}" in options:
             how += "; without a column of times give the step or sampling rate, as in --column 'time=200 Hz'"
         if NO_COLUMN in options:
@@ -367,22 +355,15 @@ class _Names:
         return tuple(self.names) == numbered_names(len(self.names))
 
     def _claimed_by_another(self, quantity: TestQuantity, name: str) -> bool:
-        return any(
-            quantity_of(unit) == other
-            for other in QUANTITIES
-            for unit in [self._unit(other, name)]
-            if other != quantity and unit is not None
-        )
+        others = (other for other in QUANTITIES if other != quantity)
+        return any(quantity_of(self._unit(other, name) or "") == other for other in others)
 
     def _unit(self, quantity: TestQuantity, name: str) -> str | None:
         """Unit of a column that means the quantity, of its name or stated apart; `None` if it means another one."""
         own, apart = unit_in_name(quantity, name), self.units.get(name, "")
         if own is None or not apart:
             return own
-        known = [
-            factor for factor in (factor_of(own, quantity), factor_of(apart, quantity)) if factor is not None
-        ]
-        if len(known) == 2 and known[0] != known[1]:
+        if len({factor_of(own, quantity), factor_of(apart, quantity), None}) > 2:
             raise UnitError(
                 f"{self.source}: column '{name}' says '{own}' in its name and '{apart}' below it; give the unit "
                 f"with {column_option(quantity, name, own)}"
@@ -480,7 +461,7 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
     raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
-def tells_a_test(table: ColumnTable, *, source: str) -> bool:
-    """Whether the headings of a table of the file `source` tell time, displacement and force."""
-    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source=source)
+def tells_a_test(table: ColumnTable) -> bool:
+    """Whether the headings of a table tell time, displacement and force."""
+    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source="")
     return all(quantity in chosen for quantity in REQUIRED)

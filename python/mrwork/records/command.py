@@ -53,8 +53,7 @@ def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Comm
             f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}, by {span:.4g} {unit}; a "
             "model follows it by current laws (--law)"
         )
-        measured = Measured(value=span, unit=unit)
-        findings.append(Finding.note("command_varies", message, measured=measured))
+        findings.append(Finding.note("command_varies", message, measured=Measured(span, unit)))
     if command.rings_below_zero:
         lowest_sample = float(present.min())
         share = 100.0 * float(np.mean(present < -command_noise(lowest_sample, unit)))
@@ -62,8 +61,7 @@ def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Comm
             f"the {quantity} rings below zero, to {lowest_sample:.3g} {unit} ({share:.2g} % of the samples); it is "
             "taken as zero there, and the force is not compared until as long after"
         )
-        measured = Measured(value=lowest_sample, unit=unit)
-        findings.append(Finding.note("command_rings", message, measured=measured))
+        findings.append(Finding.note("command_rings", message, measured=Measured(lowest_sample, unit)))
     if wrong := command.impossibility:
         message = f"the {quantity} {wrong}"
         findings.append(Finding(code="command_negative", severity="warning", message=message))

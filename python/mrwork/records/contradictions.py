@@ -18,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
-from mrwork.records.motion import Smoother, SmoothMotion, regular_cycles
+from mrwork.records.motion import Smoother, SmoothMotion, regular_cycles, runs_of
 
 _MAD_TO_DEVIATION: Final = 1.4826
 # Beyond this share of the range to either side of its middle a channel is on that side.
@@ -57,7 +57,7 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
             f"one side to the other{' and back' if least_swings > 1 else ''}"
         )
         action = f"check the sensor of the {name} and its cable, or omit that part (--from, --until)"
-        yield Finding.warning(code, message, action=action, measured=Measured(value=seconds, unit="s"))
+        yield Finding.warning(code, message, action=action, measured=Measured(seconds, "s"))
 
 
 def _still_spans(
@@ -81,16 +81,11 @@ def _still_spans(
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], ranges <= least, [False]])))
     shortest = _SHORTEST_SWING / (motion.frequency * motion.smoother.dt)
-    spans = [
-        (int(swings[begin, 0]), int(swings[end - 1, 1]))
-        for begin, end in edges.reshape(-1, 2)
-        if end - begin >= least_swings
-    ]
+    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= least_swings)
     return [
         _widen_span(smooth, begin, end, least)
-        for begin, end in spans
+        for begin, end in ((int(swings[first, 0]), int(swings[last - 1, 1])) for first, last in runs)
         if end - begin >= shortest and np.ptp(smooth[begin:end]) <= 2.0 * least
     ]
 
@@ -129,10 +124,8 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     # The steps beside a jump differ from theirs by half of it.
     padded = np.pad(beyond, 1)
     jumps = 1 + np.flatnonzero((beyond > least) & (beyond >= padded[:-2]) & (beyond > padded[2:]))
-    jumps = np.array(
-        [at for at in jumps if not any(first <= at + 1 and at < last for first, last in test.uncompared)],
-        dtype=np.intp,
-    )
+    for first, last in test.uncompared:
+        jumps = jumps[(jumps + 1 < first) | (jumps >= last)]
     every = max(displacement.size // _PLACES_OF_PATH, 1)
     path = float(np.abs(np.diff(displacement[::every])).sum())
     if jumps.size == 0 or np.abs(steps[jumps]).sum() > _OF_THE_PATH * path:
@@ -146,9 +139,7 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         f"{usual / test.dt:.3g} m/s is the most elsewhere"
     )
     action = "check its sensor for slip and the record for a cut, and use the part before or after (--from, --until)"
-    yield Finding.warning(
-        "displacement_jumps", message, action=action, measured=Measured(value=size, unit="m")
-    )
+    yield Finding.warning("displacement_jumps", message, action=action, measured=Measured(size, "m"))
 
 
 # A drift moves the displacement by this multiple of what its stroke would be without; beyond the other it is a ramp.
@@ -193,8 +184,7 @@ def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Ite
         "force reverses as if the damper did not"
     )
     action = "check the sensor, its zero and its fastening, and subtract the drift"
-    measured = Measured(value=drift, unit="m/s")
-    yield Finding.warning("displacement_drifts", message, action=action, measured=measured)
+    yield Finding.warning("displacement_drifts", message, action=action, measured=Measured(drift, "m/s"))
 
 
 def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
@@ -228,7 +218,7 @@ def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     lag = end - lag
     if offset < 0 or rest or np.unique(test.force[end:]).size < _LOOKED_FOR // 2:
         return
-    same = _equal_at_end(test.force, lag) & _equal_at_end(test.displacement, lag)
+    same = (test.force[lag:] == test.force[:-lag]) & (test.displacement[lag:] == test.displacement[:-lag])
     copied = int(np.argmin(np.append(same[::-1], False)))
     if copied < _COPIED * test.n_time or lag * test.dt * motion.frequency < _LONGER_THAN_PERIODIC:
         return
@@ -238,11 +228,7 @@ def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         "and count twice"
     )
     action = "use the record up to there (--until)"
-    yield Finding.warning("part_repeated", message, action=action, measured=Measured(value=seconds, unit="s"))
-
-
-def _equal_at_end(samples: Floats, lag: int) -> NDArray[np.bool_]:
-    return np.equal(samples[lag:], samples[:-lag])
+    yield Finding.warning("part_repeated", message, action=action, measured=Measured(seconds, "s"))
 
 
 _MISFIT: Final = 0.10
@@ -296,7 +282,7 @@ def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Find
         f"the derivative of the displacement {1e3 * derived:.2g} mm/s; it is not used, and the velocity is derived "
         "from the displacement as if none were given"
     )
-    return (Finding.note("velocity_noisy", message, measured=Measured(value=own, unit="m/s")),)
+    return (Finding.note("velocity_noisy", message, measured=Measured(own, "m/s")),)
 
 
 # A difference lies within the last digits of both channels at this share of the samples at least, and within this share
@@ -324,7 +310,7 @@ def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tupl
         code, what = "velocity_difference", f"is the {kind} difference of the displacement, to the last digit"
     else:
         return ()
-    late = Measured(value=lag * float(np.mean(np.diff(time))), unit="s")
+    late = Measured(lag * float(np.mean(np.diff(time))), "s")
     message = (
         f"the velocity {what}, and {does} by {1e3 * abs(late.value):.3g} ms ({abs(lag):g} samples); it is not used, "
         "and the velocity is derived from the displacement as if none were given; --keep-velocity keeps the column"
@@ -457,7 +443,7 @@ _CHECK: Final = "check both, or derive the velocity from the displacement by --r
 def _off_by(factor: float, dt: float) -> Finding:
     """Finding of a velocity that is a factor times the derivative at steps `dt` [s], with its explanation if known."""
     times = f"the velocity is {factor:.4g} times the displacement's derivative"
-    measured = Measured(value=factor, unit="")
+    measured = Measured(factor, "")
     size = abs(factor)
     for ratio, (own, taken) in _CLOCKS.items():
         clock_is_off = dt >= _SLOW_CLOCK if ratio > 1.0 else dt <= _FAST_CLOCK
@@ -505,7 +491,7 @@ class _VelocityMisfit:
         left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
         n_independent = max(acceleration.size / smoother.window, 1.0)
         error = float(np.sqrt(left / (power * n_independent)))
-        return Measured(value=late, standard_error=error, unit="s")
+        return Measured(late, "s", standard_error=error)
 
 
 def _select_unsmoothed(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _Kept:

@@ -46,7 +46,7 @@ def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     peak = float(np.percentile(np.abs(motion.acceleration), 99.5))
     if mass < _SIGNIFICANT * error or mass * peak < _SHARE_OF_RANGE * half_range(test.force):
         return None
-    return Measured(value=mass, standard_error=error, unit="kg")
+    return Measured(mass, "kg", standard_error=error)
 
 
 def mass_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -110,7 +110,7 @@ def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     variance = float(left @ left) / (len(spans) - design.shape[1])
     error = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[0, 0]))
     change = float(np.expm1(coefficients[0]))
-    return Measured(value=change, standard_error=error * (1.0 + change), unit="")
+    return Measured(change, "", standard_error=error * (1.0 + change))
 
 
 def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -196,7 +196,7 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     time, force, _ = branch
     if delay < -_SIGNIFICANT_DELAY * error and np.interp(0.0, time, force) > -_PASSED:
         return None
-    return Measured(value=delay * period, standard_error=error * period, unit="s")
+    return Measured(delay * period, "s", standard_error=error * period)
 
 
 def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:

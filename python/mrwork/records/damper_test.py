@@ -197,7 +197,7 @@ Channel = Literal["displacement", "force"]
 VelocitySource = Literal["measured", "derived"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Measured:
     """A number measured by a check, in `unit`; `standard_error` is `None` if it cannot be estimated."""
 
@@ -519,21 +519,18 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
             f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
         )
     command = test.command_in(unit)
+    levels = () if command is None else levels_of_command(command)
     return OperatingRange(
         stroke=0.5 * float(np.ptp(test.displacement)),
         velocity=float(np.abs(test.velocity).max()),
         frequency=_frequencies(test),
         command=None if command is None else (float(np.min(command)), float(np.max(command))),
         command_unit=None if command is None else unit,
-        levels=() if command is None or unit is None else _levels(command, unit),
+        levels=tuple(sorted({command_level(each, unit) for each in levels})) if unit else (),
         force=float(np.abs(load).max()),
         power=max(0.0, float(np.mean(load * test.velocity))),
         least_stroke=least_stroke(test.displacement),
     )
-
-
-def _levels(command: CommandValues, unit: CommandUnit) -> tuple[float, ...]:
-    return tuple(sorted({command_level(each, unit) for each in levels_of_command(command)}))
 
 
 def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:

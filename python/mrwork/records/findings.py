@@ -88,9 +88,8 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     at = np.array([np.median(commands[rows]) for rows in alike])
     findings = []
     for row, difference in zip(np.concatenate(alike), beside, strict=True):
-        if abs(difference) <= limit:
-            continue
-        if abs(force_there[row] - _of_others(row, alike, force_there, velocity)) <= limit:
+        others = _of_others(row, alike, force_there, velocity)
+        if min(abs(difference), abs(force_there[row] - others)) <= limit:
             continue
         test = tests[row]
         ratio = float(np.expm1(difference))
@@ -102,7 +101,7 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
                 f"{commands[row]:.3g} {unit} in similar motion (their spread is {100 * spread:.0f} %)"
                 f"{_belongs(float(force[row]), levels, at, unit)}",
                 action=f"check its {quantity}",
-                measured=Measured(value=ratio, standard_error=spread, unit=""),
+                measured=Measured(ratio, "", standard_error=spread),
             )
         )
     return findings
@@ -187,13 +186,10 @@ class SharedFinding:
 
     @property
     def _numbers(self) -> str:
-        if self.equal:
-            return ""
         span = ""
         if self.lowest is not None and self.highest is not None and self.lowest < self.highest:
-            unit = f" {self.unit}" if self.unit else ""
-            span = f"; over these tests {self.lowest:.3g} to {self.highest:.3g}{unit}"
-        return f" [numbers of {self.tests[0]}{span}]"
+            span = f"; over these tests {self.lowest:.3g} to {self.highest:.3g} {self.unit}".rstrip()
+        return "" if self.equal else f" [numbers of {self.tests[0]}{span}]"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,11 +208,8 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
             places.setdefault(_key(finding), []).append((test, finding))
     # A check may find the same in two channels of a test.
     named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
-    recurring = {key: pairs for key, pairs in places.items() if len(named[key]) > 1}
-    shared = [
-        _join_findings([finding for _, finding in pairs], tuple(named[key].values()), len(tests))
-        for key, pairs in recurring.items()
-    ]
+    recurring = {key: [finding for _, finding in places[key]] for key, each in named.items() if len(each) > 1}
+    shared = [_join_findings(each, tuple(named[key].values()), len(tests)) for key, each in recurring.items()]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
@@ -300,12 +293,9 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
         for test, findings in zip(told, gathered.own, strict=True)
         for each in findings
     ]
-    together = [
-        # The message names the tests that it concerns.
-        _join_findings([each], (), len(tests))
-        for each in findings_of_set(tests)
-        if concerns(each, verb)
-    ]
+    # The message names the tests that it concerns.
+    of_set = (each for each in findings_of_set(tests) if concerns(each, verb))
+    together = [_join_findings([each], (), len(tests)) for each in of_set]
     return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
 
 

@@ -75,18 +75,15 @@ def _sums_of_block(signal: Floats, weights: Floats) -> Floats:
         return signal[half + by : half + by + n_inner]
 
     # Weights that are even or odd up to rounding are treated as such, as in `scipy.ndimage.correlate1d`.
-    if np.all(np.abs(weights - along) <= np.finfo(float).eps):
-        total = shift_signal(0) * along[half]
-        for by in range(-half, 0):
-            total += (shift_signal(by) + shift_signal(-by)) * along[half + by]
-    elif np.all(np.abs(weights + along)[:half] <= np.finfo(float).eps):
-        total = shift_signal(0) * along[half]
-        for by in range(-half, 0):
-            total += (shift_signal(by) - shift_signal(-by)) * along[half + by]
-    else:
-        total = shift_signal(half) * along[-1]
-        for by in range(-half, half):
-            total += shift_signal(by) * along[half + by]
+    for paired, mirrored in ((np.add, along), (np.subtract, -along)):
+        if np.all(np.abs(weights - mirrored)[:half] <= np.finfo(float).eps):
+            total = shift_signal(0) * along[half]
+            for by in range(-half, 0):
+                total += paired(shift_signal(by), shift_signal(-by)) * along[half + by]
+            return np.asarray(total)
+    total = shift_signal(half) * along[-1]
+    for by in range(-half, half):
+        total += shift_signal(by) * along[half + by]
     return np.asarray(total)
 
 
@@ -254,3 +251,9 @@ def reversals(velocity: Floats) -> NDArray[np.intp]:
     moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))
     turns = np.flatnonzero(np.diff(np.sign(velocity[moving])))
     return np.asarray((moving[turns] + moving[turns + 1] + 1) // 2)
+
+
+def runs_of(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """First sample, and sample beyond the last, of each run of chosen samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
+    return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))

@@ -10,7 +10,7 @@ import hashlib
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -350,25 +350,22 @@ def read_damper_test(
     file = Path(path)
     source = str(file)
     given = dict(columns or {})
-    table = open_table(file, partial(tells_a_test, source=str(file)))
+    table = open_table(file, tells_a_test)
     if MARKERS in given:
         check_specification(MARKERS, given.pop(MARKERS))
-        table = table.without_markers()
+        table, _ = table.without_markers()
     step = stated_step(given.get("time", ""))
+    are_assigned = False
     try:
         chosen, scalar = _assign_columns(table, given, source)
+        are_assigned = True
+        of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
+        numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
         marked = _marked(table)
-        refusal = type(error)(f"{error}; {marked}") if marked else error
-        refusal.of_columns = True
-        raise refusal from None
-    of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
-    try:
-        numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
-    except RecordError as error:
-        marked = _marked(table)
-        refusal = RecordError(f"{source}: {marked}") if marked else error
-        refusal.of_columns = bool(marked)
+        start = f"{source}: " if are_assigned else f"{error}; "
+        refusal = type(error)(f"{start}{marked}") if marked else error
+        refusal.of_columns = bool(marked) or not are_assigned
         raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -398,18 +395,14 @@ def read_damper_test(
     return replace(test, findings=(*test.findings, *unused_finding(table, used)))
 
 
-# Marker lines that a sentence shows; more are counted.
-_MOST_SHOWN: Final = 3
-
-
 def _marked(table: ColumnTable) -> str:
     """What to do about lines among the rows that are none; empty where there are none."""
-    markers = table.markers
+    _, markers = table.without_markers()
     if not markers:
         return ""
-    lines = f"{counted(len(markers), 'line')} among the rows of numbers {'is' if len(markers) == 1 else 'are'} no row"
-    shown = list_names(markers, _MOST_SHOWN)
-    return f"{lines}, {shown}; skip what marks events with --column {MARKERS}={SKIP}, or correct the file"
+    shown = f"{counted(len(markers), 'line')} of other form between them, {list_names(markers, 3)}"
+    cure = f"skip what marks events with --column {MARKERS}={SKIP}, or correct the file"
+    return f"the rows of numbers have {shown}; {cure}"
 
 
 def _assign_columns(
@@ -437,7 +430,7 @@ def _assign_columns(
 
     def numbers_of(name: str) -> Floats | None:
         try:
-            return rows().read([name])[name]
+            return rows()[0].read([name])[name]
         except RecordError:
             return None
 
@@ -445,13 +438,7 @@ def _assign_columns(
     others = {*headings, *([] if scalar is None else [scalar.column])}
     names = tuple(name for name in table.names if name not in others)
     chosen = choose_columns(
-        names,
-        given,
-        units=table.units,
-        stamps=table.stamps,
-        source=source,
-        read=numbers_of,
-        absent=absent,
+        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of, absent=absent
     )
     if stated is not None and stated.quantity is None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
@@ -509,22 +496,15 @@ def read_damper_tests(
     """
     given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     rows = listed_tests(paths if isinstance(paths, str | os.PathLike) else given, use=use)
-    beside = {
-        folder: Finding.note("files_not_read", sentence) for folder, sentence in files_not_read(given).items()
-    }
-    tests = [
-        read_damper_test(row.file, columns={**(columns or {}), **row.columns}, keep_velocity=keep_velocity)
-        for row in rows
-    ]
-    return tuple(
-        replace(test, findings=(*test.findings, beside[folder]))
-        if (folder := Path(test.path).parent) in beside
-        else test
-        for test in tests
-    )
-
-
-_IN_COLUMNS: Final[tuple[TestQuantity, ...]] = (*REQUIRED, "velocity")
+    unread = files_not_read(given)
+    tests = []
+    for row in rows:
+        each = {**(columns or {}), **row.columns}
+        test = read_damper_test(row.file, columns=each, keep_velocity=keep_velocity)
+        sentence = unread.get(Path(test.path).parent)
+        beside = () if sentence is None else (Finding.note("files_not_read", sentence),)
+        tests.append(replace(test, findings=(*test.findings, *beside)))
+    return tuple(tests)
 
 
 @checked
@@ -539,38 +519,26 @@ def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
 
 def _guess(file: Path) -> ListedTest:
     try:
-        table = open_table(file, partial(tells_a_test, source=str(file)))
+        table = open_table(file, tells_a_test)
         scalar = scalar_command(table.names, table.units, source=str(file))
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
     names = [name for name in table.names if scalar is None or name != scalar.column]
     chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
+    motion = (quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED)
     columns: dict[str, str] = {
-        quantity: choice.specification if choice is not None else UNKNOWN
-        for quantity in _IN_COLUMNS
-        for choice in [chosen.get(quantity)]
-        if choice is not None or quantity in REQUIRED
+        each: chosen[each].specification if each in chosen else UNKNOWN for each in motion
     }
     used = {choice.column for choice in chosen.values()}
-    unclear = unclear_commands(names, table.units, used)
-    about_columns = next((doubts[quantity] for quantity in COMMANDS if quantity in doubts), "")
-    if unclear:
-        about_columns = (
-            f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"
-        )
-    command, about_command = (
-        (UNKNOWN, about_columns) if about_columns else _stated_command(file, chosen, scalar)
-    )
+    about = [doubts.pop(quantity) for quantity in COMMANDS if quantity in doubts]
+    if unclear := unclear_commands(names, table.units, used):
+        about = [f"'{unclear[0]}' may be the command and does not say its unit; give it as {unclear[0]}:A"]
+    command, doubt = (UNKNOWN, about[0]) if about else _stated_command(file, chosen, scalar)
     if command:
         columns[COMMAND] = command
-    marked = _marked(table)
-    if marked:
+    if marked := _marked(table):
         columns[MARKERS] = UNKNOWN
-    remarks = [
-        marked,
-        *(doubt for quantity, doubt in doubts.items() if quantity not in COMMANDS),
-        about_command,
-    ]
+    remarks = [marked, *doubts.values(), doubt]
     if UNKNOWN not in columns.values():
         remarks.append(_read(file, columns))
     return ListedTest(file=str(file), use="fit", columns=columns, doubt="; ".join(filter(None, remarks)))
@@ -597,10 +565,10 @@ def _stated_command(
 def _read(file: Path, columns: dict[str, str]) -> str:
     """Why the test cannot be read, or what contradicts the name of its file; empty where nothing does."""
     try:
-        test = read_damper_test(file, columns=columns)
+        findings = read_damper_test(file, columns=columns).findings
     except MrworkError as error:
         return _plain(error, file)
-    return "; ".join(finding.message for finding in test.findings if finding.code == "name_disagrees")
+    return "; ".join(finding.message for finding in findings if finding.code == "name_disagrees")
 
 
 def _plain(error: MrworkError, file: Path) -> str:

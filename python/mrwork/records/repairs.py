@@ -90,17 +90,14 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
     message = f"the first {seconds:.3g} s, at rest, were cut off"
-    return shorter, _repair_finding("rest", message, Measured(value=seconds, unit="s"))
+    return shorter, _repair_finding("rest", message, Measured(seconds, "s"))
 
 
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     from scipy.interpolate import CubicSpline  # slow to load
 
-    seen = (
-        force_delay(test, smooth_motion(test.displacement, test.dt))
-        if amount is None
-        else Measured(value=amount, unit="s")
-    )
+    motion = smooth_motion(test.displacement, test.dt)
+    seen = force_delay(test, motion) if amount is None else Measured(amount, "s")
     if seen is None:
         return test, _no_cause(
             "delay", "the force has no corner at motion reversals to estimate a delay from; give one"
@@ -130,12 +127,12 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
     repaired = replace(test, force=freeze_samples(test.force - offset))
-    return repaired, _repair_finding("offset", message, Measured(value=offset, unit="N"))
+    return repaired, _repair_finding("offset", message, Measured(offset, "N"))
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     motion = smooth_motion(test.displacement, test.dt)
-    seen = moving_mass(test, motion) if amount is None else Measured(value=amount, unit="kg")
+    seen = moving_mass(test, motion) if amount is None else Measured(amount, "kg")
     if seen is None:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion.acceleration
@@ -152,7 +149,7 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
     repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
-    return repaired, _repair_finding("velocity", message, Measured(value=changed, unit=""))
+    return repaired, _repair_finding("velocity", message, Measured(changed, ""))
 
 
 def _repair_finding(kind: RepairKind, message: str, measured: Measured) -> Finding:

@@ -68,17 +68,12 @@ def facts_of(rows: Iterable[ListedTest]) -> dict[str, str]:
     every = list(rows)
     for name in FACTS:
         values = list(dict.fromkeys(row.facts[name] for row in every if name in row.facts))
-        if name == "temperature":
-            values.sort(key=lambda value: float(value.split()[0]))
-        elif name == "date":
-            values.sort()
         if values:
-            ends = f"{values[0]} to {values[-1]}"
-            found[name] = ends if name in _SORTED and len(values) > 1 else list_names(values)
+            found[name] = list_names(values)
+        if name in ("date", "temperature") and len(values) > 1:
+            values.sort(key=(lambda value: float(value.split()[0])) if name == "temperature" else None)
+            found[name] = f"{values[0]} to {values[-1]}"
     return found
-
-
-_SORTED: Final = ("date", "temperature")
 
 
 def listed_tests(
@@ -180,8 +175,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     unused; empty is unused. `time`, `displacement`, `force` and `velocity` name the columns of the record as
     ``COLUMN:UNIT``, `command` a number with its unit (``0.5 A``) or ``COLUMN:UNIT``; where they are empty or absent,
     the record and its name tell. `markers` is "skip" where lines among the rows mark events. `damper`, `serial`,
-    `date`, `operator` and `temperature` (``23 C``) are facts for the
-    page. `doubt` is not read.
+    `date`, `operator` and `temperature` (``23 C``) are facts for the page. `doubt` is not read.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.named_columns import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import spectrum
+from mrwork.records.motion import runs_of, spectrum
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -136,7 +136,7 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     far = (samples < low - reach) | (samples > high + reach)
     if reach == 0.0 or samples.size < _FEWEST or np.count_nonzero(far) > _MOST * samples.size:
         return is_spike
-    for first, last in _runs(far):
+    for first, last in runs_of(far):
         leaps = np.abs(np.diff(samples[max(first - 1, 0) : last + 1]))
         there = first == 0 or leaps[0] > reach
         back = last == samples.size or leaps[-1] > reach
@@ -171,7 +171,7 @@ def _spike_finding(name: str, time: Floats, samples: Floats) -> Finding:
         f"the {name} has spikes to {largest:.4g} {_SEARCHED[name]} in {plural} at {time[0]:.6g} s; they were bridged "
         "by straight lines, and are neither compared nor part of the tested ranges",
         action=f"check the channel of the {name}",
-        measured=Measured(value=largest, unit=_SEARCHED[name]),
+        measured=Measured(largest, _SEARCHED[name]),
     )
 
 
@@ -290,10 +290,10 @@ def uncompared_spans(
     left_out = spiky | missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     fastest = float(np.abs(velocity).max())
-    for first, last in _runs(missing):
+    for first, last in runs_of(missing):
         unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
-    return _runs(left_out)
+    return runs_of(left_out)
 
 
 def spans_with(
@@ -303,13 +303,7 @@ def spans_with(
     chosen = left_out.copy()
     for first, last in spans:
         chosen[first:last] = True
-    return _runs(chosen)
-
-
-def _runs(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    """First sample, and sample beyond the last, of each run of chosen samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
-    return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))
+    return runs_of(chosen)
 
 
 @checked
