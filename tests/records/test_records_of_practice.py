@@ -177,6 +177,14 @@ def test_a_sentence_names_the_verb_of_an_option_that_the_verb_at_hand_lacks(tmp_
     assert "mrwork characterise has no --column: use mrwork identify" in ended.stderr
 
 
+def test_a_row_that_lost_a_field_marks_no_event_whatever_its_exponent(tmp_path: Path) -> None:
+    lines = text("t_s,x_mm,F_N", TIME, STROKE, FORCE)
+    path = write(tmp_path / "a.csv", [*lines[:60], "0.3,-3.45e-06", *lines[61:]])
+    for columns in ({}, {"markers": "skip"}):
+        with pytest.raises(RecordError, match="line 61 has 2 fields"):
+            read_damper_test(path, columns=columns)
+
+
 def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:
     told, alarms = sweep(planted_rigs.FAULTS, planted_rigs.honest, 24)
     assert alarms == []

@@ -301,10 +301,10 @@ class DelimitedTable(ColumnTable):
         marked: dict[int, str] = {}
         for index in self._data:
             fields = self._cells.of_line(self._lines[index])
-            words = [any(map(str.isalpha, each)) and each.casefold() not in MISSING for each in fields]
+            texts = ["" if is_number(each) or each.casefold() in MISSING else each for each in fields]
+            words = [any(map(str.isalpha, each)) for each in texts]
             is_row = len(fields) == len(self.names) and sum(map(is_number, fields)) > 1
-            is_row = is_row and (is_number(fields[0]) or not (words[0] and begins_with_number))
-            if not is_row and any(words):
+            if any(words) and (not is_row or (words[0] and begins_with_number)):
                 marked[index] = f"line {index + 1} '{self._lines[index].strip()[:40]}'"
         # Where most lines are so, the file is no table of numbers.
         if 2 * len(marked) >= len(self._data):
