@@ -37,7 +37,7 @@ DIRECT = ("pipe", "device", "socket")
 SPECIAL = (*DIRECT, "to a pipe", "to a device")
 # Folders with names that nobody can know before.
 RANDOM = (".mrwork-", ".mrwork_probe-")
-SCRATCH = ("out.part/models/", "out.part/histories/")
+SCRATCH = ("out.part/models/", "out.part/histories/", "run/.posterior.jsonl.copying")
 # The folders that the user names: one that is a link is followed.
 NAMED = ("run", "out")
 _seen: list[str] | None = None

@@ -165,7 +165,7 @@ def test_characterise_says_which_row_to_set_back(tmp_path: Path) -> None:
     write(tmp_path / "tests.csv", rows)
     ended = mrwork("characterise", tmp_path, "--out", tmp_path / "out")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert "set the use of test3.csv back to fit, and type: mrwork " in ended.stderr
+    assert "set the use of test3.csv back to fit, and type: mrwork" in ended.stderr
     assert "--law" not in ended.stderr
     assert not (tmp_path / "out").exists()
 

@@ -37,7 +37,6 @@ N_TIME = 60
 SHEAR = """name = "frame"
 masses = [2.0, 1.0]
 stiffnesses = [3.0, 2.0]
-storey_damping = [0.3, 0.2]
 floor_names = ["first", "roof"]
 
 [rayleigh]

@@ -191,9 +191,13 @@ def copies_in_words(names: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
     )
 
 
+# Part of a record that is compared with others [s].
+_LONGEST = 3600.0
+
+
 def _on_step(motion: GroundMotion) -> Floats:
     """Accelerations every 10 ms: means of finer samples, straight lines between coarser ones."""
-    time = np.arange(0.0, motion.duration, _STEP)
+    time = np.arange(0.0, min(motion.duration, _LONGEST), _STEP)
     if motion.dt >= 0.999 * _STEP:
         acceleration = np.interp(time, motion.time, motion.acceleration)
     else:

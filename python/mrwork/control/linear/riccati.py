@@ -345,7 +345,9 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
     starts: list[Callable[[], Floats]] = [by_schur, lambda: np.zeros((m, n))]
     for start in starts if np.any(Q) or np.any(N) else reversed(starts):
         try:
-            K = start()
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", scipy.linalg.LinAlgWarning)
+                K = start()
             for _ in range(_MOST_STEPS):
                 loop = LyapunovEquations(rate - B @ K, step)
                 P = loop.cost(symmetric(Q - 2.0 * N @ K + K.T @ K))
@@ -353,7 +355,7 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
                 size, of_terms = norm(K), norm(B) * norm(P) + norm(N)
                 if settled := bool(norm(K - before) <= _OF_TERMS * size or size <= _ROUNDING * of_terms):
                     break
-        except (np.linalg.LinAlgError, SettingError, ValueError):
+        except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning, SettingError, ValueError):
             continue
         moved = P @ rate
         terms = (moved + moved.T + step * rate.T @ moved, -saved, Q)

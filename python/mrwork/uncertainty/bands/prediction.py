@@ -127,6 +127,11 @@ class Prediction(WithAxes, Summarised):
         return rms(self.residual)
 
     @property
+    def largest_error_n(self) -> float:
+        """Largest magnitude of the residual [N]."""
+        return float(np.abs(self.residual).max())
+
+    @property
     def plot(self) -> PredictionPlots:
         """Figures of the prediction, see `mr.plots`."""
         return plots_of(self, "PredictionPlots")
@@ -150,7 +155,7 @@ class Prediction(WithAxes, Summarised):
                 ("fit", f"{self.fit_percent:.2f} %"),
                 (
                     "error",
-                    f"{self.rmse_n:.4g} N rms, at most {np.abs(self.residual).max():.4g} N",
+                    f"{self.rmse_n:.4g} N rms, at most {self.largest_error_n:.4g} N",
                 ),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
