@@ -220,8 +220,7 @@ def _readers_of_a_study(folder: Path) -> list[Reader]:
 
 
 def _history(path: Path, study: Study) -> object:
-    histories = Histories(path.parents[1], study, resume=True)
-    return histories.read(0, 0)
+    return Histories(path.parents[1], study, resume=True)._read(path, 0, 0)
 
 
 def _readers_of_a_journal(
