@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 import hypothesis
@@ -122,10 +122,56 @@ def refused(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     assert WRITES or refused.failed or len(refused.came) == len(refused.expected), MEANT
 
 
+# What is wrong when a test fails, by folder; a file or a test of another kind is marked with it.
+KINDS = {
+    "physics": "equations, conservation, references outside, statistics, search",
+    "contract": "registries, bits, the public face, formats to their numbers, resumed to the same result",
+    "words": "sentences, pages, colours, prose",
+    "machine": "kills, full disks, hostile files",
+}
+_OF_FOLDER = {
+    "physics": (
+        *("buildings", "closed_loop", "control", "dampers", "identification", "motions", "search", "studies"),
+        *("tuning", "twins", "uncertainty"),
+    ),
+    "words": ("docs", "report"),
+    "machine": ("faults", "store"),
+}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """`make test` runs what must be right in every change; `MRWORK_TESTS=all`, and who names files, all kinds."""
+    for kind, meaning in KINDS.items():
+        config.addinivalue_line("markers", f"{kind}: {meaning}")
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    if whole and not config.option.markexpr and os.environ.get("MRWORK_TESTS") != "all":
+        config.option.markexpr = "physics or contract"
+
+
+def _kind(item: pytest.Item) -> str:
+    if marked := [mark.name for mark in item.iter_markers() if mark.name in KINDS]:
+        return marked[0]
+    if "refused" in getattr(item, "fixturenames", ()):
+        return "words"
+    folder = item.path.parent.name
+    return next((kind for kind, folders in _OF_FOLDER.items() if folder in folders), "contract")
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run no other tests where the sentences are written."""
+    """Give each test its kind; run no others where the sentences are written."""
+    for item in items:
+        item.add_marker(_kind(item))
     if WRITES:
         items[:] = [item for item in items if "refused" in getattr(item, "fixturenames", ())]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_teststatus(report: pytest.TestReport) -> Generator[None, Any, Any]:
+    """A failure is listed with its kind."""
+    category, letter, word = yield
+    kinds = [kind for kind in KINDS if kind in report.keywords]
+    return category, letter, f"{word} {kinds[0]}" if report.failed and kinds else word
 
 
 def pytest_sessionfinish() -> None:
