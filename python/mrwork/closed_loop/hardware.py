@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.base.arguments import May, checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, optional
 from mrwork.base.summary import Summarised, Summary
 from mrwork.control.laws.control_law import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
@@ -125,11 +125,8 @@ class Hardware(Summarised):
     feedback: Feedback = key(
         "feedback of the law: the true state, or the estimate of an observer", default="state"
     )
-    measured_floors: tuple[int, ...] | None = key(
-        "floors with an accelerometer for the observer, from 1; all by default",
-        default=None,
-        least=0,
-        from_one=True,
+    measured_floors: tuple[int, ...] | None = optional(
+        "floors with an accelerometer for the observer, from 1; all by default", least=0, from_one=True
     )
     known_ground: bool = key(
         "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, optional
 from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
@@ -37,17 +37,15 @@ class RolloutSettings(LawSettings):
 
     chooses_levels: ClassVar[bool] = True
 
-    base: float | None = key(
+    base: float | None = optional(
         "command that follows every tried one in the prediction; it wins ties",
         unit="A or V",
-        default=None,
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
     )
-    drift: float | None = key(
+    drift: float | None = optional(
         "reference drift D",
         unit="m",
-        default=None,
         above=0.0,
         span=Span(
             lower=0.3,
@@ -58,10 +56,9 @@ class RolloutSettings(LawSettings):
             held="only the ratio of acceleration to it matters; free acceleration",
         ),
     )
-    acceleration: float | None = key(
+    acceleration: float | None = optional(
         "reference acceleration A",
         unit="m/s2",
-        default=None,
         above=0.0,
         span=Span(lower=0.5, upper=2.0, start=1.0, of=(("constant_acceleration", 1.0),)),
     )
@@ -107,10 +104,9 @@ class RolloutSettings(LawSettings):
     decision: float = key(
         "time from one decision to the next, a whole number of samples", unit="s", default=0.01, above=0.0
     )
-    step: float | None = key(
+    step: float | None = optional(
         "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff",
         unit="s",
-        default=None,
         above=0.0,
     )
 
