@@ -12,7 +12,7 @@ from functools import partial
 from io import StringIO
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.base.summary import list_names
@@ -20,7 +20,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import draw_last, is_quiet, named, print_json, reading_line
+from mrwork.cli.output import is_quiet, named, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import OutputError, RecordError, SettingError, escape_text
@@ -40,9 +40,6 @@ from mrwork.store.input_file import is_folder
 from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
 from mrwork.store.unfinished import is_complete, nothing_to_resume
-
-if TYPE_CHECKING:
-    from mrwork.report.section import OnDrawn
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
@@ -167,14 +164,8 @@ def run(options: argparse.Namespace) -> int:
         if status := steps.step(what, partial(_verb, verb, given), seconds):
             return status
 
-    def draw(on_progress: OnDrawn) -> None:
-        # Matplotlib is slow to load.
-        from mrwork.report.pages import write_page
-
-        write_page(place, summary=True, on_progress=on_progress)
-
-    quiet = is_quiet(options)
-    if status := steps.step("writing the summary", lambda: draw_last(place, draw, quiet=quiet), _PAGE):
+    draw = partial(renew_page, place, quiet=is_quiet(options), summary=True)
+    if status := steps.step("writing the summary", draw, _PAGE):
         return status
     return _end(options, place, uses, steps, spare)
 
