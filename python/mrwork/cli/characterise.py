@@ -23,7 +23,7 @@ from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.output import is_quiet, named, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import OutputError, RecordError, SettingError, escape_text
+from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, escape_text
 from mrwork.identification.fit_file import read_fit
 from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
@@ -102,6 +102,16 @@ class _Steps:
 
 def run(options: argparse.Namespace) -> int:
     """Do every step that is not done yet; print the verdict and where everything is."""
+    try:
+        return _characterise(options)
+    except MrworkError as error:
+        if not error.of_columns:
+            raise
+        how = f"use mrwork identify, or write the column into its row of {TABLE_NAME}"
+        raise type(error)(f"{error}; mrwork characterise has no --column: {how}") from error
+
+
+def _characterise(options: argparse.Namespace) -> int:
     place = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
     destination = Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume)

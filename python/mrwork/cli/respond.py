@@ -133,7 +133,8 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
     if options.ensemble and not study.other_sets:
         raise SettingError(
             "--ensemble runs the study for each set of laws that predicts nearly as well, and no run folder of "
-            "its dampers has others than the chosen one; leave it out, or identify the damper with --law auto"
+            "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
+            "--law auto"
         )
     histories = Histories(place, study, resume=options.resume)
     further: dict[str, Any] = {}
