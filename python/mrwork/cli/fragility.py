@@ -136,7 +136,7 @@ def _table(found: Fragilities) -> bytes:
 def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
     names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
     return {
-        **named(found, "criterion", "limit", "unit", "level", "cautions", "motion_warnings"),
+        **named(found, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
         "arrangements": [
             named(each, *names)
             | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}

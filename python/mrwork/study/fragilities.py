@@ -203,7 +203,7 @@ class Fragilities(WithAxes, Summarised):
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
     of tested ranges over row and intensity, and the response of each record.
-    `level` is that of the bands, `criterion` has the `limit`, in this unit. `motion_warnings` are those of the results.
+    `level` is that of the bands, `criterion` has the `limit`, in this unit. `study_warnings` are those of the results.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
@@ -213,7 +213,7 @@ class Fragilities(WithAxes, Summarised):
     unit: str
     level: float
     rows: Mapping[str, Fragility]
-    motion_warnings: tuple[str, ...] = ()
+    study_warnings: tuple[str, ...] = ()
 
     @property
     def plot(self) -> FragilityPlots:
@@ -345,7 +345,7 @@ class Fragilities(WithAxes, Summarised):
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[*self.in_words(against), *self.cautions, *self.motion_warnings],
+            notes=[*self.in_words(against), *self.cautions, *self.study_warnings],
         )
 
 
@@ -430,7 +430,7 @@ def fragility(
         unit=unit,
         level=level,
         rows=rows,
-        motion_warnings=results.motion_warnings,
+        study_warnings=results.study_warnings,
     )
 
 

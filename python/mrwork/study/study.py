@@ -313,14 +313,14 @@ class Study(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on the building, on baselines that change nothing and on unusual numbers, before any run."""
+        """Sentences on records, on the building, on baselines that change nothing and on unusual numbers."""
         bare = digest_of_run(self.arrangements[0])
         same = (
             f"{each.row.label} is the building itself: what the baseline gives changes nothing."
             for each in self.arrangements
             if each.row.kind == "baseline" and digest_of_run(each) == bare
         )
-        return (*self.building_warnings, *same, *self.questions)
+        return (*self.motion_warnings, *self.building_warnings, *same, *self.questions)
 
     @property
     def motion_warnings(self) -> tuple[str, ...]:
