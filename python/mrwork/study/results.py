@@ -279,9 +279,10 @@ class StudyResults(Summarised):
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
     `study_warnings` are those of the study, `damper_warnings` sentences on demand outside the tested ranges, on laws
-    out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose histories the page shows, of the rows `with_histories`. `ensemble` is the study
-    with each set of laws that predicts nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the
-    non-causal optima by the index of their motion, of which a folder has the file `results.json` only.
+    out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose
+    histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
+    nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their
+    motion, of which a folder has the file `results.json` only.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
