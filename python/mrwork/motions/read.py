@@ -80,14 +80,6 @@ def _time_column(names: Sequence[str], *, source: str) -> str | None:
     return found[0] if found else None
 
 
-def _time_factor(table: ColumnTable, name: str, *, source: str) -> float:
-    """Factor to seconds of a column of time; one without a unit is in seconds."""
-    unit = unit_in_name("time", name) or table.units.get(name, "")
-    if unit.casefold() in _SECONDS:
-        return 1.0
-    return factor_to_si(unit, "time", context=f"{source}: column '{name}'")
-
-
 def _is_acceleration(name: str) -> bool:
     return _ACCELERATION.fullmatch(_stem_and_unit(name)[0].rstrip(" _-,:")) is not None
 
@@ -176,7 +168,10 @@ def _motion_of_table(
         )
     columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        times = _time_factor(table, time, source=source) * columns[time]
+        unit = unit_in_name("time", time) or table.units.get(time, "")
+        # One without a unit is in seconds.
+        unit = "s" if unit.casefold() in _SECONDS else unit
+        times = factor_to_si(unit, "time", context=f"{source}: column '{time}'") * columns[time]
     elif dt is not None and SMALLEST <= dt < np.inf:
         times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
