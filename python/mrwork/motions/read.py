@@ -29,6 +29,7 @@ from mrwork.files.named_columns import (
     LONGEST_NAME,
     ColumnTable,
     VectorTable,
+    find_column,
     listed_files,
     rounded_grid,
     unit_in_name,
@@ -141,7 +142,7 @@ def _motion_of_table(
         time = names[0] if is_pair or runs_as_time(first) else None
     free = [name for name in names if name != time]
     if stated.column is not None:
-        candidates = [_chosen(names, stated.column, source)]
+        candidates = [find_column(stated.column, names, source)]
     else:
         candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
     name = candidates[0] if len(candidates) == 1 else ""
@@ -190,21 +191,6 @@ def _motion_of_table(
         where=lambda row: f"{path}: {table.locate(row)}",
     )
     return motion if time is not None or dt is None else replace(motion, dt=dt)
-
-
-def _chosen(names: Sequence[str], column: str, source: str) -> str:
-    """The column that an option names, or of which it gives the number from 1."""
-    given = column.strip().casefold()
-    named = [name for name in names if name.strip().casefold() == given]
-    if not named:
-        numbered = zip(numbered_names(len(names)), names, strict=True)
-        named = [name for number, name in numbered if number == given]
-    if len(named) != 1:
-        how_many = f"{len(named)} columns are" if named else "no column is"
-        raise RecordError(
-            f"{source}: {how_many} '{column}' among {_listed(names)}; give `column` a name or a number of these"
-        )
-    return named[0]
 
 
 def _listed(names: Sequence[str]) -> str:
