@@ -363,17 +363,13 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
-    wide = [matrix for matrix in matrices.values() if matrix.ndim == 2 and min(matrix.shape) > 2]
     name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
-    if name in pairs:
-        vectors = dict(zip(("t_s", name), pairs[name], strict=True))
-        stated = replace(stated, column=name)
-    elif not pairs and len(wide) == 1:
-        columns = wide[0] if wide[0].shape[0] < wide[0].shape[1] else wide[0].T
-        vectors = dict(zip(numbered_names(len(columns)), columns, strict=True))
-    else:
+    if name is None or name not in pairs:
         return _motion_of_table(open_matlab(path), stated, path)
-    return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
+    table = VectorTable(
+        source=str(path), sha256="", vectors=dict(zip(("t_s", name), pairs[name], strict=True))
+    )
+    return _motion_of_table(table, replace(stated, column=name), path)
 
 
 # Each format recognises its content; a table is the fallback and comes last.
