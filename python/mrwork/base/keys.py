@@ -149,6 +149,8 @@ def key(
 
 optional = partial(key, default=None)
 """Declare a key that may be left out, and is `None` then."""
+positive = partial(optional, above=0.0)
+"""Declare such a key of a number above zero."""
 
 
 def keys_of(table: type) -> tuple[Field[Any], ...]:

@@ -18,7 +18,7 @@ from warnings import warn
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import choose_way, key, keys_of, optional, read_table, refuse_missing
+from mrwork.base.keys import choose_way, key, keys_of, optional, positive, read_table, refuse_missing
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, Unread
 from mrwork.base.values import Floats
@@ -117,13 +117,13 @@ class YieldingStoreysTable(Addition):
     """
 
     ways = (with_storeys_that_yield,)
-    yield_drift: float | tuple[float, ...] | None = optional(
-        "drift at which a storey yields; or yield_drift_ratio, or yield_shear", unit="m", above=0.0
+    yield_drift: float | tuple[float, ...] | None = positive(
+        "drift at which a storey yields; or yield_drift_ratio, or yield_shear", unit="m"
     )
-    yield_drift_ratio: float | tuple[float, ...] | None = optional(
-        "the same over the height of the storey, as 0.5 %", above=0.0, below=1.0
+    yield_drift_ratio: float | tuple[float, ...] | None = positive(
+        "the same over the height of the storey, as 0.5 %", below=1.0
     )
-    yield_shear: float | tuple[float, ...] | None = optional("shear at which it yields", unit="N", above=0.0)
+    yield_shear: float | tuple[float, ...] | None = positive("shear at which it yields", unit="N")
     post_yield_ratio: float | tuple[float, ...] | None = optional(
         "stiffness after yielding over that before, 0.03 by default", least=0.0, below=1.0
     )
@@ -136,10 +136,10 @@ class IsolationTable(Addition):
 
     ways = (with_base_isolation, with_base_isolation_of_period)
     mass: float = key("mass of the slab", unit="kg", above=0.0)
-    stiffness: float | None = optional("stiffness of all isolators", unit="N/m", above=0.0)
+    stiffness: float | None = positive("stiffness of all isolators", unit="N/m")
     damping: float | None = optional("damping of all isolators", unit="N s/m", least=0.0)
-    period: float | None = optional(
-        "period of the rigid building on its isolators", unit="s", above=0.0, usual=_ISOLATORS
+    period: float | None = positive(
+        "period of the rigid building on its isolators", unit="s", usual=_ISOLATORS
     )
     ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
 
@@ -150,22 +150,21 @@ class LeadRubberTable(Addition):
 
     ways = (with_lead_rubber_bearings,)
     mass: float = key("mass of the slab", unit="kg", above=0.0)
-    period: float | None = optional(
+    period: float | None = positive(
         "period of the rigid building on the rubber alone; or post_yield_stiffness",
         unit="s",
-        above=0.0,
         usual=_ISOLATORS,
     )
-    post_yield_stiffness: float | None = optional(
-        "stiffness K_d of the rubber of all bearings; or period", unit="N/m", above=0.0
+    post_yield_stiffness: float | None = positive(
+        "stiffness K_d of the rubber of all bearings; or period", unit="N/m"
     )
     ratio: float | None = optional("damping ratio of the rubber, 0 by default", least=0.0, usual=_ADDED)
-    characteristic_strength: float | None = optional(
-        "characteristic strength Q_d of all leads together", unit="N", above=0.0
+    characteristic_strength: float | None = positive(
+        "characteristic strength Q_d of all leads together", unit="N"
     )
-    yield_force: float | None = optional("another name of characteristic_strength", unit="N", above=0.0)
-    yield_displacement: float | None = optional(
-        "displacement at which the leads yield, 0.01 m by default", unit="m", above=0.0, usual=_YIELDS
+    yield_force: float | None = positive("another name of characteristic_strength", unit="N")
+    yield_displacement: float | None = positive(
+        "displacement at which the leads yield, 0.01 m by default", unit="m", usual=_YIELDS
     )
     sharpness: float | None = optional(f"{_SHARP}; 2 by default", least=1.0, most=50.0)
     name: str | None = optional("name in tables", label=True)
@@ -242,17 +241,15 @@ class TunedMassTable(Addition):
 
     ways = (with_optimal_tuned_mass, with_tuned_mass)
     floor: int | str = key(_FLOOR)
-    mass_ratio: float | None = optional(
-        "mass over that of the building, as 0.02, with a published tuning", above=0.0, usual=_SHARES
+    mass_ratio: float | None = positive(
+        "mass over that of the building, as 0.02, with a published tuning", usual=_SHARES
     )
     tuning: str | None = optional(
         "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio"
     )
     mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
-    mass: float | None = optional("mass", unit="kg", above=0.0)
-    frequency: float | None = optional(
-        "frequency of the mass on its spring, on the fixed floor", unit="Hz", above=0.0
-    )
+    mass: float | None = positive("mass", unit="kg")
+    frequency: float | None = positive("frequency of the mass on its spring, on the fixed floor", unit="Hz")
     ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
     name: str | None = optional("name in tables", label=True)
 
@@ -264,15 +261,15 @@ class LiquidColumnTable(Addition):
     ways = (with_optimal_liquid_column, with_liquid_column)
     floor: int | str = key(_FLOOR)
     width_ratio: float = key("horizontal share of the length of the column", above=0.0, below=1.0)
-    mass_ratio: float | None = optional(
-        "mass of the liquid over that of the building, as 0.02", above=0.0, usual=_SHARES
+    mass_ratio: float | None = positive(
+        "mass of the liquid over that of the building, as 0.02", usual=_SHARES
     )
-    rms_velocity: float | None = optional(
-        "velocity of the liquid at which its damping is the optimum; with mass_ratio", unit="m/s", above=0.0
+    rms_velocity: float | None = positive(
+        "velocity of the liquid at which its damping is the optimum; with mass_ratio", unit="m/s"
     )
     mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
-    mass: float | None = optional("mass of the liquid", unit="kg", above=0.0)
-    frequency: float | None = optional("frequency of the liquid on the fixed floor", unit="Hz", above=0.0)
+    mass: float | None = positive("mass of the liquid", unit="kg")
+    frequency: float | None = positive("frequency of the liquid on the fixed floor", unit="Hz")
     head_loss: float | None = optional("coefficient of head loss of orifice and tube", least=0.0)
     name: str | None = optional("name in tables", label=True)
 
@@ -325,10 +322,8 @@ class BuildingTable:
     mass: _Rows | str | None = optional(f"mass matrix{_OR_FILE}", unit="kg", file=True)
     damping: _Rows | str | None = optional(f"damping matrix{_OR_FILE}", unit="N s/m", file=True)
     stiffness: _Rows | str | None = optional(f"stiffness matrix{_OR_FILE}", unit="N/m", file=True)
-    masses: _Numbers | None = optional(
-        "masses of the floors of a shear building, lowest first", unit="kg", above=0.0
-    )
-    stiffnesses: _Numbers | None = optional("stiffnesses of its storeys", unit="N/m", above=0.0)
+    masses: _Numbers | None = positive("masses of the floors of a shear building, lowest first", unit="kg")
+    stiffnesses: _Numbers | None = positive("stiffnesses of its storeys", unit="N/m")
     storey_damping: _Numbers | None = optional("damping of its storeys", unit="N s/m", least=0.0)
     n_storeys: int | None = optional(
         "number of its storeys; a single mass, stiffness or damping then applies to all", least=1
@@ -347,16 +342,12 @@ class BuildingTable:
     n_strokes: int | None = optional(
         "number of last rows of storeys that are strokes of what is built in, no drifts", least=0
     )
-    height: float | None = optional(
-        "height of every storey, of which drift ratios are shares", unit="m", above=0.0
-    )
+    height: float | None = positive("height of every storey, of which drift ratios are shares", unit="m")
     heights: _Numbers | None = optional(
         "heights of the storeys, lowest first, 0 for one that is none, as isolators", unit="m", least=0.0
     )
-    drift_limit: float | None = optional(
-        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities",
-        above=0.0,
-        below=1.0,
+    drift_limit: float | None = positive(
+        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities", below=1.0
     )
     p_delta: bool | None = optional(
         "whether weights act on the displaced storeys, each that of the masses above it; needs heights"

@@ -18,6 +18,7 @@ from mrwork.base.keys import (
     key_lines,
     keys_of,
     optional,
+    positive,
     refuse_repeated,
     tables,
 )
@@ -119,7 +120,7 @@ class TuneTable:
         "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",
         default="mean",
     )
-    tail: float | None = optional("share of the worst for cvar, up to 1, by default 0.2", above=0.0, most=1.0)
+    tail: float | None = positive("share of the worst for cvar, up to 1, by default 0.2", most=1.0)
     constraints: Mapping[str, float | str] | None = optional(
         'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }'
     )
@@ -164,8 +165,8 @@ class BraceTable:
 
     stiffness: float = key("stiffness of the brace", unit="N/m", above=0.0)
     damping: float = key("damping of the brace", unit="N s/m", default=0.0, least=0.0)
-    mass: float | None = optional(
-        "mass of the joint between brace and damper; positive, by default negligible", unit="kg", above=0.0
+    mass: float | None = positive(
+        "mass of the joint between brace and damper; positive, by default negligible", unit="kg"
     )
 
 
@@ -200,16 +201,12 @@ class DamperTable:
     unit: DriverUnit | None = optional(
         "unit of the command, for given parameters, A by default; a preset and a run have their own"
     )
-    lag: float | None = optional(
-        "rate of the lag of the driver, instead of that of the preset",
-        unit="1/s",
-        above=0.0,
-        usual=(1.0, 1e5),
+    lag: float | None = positive(
+        "rate of the lag of the driver, instead of that of the preset", unit="1/s", usual=(1.0, 1e5)
     )
-    largest_command: float | str | None = optional(
+    largest_command: float | str | None = positive(
         "largest command of the driver, instead of that of the preset or the largest tested one of the run",
         unit="A or V",
-        above=0.0,
         usual=_COMMANDS,
     )
     passive: bool = key(
@@ -234,21 +231,20 @@ class DamperTable:
         "stretch of the damper over the coordinates of the building, a number for each, instead of the drift of its "
         "storey"
     )
-    rated_force: float | None = optional(
-        "force that one damper is made for, beyond which runs are told", unit="N", above=0.0
+    rated_force: float | None = positive(
+        "force that one damper is made for, beyond which runs are told", unit="N"
     )
-    rated_stroke: float | None = optional(
-        "stroke to either side that one damper is made for", unit="m", above=0.0, usual=(1e-3, 1.0)
+    rated_stroke: float | None = positive(
+        "stroke to either side that one damper is made for", unit="m", usual=(1e-3, 1.0)
     )
     name: str | None = optional("name in tables, by default that of its storey", label=True)
-    amplitude: tuple[float, ...] | None = optional(
+    amplitude: tuple[float, ...] | None = positive(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
-        above=0.0,
         usual=(1e-4, 1.0),
     )
-    velocity: tuple[float, ...] | None = optional(
-        "smallest and largest expected velocity, for the same laws", unit="m/s", above=0.0
+    velocity: tuple[float, ...] | None = positive(
+        "smallest and largest expected velocity, for the same laws", unit="m/s"
     )
     place: Place
 
@@ -266,8 +262,8 @@ class LawFileTable:
     memory: int = key(
         "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
     )
-    rms_time: float | None = optional(
-        "time constant of the running root mean squares of the readings, LoopSample.rms", unit="s", above=0.0
+    rms_time: float | None = positive(
+        "time constant of the running root mean squares of the readings, LoopSample.rms", unit="s"
     )
     place: Place
 
@@ -294,10 +290,9 @@ class ControllerTable:
         "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
         file=True,
     )
-    largest_command: float | None = optional(
+    largest_command: float | None = positive(
         "largest command that this law may send, by default that of the dampers",
         unit="A or V",
-        above=0.0,
         usual=_COMMANDS,
     )
     dead_zone: float = key(
@@ -325,13 +320,13 @@ class BaselineTable:
 class SoilTable:
     """Filters of a synthetic motion; the default is firm soil."""
 
-    frequency: float | None = optional("frequency of the ground", unit="rad/s", above=0.0)
-    damping: float | None = optional("damping ratio of the ground", above=0.0, usual=(0.02, 2.0))
-    intensity: float | None = optional("two-sided spectral density of the bedrock", unit="m2/s3", above=0.0)
-    high_pass_frequency: float | None = optional(
-        "frequency of the second filter of clough_penzien", unit="rad/s", above=0.0
+    frequency: float | None = positive("frequency of the ground", unit="rad/s")
+    damping: float | None = positive("damping ratio of the ground", usual=(0.02, 2.0))
+    intensity: float | None = positive("two-sided spectral density of the bedrock", unit="m2/s3")
+    high_pass_frequency: float | None = positive(
+        "frequency of the second filter of clough_penzien", unit="rad/s"
     )
-    high_pass_damping: float | None = optional("damping ratio of the second filter", above=0.0)
+    high_pass_damping: float | None = positive("damping ratio of the second filter")
     place: Place
 
 
@@ -353,34 +348,28 @@ class TargetTable:
     """
 
     code: Literal["en_1998", "asce_7"] | None = optional("code of the spectrum: EN 1998-1 or ASCE 7-16")
-    a_g: float | None = optional(
+    a_g: float | None = positive(
         "ground acceleration of EN 1998-1 on ground A, with the importance factor",
         unit="m/s2",
-        above=0.0,
         usual=(0.4, 15.0),
     )
     ground: Ground | None = optional("ground type of EN 1998-1, A by default")
     spectrum_type: int | None = optional(
         "type of EN 1998-1, 1 or 2, by default 1", least=1, most=2, named="type"
     )
-    s_ds: float | None = optional(
-        "acceleration at short periods of ASCE 7", unit="m/s2", above=0.0, usual=(0.6, 40.0)
-    )
-    s_d1: float | None = optional("acceleration at 1 s of ASCE 7", unit="m/s2", above=0.0)
-    t_l: float | None = optional("transition period of ASCE 7", unit="s", above=0.0)
+    s_ds: float | None = positive("acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0))
+    s_d1: float | None = positive("acceleration at 1 s of ASCE 7", unit="m/s2")
+    t_l: float | None = positive("transition period of ASCE 7", unit="s")
     periods: tuple[float, ...] | None = optional("periods of a table", unit="s", least=0.0)
-    accelerations: tuple[float, ...] | None = optional(
-        "pseudo-accelerations of a table", unit="m/s2", above=0.0
-    )
+    accelerations: tuple[float, ...] | None = positive("pseudo-accelerations of a table", unit="m/s2")
     name: str | None = optional("name of a table, target by default", label=True)
     damping: float | None = optional(
         "damping ratio, 0.05 by default; ASCE 7 has no other", least=0.0, most=_WIDEST, usual=RATIOS
     )
-    period: float | None = optional(
+    period: float | None = positive(
         "period of scale_to and of the range of the check, 0.2 to 2 times as long; by default the first period of "
         "[building], before dampers",
         unit="s",
-        above=0.0,
     )
     place: Place
 
@@ -439,14 +428,13 @@ class MotionTable:
     )
     column: str | None = optional("column or variable of the acceleration, if there are several")
     channel: int | None = optional("channel of a file with several, from 1", least=1)
-    dt: float | None = optional(
+    dt: float | None = positive(
         "step of synthetic motions, 0.01 s by default, of samples, or of a table without times",
         unit="s",
-        above=0.0,
         usual=_STEPS,
     )
-    duration: float | None = optional(
-        "length of a synthetic motion, 30 s by default", unit="s", above=0.0, usual=(0.3, 3600.0)
+    duration: float | None = positive(
+        "length of a synthetic motion, 30 s by default", unit="s", usual=(0.3, 3600.0)
     )
     seed: int = key(
         "seed of a synthetic motion or a suite, added to that of the command line",
@@ -467,10 +455,9 @@ class MotionTable:
         most_items=_MOST_SCALED,
         usual=(0.1, 80.0),
     )
-    sa_period: float | None = optional(
+    sa_period: float | None = positive(
         "period of the spectral acceleration, by default the first period of [building], before dampers",
         unit="s",
-        above=0.0,
         usual=_PERIODS,
     )
     sa_damping: float | None = optional(
@@ -483,11 +470,11 @@ class MotionTable:
     start: float = key(
         "start of the part that is used, in the time of the file", unit="s", default=0.0, least=0.0
     )
-    end: float | None = optional("end of the part that is used, in the time of the file", unit="s", above=0.0)
+    end: float | None = positive("end of the part that is used, in the time of the file", unit="s")
     baseline: int | None = optional(
         "order of the polynomial of the baseline correction", least=0, most=HIGHEST_ORDER
     )
-    resample: float | None = optional("step that the motion is resampled to", unit="s", above=0.0)
+    resample: float | None = positive("step that the motion is resampled to", unit="s")
     rest: float = key("time at rest appended to the motion", unit="s", default=0.0, least=0.0)
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
     place: Place
@@ -565,11 +552,10 @@ class StudyTable:
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
-    design_level: float | None = optional(
+    design_level: float | None = positive(
         "level of the motions on which laws are designed and the best constant command is chosen, to be kept at all "
         "others: one of their pga, sa or factor; by default every level",
         unit="m/s2",
-        above=0.0,
     )
     target: TargetTable | None = optional("target spectrum of the motions")
     references: References = key(

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import key, optional
+from mrwork.base.keys import key, optional, positive
 from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
@@ -43,10 +43,9 @@ class RolloutSettings(LawSettings):
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
     )
-    drift: float | None = optional(
+    drift: float | None = positive(
         "reference drift D",
         unit="m",
-        above=0.0,
         span=Span(
             lower=0.3,
             upper=3.0,
@@ -56,10 +55,9 @@ class RolloutSettings(LawSettings):
             held="only the ratio of acceleration to it matters; free acceleration",
         ),
     )
-    acceleration: float | None = optional(
+    acceleration: float | None = positive(
         "reference acceleration A",
         unit="m/s2",
-        above=0.0,
         span=Span(lower=0.5, upper=2.0, start=1.0, of=(("constant_acceleration", 1.0),)),
     )
     levels: float = key(
@@ -104,10 +102,8 @@ class RolloutSettings(LawSettings):
     decision: float = key(
         "time from one decision to the next, a whole number of samples", unit="s", default=0.01, above=0.0
     )
-    step: float | None = optional(
-        "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff",
-        unit="s",
-        above=0.0,
+    step: float | None = positive(
+        "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff", unit="s"
     )
 
     def design(self, problem: DesignProblem) -> Design:

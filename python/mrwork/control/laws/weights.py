@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import DeclaredTable, key, keys_of, optional
+from mrwork.base.keys import DeclaredTable, key, keys_of, optional, positive
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
@@ -65,11 +65,10 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     spectrum of its training motions, see `stationary_ground`, and the force of its dampers; the output states both.
     """
 
-    budget: float | tuple[float, ...] | None = optional(
+    budget: float | tuple[float, ...] | None = positive(
         "largest rms desired force of each device with all its dampers; by default a third of their largest force at "
         "their largest command, over their tested range, and at most a fifth of the inertia of the building",
         unit="N",
-        above=0.0,
     )
     spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
         "spectrum of the ground acceleration", default="kanai_tajimi"
@@ -80,11 +79,10 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     ground_damping: float | None = optional(
         "damping ratio of the ground, by default that of the training motions", least=1e-4, most=1e3
     )
-    intensity: float | None = optional(
+    intensity: float | None = positive(
         "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "
         "the budget over its root matters",
         unit="m2/s3",
-        above=0.0,
     )
     record: str | None = optional(
         "record to which the spectrum is fitted instead, relative to the study file"
@@ -94,10 +92,9 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         default=(),
         above=0.0,
     )
-    semi_active: float | None = optional(
+    semi_active: float | None = positive(
         "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
-        "law then, R hardly matters",
-        above=0.0,
+        "law then, R hardly matters"
     )
 
     sampled: bool = key(
@@ -263,7 +260,7 @@ class CostWeights:
     state_weight: Weights | None = _declare_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
-    energy: float | None = optional("weight of twice the energy of the building", unit="1/J", above=0.0)
+    energy: float | None = positive("weight of twice the energy of the building", unit="1/J")
     designed: WeightWishes | None = optional(
         "weights designed from limits on rms responses and a budget of force, instead of any others"
     )
