@@ -39,8 +39,11 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,
     ESM,
+    GEONET,
     K_NET,
     PEER_AT2,
+    SMC,
+    VOLUME,
     Format,
     Lines,
     Stated,
@@ -50,7 +53,6 @@ from mrwork.motions.networks import (
     refuse_needless,
 )
 from mrwork.motions.uniform import motion_of_columns
-from mrwork.motions.volumes import GEONET, SMC, VOLUME
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
