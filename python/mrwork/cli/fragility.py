@@ -96,7 +96,6 @@ def run(options: argparse.Namespace) -> int:
         contents += _figures(found) if files else []
     written = files[: len(contents)]
     for place, content in zip(written, contents, strict=True):
-        place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as stream:
             stream.write(content)
     document = _document(found, options.against) | {"files": list(map(str, written))}
