@@ -150,7 +150,7 @@ def key(
 optional = partial(key, default=None)
 """Declare a key that may be left out, and is `None` then."""
 positive = partial(optional, above=0.0)
-"""Declare such a key of a number above zero."""
+"""Declare a key of a number above zero that may be left out, and is `None` then or its default."""
 
 
 def keys_of(table: type) -> tuple[Field[Any], ...]:

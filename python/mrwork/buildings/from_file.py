@@ -284,7 +284,7 @@ class ElementTable:
     damping: float = key("dashpot, which is in the matrices", unit="N s/m", default=0.0, least=0.0)
     head_loss: float = key("coefficient of head loss, in N s2/m2", default=0.0, least=0.0)
     yield_force: float = key("force at which it yields or slips", unit="N", default=0.0, least=0.0)
-    yield_displacement: float = key("displacement at which it does", unit="m", default=1.0, above=0.0)
+    yield_displacement: float = positive("displacement at which it does", unit="m", default=1.0)
     sharpness: float = key(_SHARP, default=10.0, least=1.0, most=50.0)
     in_stiffness: bool = key(
         "whether the stiffness matrix has the initial stiffness of its loop too, as of a storey that yields",

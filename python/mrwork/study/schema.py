@@ -298,11 +298,10 @@ class ControllerTable:
     dead_zone: float = key(
         "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
     )
-    command_slope: float = key(
+    command_slope: float = positive(
         "largest change of the command of this law per time, from sample to sample",
         unit="A/s or V/s",
         default=math.inf,
-        above=0.0,
     )
     place: Place
 
@@ -466,7 +465,7 @@ class MotionTable:
     scale_to: ScaledBy | None = optional(
         "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
     )
-    time_scale: float = key("factor of the time axis", default=1.0, above=0.0)
+    time_scale: float = positive("factor of the time axis", default=1.0)
     start: float = key(
         "start of the part that is used, in the time of the file", unit="s", default=0.0, least=0.0
     )

@@ -60,18 +60,16 @@ class RolloutSettings(LawSettings):
         unit="m/s2",
         span=Span(lower=0.5, upper=2.0, start=1.0, of=(("constant_acceleration", 1.0),)),
     )
-    levels: float = key(
+    levels: float = positive(
         "factor of the tried commands, which are 0, 0.08, 0.213, 0.426 and 1 of the largest",
         default=1.0,
-        above=0.0,
         most=1.0,
         span=Span(lower=0.2, upper=1.0, start=1.0, scale="linear", free=False),
     )
-    horizon: float = key(
+    horizon: float = positive(
         "time that a prediction covers, at most 1 s",
         unit="s",
         default=0.24,
-        above=0.0,
         most=1.0,
         span=Span(lower=0.1, upper=0.4, start=0.24, scale="linear"),
     )
@@ -99,8 +97,8 @@ class RolloutSettings(LawSettings):
         default="autoregressive",
     )
     order: int = key("readings that the forecast combines", default=4, least=1, most=_MOST)
-    decision: float = key(
-        "time from one decision to the next, a whole number of samples", unit="s", default=0.01, above=0.0
+    decision: float = positive(
+        "time from one decision to the next, a whole number of samples", unit="s", default=0.01
     )
     step: float | None = positive(
         "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff", unit="s"

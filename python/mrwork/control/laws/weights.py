@@ -87,10 +87,8 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     record: str | None = optional(
         "record to which the spectrum is fitted instead, relative to the study file"
     )
-    stiffness: tuple[float, ...] = key(
-        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]",
-        default=(),
-        above=0.0,
+    stiffness: tuple[float, ...] = positive(
+        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]", default=()
     )
     semi_active: float | None = positive(
         "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
@@ -264,10 +262,9 @@ class CostWeights:
     designed: WeightWishes | None = optional(
         "weights designed from limits on rms responses and a budget of force, instead of any others"
     )
-    budget_scale: float = key(
+    budget_scale: float = positive(
         "factor of the budget of designed weights; with semi_active it is searched instead of R",
         default=1.0,
-        above=0.0,
         span=Span(lower=0.1, upper=10.0, free=False),
     )
 
