@@ -48,11 +48,11 @@ from mrwork.motions.networks import (
     Lines,
     Stated,
     lines_of,
+    motion_of_columns,
     quote_text,
     read_numbers,
     refuse_needless,
 )
-from mrwork.motions.uniform import motion_of_columns
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
