@@ -124,7 +124,12 @@ def _characterise(options: argparse.Namespace) -> int:
     common, threads = ["--json", *(["--quiet"] if quiet else [])], ["--threads", str(options.threads)]
     spare, steps = "", list[tuple[str, Callable[[], int], float]]()
     if fitted:
-        _check_same(place, rows)
+        known = {Path(name).name for name in read_fit(place).provenance.inputs}
+        if known != {Path(row.file).name for row in rows if row.use == "fit"}:
+            raise RecordError(
+                f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
+                "instead of --resume"
+            )
     else:
         tests = _read([row for row in rows if row.use == "fit"])
         several = len({test.command_in_words for test in tests if test.commands}) > 1
@@ -297,14 +302,3 @@ def _is_enough(tests: Sequence[DamperTest]) -> bool:
     except SettingError:
         return False
     return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
-
-
-def _check_same(place: Path, rows: Sequence[ListedTest]) -> None:
-    """Refuse to go on with a run that was fitted to other tests."""
-    fitted = {Path(name).name for name in read_fit(place).provenance.inputs}
-    wanted = {Path(row.file).name for row in rows if row.use == "fit"}
-    if fitted != wanted:
-        raise RecordError(
-            f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
-            "instead of --resume"
-        )
