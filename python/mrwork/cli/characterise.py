@@ -25,17 +25,10 @@ from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, escape_text
 from mrwork.identification.fit_file import read_fit
-from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
+from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
 from mrwork.records.reading import Reading
-from mrwork.records.rig_table import (
-    TABLE_NAME,
-    UNKNOWN,
-    ListedTest,
-    files_not_read,
-    is_test_table,
-    records_in,
-)
+from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
 from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
