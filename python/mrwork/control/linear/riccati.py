@@ -326,11 +326,8 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
     # Forces in which their weight is the identity.
     back, unit = np.linalg.inv(T), np.linalg.inv(upper)
     A, B = back @ given["state"] @ T, back @ given["control"] @ unit
-    Q, N = (
-        T.T @ symmetric(given["state_weight"]) @ T,
-        T.T @ given.get("cross_weight", np.zeros((n, m))) @ unit,
-    )
-    rate = A - step * one
+    Q, rate = T.T @ symmetric(given["state_weight"]) @ T, A - step * one
+    N = T.T @ given.get("cross_weight", np.zeros((n, m))) @ unit
 
     def gain_of(P: Floats) -> tuple[Floats, Floats]:
         """K, and the part of the cost that it saves."""
