@@ -158,7 +158,7 @@ def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: f
     ratio = float(np.mean(scores[inside]) / np.mean(scores[~inside]))
     return Excess(
         ratio=math.sqrt(float(np.mean(squared[inside]) / np.mean(squared[~inside]))),
-        p=float(scipy.special.fdtrc(*freedom, ratio)),
+        p=float(scipy.special.fdtrc(float(freedom[0]), float(freedom[1]), ratio)),
     )
 
 

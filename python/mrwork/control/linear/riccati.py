@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import scipy
@@ -335,7 +335,7 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
         K = np.asarray(np.linalg.solve(np.eye(m) + step * B.T @ P @ B, cross), dtype=np.float64)
         return K, cross.T @ K
 
-    by_schur = scipy.linalg.solve_discrete_are if step else scipy.linalg.solve_continuous_are
+    by_schur: Any = scipy.linalg.solve_discrete_are if step else scipy.linalg.solve_continuous_are
     for solve in (by_schur, None) if m and (np.any(Q) or np.any(N)) else (None, by_schur):
         try:
             with warnings.catch_warnings():
