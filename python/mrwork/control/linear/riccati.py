@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import scipy
@@ -311,11 +311,10 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
 
     That solver works in coordinates in which P is the identity, and there are none where P is singular, as for a mode
     that is damped and not weighed. Here the given coordinates z of s = T z are kept, and a solution has a small
-    residual over its terms, a stable loop, and a gain that Newton's step no longer moves. It begins at the gain of the
-    Schur form, or at zero, which a stable plant permits and which is the solution where nothing is weighed.
+    residual over its terms, a stable loop, and a gain that Newton's step no longer moves.
     """
     n, m = given["control"].shape
-    norm, step, one = np.linalg.norm, float(time == "discrete"), np.eye(n)
+    norm = np.linalg.norm
     T = given.get("scaling")
     if T is None:
         T = np.diag(scipy.linalg.matrix_balance(given["state"], permute=False, separate=True)[1][0])
@@ -323,24 +322,30 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
         upper = np.linalg.cholesky(symmetric(given["control_weight"])).T
     except np.linalg.LinAlgError:
         return None
-    # Forces in which their weight is the identity.
-    back, unit = np.linalg.inv(T), np.linalg.inv(upper)
-    A, B = back @ given["state"] @ T, back @ given["control"] @ unit
-    Q, rate = T.T @ symmetric(given["state_weight"]) @ T, A - step * one
-    N = T.T @ given.get("cross_weight", np.zeros((n, m))) @ unit
+    Q, one = T.T @ symmetric(given["state_weight"]) @ T, np.eye(m)
+    A = np.linalg.solve(T, given["state"] @ T)
+    B = np.linalg.solve(T, given["control"]) @ np.linalg.inv(upper)
+    N = T.T @ given.get("cross_weight", np.zeros((n, m))) @ np.linalg.inv(upper)
+    step = float(time == "discrete")
+    rate = A - step * np.eye(n)
 
     def gain_of(P: Floats) -> tuple[Floats, Floats]:
         """K, and the part of the cost that it saves."""
-        cross = B.T @ P @ (A if step else one) + N.T
-        K = np.asarray(np.linalg.solve(np.eye(m) + step * B.T @ P @ B, cross), dtype=np.float64)
+        cross = B.T @ P @ (A if step else np.eye(n)) + N.T
+        K: Floats = np.linalg.solve(one + step * B.T @ P @ B, cross).astype(np.float64)
         return K, cross.T @ K
 
-    by_schur: Any = scipy.linalg.solve_discrete_are if step else scipy.linalg.solve_continuous_are
-    for solve in (by_schur, None) if m and (np.any(Q) or np.any(N)) else (None, by_schur):
+    def by_schur() -> Floats:
+        solve = scipy.linalg.solve_discrete_are if step else scipy.linalg.solve_continuous_are
+        return gain_of(np.asarray(solve(A, B, Q, one, s=N) if m else Q, dtype=np.float64))[0]
+
+    # A stable plant has a second start, which is the solution where nothing is weighed.
+    starts: list[Callable[[], Floats]] = [by_schur, lambda: np.zeros((m, n))]
+    for start in starts if np.any(Q) or np.any(N) else reversed(starts):
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", scipy.linalg.LinAlgWarning)
-                K = np.zeros((m, n)) if solve is None else gain_of(solve(A, B, Q, np.eye(m), s=N))[0]
+                K = start()
             for _ in range(_MOST_STEPS):
                 loop = LyapunovEquations(rate - B @ K, step)
                 P = loop.cost(symmetric(Q - 2.0 * N @ K + K.T @ K))
@@ -353,8 +358,10 @@ def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Float
         moved = P @ rate
         terms = (moved + moved.T + step * rate.T @ moved, -saved, Q)
         residual = norm(sum(terms)) / max(sum(map(norm, terms)), np.finfo(float).tiny)
-        if settled and loop.slowest < -_LEAST_DECAY * norm(rate, 2) and residual <= _OF_TERMS:
-            return unit @ K @ back, symmetric(back.T @ P @ back), float(residual)
+        stable = loop.slowest < -_LEAST_DECAY * norm(rate, 2)
+        if settled and stable and residual <= _OF_TERMS:
+            back = np.linalg.inv(T)
+            return np.linalg.solve(upper, K @ back), symmetric(back.T @ P @ back), float(residual)
     return None
 
 
