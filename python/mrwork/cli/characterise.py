@@ -27,6 +27,7 @@ from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, e
 from mrwork.identification.fit_file import read_fit
 from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
+from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
@@ -125,6 +126,8 @@ def _characterise(options: argparse.Namespace) -> int:
             )
     else:
         tests = _read([row for row in rows if row.use == "fit"])
+        for test in tests:
+            refuse_velocity(test)
         several = len({test.command_in_words for test in tests if test.commands}) > 1
         if several:
             _refuse_lone_commands(options.folder, rows, tests)
