@@ -22,6 +22,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.files.layout import reads_as_float
 from mrwork.files.named_columns import rounded_grid
+from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 
 _HEADER_SHOWN = 60
@@ -136,6 +137,7 @@ def make_motion(path: Path, *, dt: float, acceleration: Floats, source: str) -> 
         raise RecordError(
             f"{path}: {acceleration.size} samples every {dt:g} s are no record; give two or more at a positive step"
         )
+    refuse_absurd(acceleration, source=str(path))
     return GroundMotion(name=path.stem, dt=dt, acceleration=acceleration, source=f"{source} ({path.name})")
 
 
