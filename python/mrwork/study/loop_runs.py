@@ -11,12 +11,8 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.clairvoyant_search import (
-    Clairvoyant,
-    ClairvoyantProgress,
-    ClairvoyantStart,
-    clairvoyant,
-)
+from mrwork.closed_loop import clairvoyant
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant, ClairvoyantProgress, ClairvoyantStart
 from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
