@@ -39,7 +39,7 @@ from mrwork.store.unfinished import is_complete, nothing_to_resume
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
 # Seconds, about: of the start of a choice of laws, of each model, and of each model per sample of the fitted tests, at
 # one command and at several; of each step after it, and of the page.
-_START, _OF_MODEL, _PER_SAMPLE = 2.0, 1.2, (3e-4, 1e-3)
+_START, _OF_MODEL, _PER_SAMPLE = 2.0, 1.2, (1.5e-4, 5e-4)
 _LATER, _PAGE = 0.2, 3.0
 _NAMED = 3
 

@@ -396,7 +396,7 @@ class LyapunovEquations:
 
 
 # Seconds of an equation of one state, about, times the cube of their number; those that are told, and told of [s].
-_SECONDS = 4e-8
+_SECONDS = 2e-7
 _MANY_STATES, _LONG = 250, 5.0
 
 
