@@ -24,7 +24,6 @@ HOMES = {
         "twins",
         "identification.minimise.by_optimistix",
         "identification.traced",
-        "identification.traced_observation",
         "identification.traced_twin",
         "tuning.traced_score",
         "uncertainty.traced_likelihood",

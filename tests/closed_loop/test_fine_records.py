@@ -23,7 +23,7 @@ from mrwork.closed_loop import (
     simulate_prescribed,
 )
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantProblem
-from mrwork.closed_loop.simulate import GainChanges
+from mrwork.closed_loop.simulate import GainChanges, LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.twins.loop_stepping import half_steps, stage_values
@@ -224,14 +224,15 @@ def test_neighbours_threads_and_instructions_do_not_change_a_bit(monkeypatch: py
 
 
 def test_derivatives_of_gains_are_those_of_the_loop() -> None:
-    loop = devices(rd1005(), second=False)
+    frame, loop = five_storeys(), devices(rd1005(), second=False)
     law = law_with_gains("proportional_direct", plant_with(loop))
     direction, reach = law.gain_rows(1, 10)[0], 1e-6
     changes = GainChanges(rows=direction[None], reach=reach)
-    moved = simulate_loop(five_storeys(), loop, law, [noisy(0.5)], Hardware(), changes=changes)
+    along = LoopVariation(buildings=(frame,), delay=np.zeros(1), seed=np.zeros(1, int), changes=changes)
+    moved = simulate_loop(frame, loop, law, [noisy(0.5)], Hardware(), variation=along)
     for sign, place in ((1.0, 1), (-1.0, 2)):
         other = replace(law, gains={name: each * (1.0 + sign * reach) for name, each in law.gains.items()})
-        again = simulate_loop(five_storeys(), loop, other, [noisy(0.5)])
+        again = simulate_loop(frame, loop, other, [noisy(0.5)])
         # Second order in the reach.
         np.testing.assert_allclose(moved.over_axes("rms_drift")[place, 0, 0], again.rms_drift[0], rtol=1e-10)
 

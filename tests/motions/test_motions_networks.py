@@ -129,7 +129,7 @@ def test_unit_step_and_names_of_a_header_are_taken(
         read_motion(path)
     with pytest.raises(SettingError, match="header states gal"):
         read_motion(path, column=columns[0], unit="g")
-    with pytest.raises(RecordError, match="no column is 'nonsense' among"):
+    with pytest.raises(RecordError, match="there is no column 'nonsense'"):
         read_motion(path, column="nonsense", unit="gal")
     with pytest.raises(SettingError, match=r"holds the times|header states"):
         read_motion(path, column=columns[0], dt=0.03)

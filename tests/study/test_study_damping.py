@@ -91,7 +91,7 @@ def test_tune_says_it_once_on_the_terminal_on_the_page_and_in_python(tmp_path: P
     ],
 )
 def test_a_damped_building_is_silent(tmp_path: Path, damping: str) -> None:
-    assert mr.read_study(study(tmp_path, damping)).building_warnings == ()
+    assert mr.read_study(study(tmp_path, damping)).warnings == ()
 
 
 def test_an_undamped_baseline_is_said_where_the_building_is_damped(tmp_path: Path) -> None:
@@ -101,9 +101,9 @@ label = "another frame"
 building = { modal_damping = { ratios = [0.0] }, name = "another" }
 """
     damped = "modal_damping = { ratios = [0.01] }"
-    (said,) = mr.read_study(study(tmp_path, damped, more)).building_warnings
+    (said,) = mr.read_study(study(tmp_path, damped, more)).warnings
     assert said.startswith("another: 2 of 2 modes have no damping. ")
-    (said,) = mr.read_study(study(tmp_path, "", more)).building_warnings
+    said, _ = mr.read_study(study(tmp_path, "", more)).warnings
     assert said.startswith("frame: 2 of 2 modes have no damping. ")
 
 

@@ -410,7 +410,10 @@ def _array_like(notes: Notes) -> Kind:
     words = "an array of numbers"
 
     def accept(value: Any) -> Any:
-        if May.BE_TRACED in notes and _is_traced(value):
+        of_other_library = hasattr(value, "__array_namespace__") and not isinstance(
+            value, np.ndarray | np.generic
+        )
+        if May.BE_TRACED in notes and of_other_library:
             return value
         array = _as_array(value, "iuf", words)
         _check_numbers(array, notes)
@@ -419,11 +422,6 @@ def _array_like(notes: Notes) -> Kind:
         return value if isinstance(value, int | float | list | tuple) else array
 
     return Kind(words, accept, rank=3)
-
-
-def _is_traced(value: Any) -> bool:
-    """Whether this is an array of another library than NumPy."""
-    return hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray | np.generic)
 
 
 def _as_array(value: Any, kinds: str, words: str) -> Any:

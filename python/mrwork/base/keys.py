@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from datetime import date, time
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, partial
 from typing import Any, NoReturn, TypeVar, cast
 
 from mrwork.base import hints as nodes
@@ -145,6 +145,12 @@ def key(
         "usual": usual,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
+
+
+optional = partial(key, default=None)
+"""Declare a key that may be left out, and is `None` then."""
+positive = partial(optional, above=0.0)
+"""Declare a key of a number above zero that may be left out, and is `None` then or its default."""
 
 
 def keys_of(table: type) -> tuple[Field[Any], ...]:

@@ -18,7 +18,7 @@ from warnings import warn
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import choose_way, key, keys_of, read_table, refuse_missing
+from mrwork.base.keys import choose_way, key, keys_of, optional, positive, read_table, refuse_missing
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, Unread
 from mrwork.base.values import Floats
@@ -91,14 +91,12 @@ class RayleighTable(Addition):
     """Rayleigh damping, C = a0 M + a1 K, by a0 and a1 or by damping ratios in two modes."""
 
     ways = (with_rayleigh_coefficients, with_rayleigh_damping)
-    a0: float | None = key("coefficient of the mass", unit="1/s", default=None)
-    a1: float | None = key("coefficient of the stiffness", unit="s", default=None)
-    ratios: tuple[float, float] | None = key(
-        "damping ratios in two modes, as [0.02, 0.02]", default=None, least=0.0, most=1.0, usual=RATIOS
+    a0: float | None = optional("coefficient of the mass", unit="1/s")
+    a1: float | None = optional("coefficient of the stiffness", unit="s")
+    ratios: tuple[float, float] | None = optional(
+        "damping ratios in two modes, as [0.02, 0.02]", least=0.0, most=1.0, usual=RATIOS
     )
-    modes: tuple[int, int] | None = key(
-        "numbers of these modes, as [1, 3]; [1, 2] by default", default=None, least=1
-    )
+    modes: tuple[int, int] | None = optional("numbers of these modes, as [1, 3]; [1, 2] by default", least=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,24 +117,17 @@ class YieldingStoreysTable(Addition):
     """
 
     ways = (with_storeys_that_yield,)
-    yield_drift: float | tuple[float, ...] | None = key(
-        "drift at which a storey yields; or yield_drift_ratio, or yield_shear",
-        unit="m",
-        default=None,
-        above=0.0,
+    yield_drift: float | tuple[float, ...] | None = positive(
+        "drift at which a storey yields; or yield_drift_ratio, or yield_shear", unit="m"
     )
-    yield_drift_ratio: float | tuple[float, ...] | None = key(
-        "the same over the height of the storey, as 0.5 %", default=None, above=0.0, below=1.0
+    yield_drift_ratio: float | tuple[float, ...] | None = positive(
+        "the same over the height of the storey, as 0.5 %", below=1.0
     )
-    yield_shear: float | tuple[float, ...] | None = key(
-        "shear at which it yields", unit="N", default=None, above=0.0
+    yield_shear: float | tuple[float, ...] | None = positive("shear at which it yields", unit="N")
+    post_yield_ratio: float | tuple[float, ...] | None = optional(
+        "stiffness after yielding over that before, 0.03 by default", least=0.0, below=1.0
     )
-    post_yield_ratio: float | tuple[float, ...] | None = key(
-        "stiffness after yielding over that before, 0.03 by default", default=None, least=0.0, below=1.0
-    )
-    sharpness: float | tuple[float, ...] | None = key(
-        f"{_SHARP}; 10 by default", default=None, least=1.0, most=50.0
-    )
+    sharpness: float | tuple[float, ...] | None = optional(f"{_SHARP}; 10 by default", least=1.0, most=50.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,12 +136,12 @@ class IsolationTable(Addition):
 
     ways = (with_base_isolation, with_base_isolation_of_period)
     mass: float = key("mass of the slab", unit="kg", above=0.0)
-    stiffness: float | None = key("stiffness of all isolators", unit="N/m", default=None, above=0.0)
-    damping: float | None = key("damping of all isolators", unit="N s/m", default=None, least=0.0)
-    period: float | None = key(
-        "period of the rigid building on its isolators", unit="s", default=None, above=0.0, usual=_ISOLATORS
+    stiffness: float | None = positive("stiffness of all isolators", unit="N/m")
+    damping: float | None = optional("damping of all isolators", unit="N s/m", least=0.0)
+    period: float | None = positive(
+        "period of the rigid building on its isolators", unit="s", usual=_ISOLATORS
     )
-    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0, usual=_ADDED)
+    ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,34 +150,24 @@ class LeadRubberTable(Addition):
 
     ways = (with_lead_rubber_bearings,)
     mass: float = key("mass of the slab", unit="kg", above=0.0)
-    period: float | None = key(
+    period: float | None = positive(
         "period of the rigid building on the rubber alone; or post_yield_stiffness",
         unit="s",
-        default=None,
-        above=0.0,
         usual=_ISOLATORS,
     )
-    post_yield_stiffness: float | None = key(
-        "stiffness K_d of the rubber of all bearings; or period", unit="N/m", default=None, above=0.0
+    post_yield_stiffness: float | None = positive(
+        "stiffness K_d of the rubber of all bearings; or period", unit="N/m"
     )
-    ratio: float | None = key(
-        "damping ratio of the rubber, 0 by default", default=None, least=0.0, usual=_ADDED
+    ratio: float | None = optional("damping ratio of the rubber, 0 by default", least=0.0, usual=_ADDED)
+    characteristic_strength: float | None = positive(
+        "characteristic strength Q_d of all leads together", unit="N"
     )
-    characteristic_strength: float | None = key(
-        "characteristic strength Q_d of all leads together", unit="N", default=None, above=0.0
+    yield_force: float | None = positive("another name of characteristic_strength", unit="N")
+    yield_displacement: float | None = positive(
+        "displacement at which the leads yield, 0.01 m by default", unit="m", usual=_YIELDS
     )
-    yield_force: float | None = key(
-        "another name of characteristic_strength", unit="N", default=None, above=0.0
-    )
-    yield_displacement: float | None = key(
-        "displacement at which the leads yield, 0.01 m by default",
-        unit="m",
-        default=None,
-        above=0.0,
-        usual=_YIELDS,
-    )
-    sharpness: float | None = key(f"{_SHARP}; 2 by default", default=None, least=1.0, most=50.0)
-    name: str | None = key("name in tables", default=None, label=True)
+    sharpness: float | None = optional(f"{_SHARP}; 2 by default", least=1.0, most=50.0)
+    name: str | None = optional("name in tables", label=True)
 
     def way(self) -> Callable[[Building], Building]:
         """The function that puts the building on its bearings."""
@@ -219,11 +200,11 @@ class YieldingTable(Addition):
     yield_displacement: float = key(
         "displacement at which it yields, with its brace", unit="m", above=0.0, usual=_YIELDS
     )
-    post_yield_ratio: float | None = key(
-        "stiffness after yielding over that before, 0.05 by default", default=None, least=0.0, below=1.0
+    post_yield_ratio: float | None = optional(
+        "stiffness after yielding over that before, 0.05 by default", least=0.0, below=1.0
     )
-    sharpness: float | None = key(f"{_SHARP}; 10 by default", default=None, least=1.0, most=50.0)
-    name: str | None = key("name in tables", default=None, label=True)
+    sharpness: float | None = optional(f"{_SHARP}; 10 by default", least=1.0, most=50.0)
+    name: str | None = optional("name in tables", label=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,8 +215,8 @@ class FrictionTable(Addition):
     storey: int | str = key(_STOREY)
     slip_load: float = key("force at which it slips, along the drift", unit="N", above=0.0)
     stiffness: float = key("stiffness of the brace until it slips", unit="N/m", above=0.0)
-    sharpness: float | None = key(f"{_SHARP}; 20 by default", default=None, least=1.0, most=50.0)
-    name: str | None = key("name in tables", default=None, label=True)
+    sharpness: float | None = optional(f"{_SHARP}; 20 by default", least=1.0, most=50.0)
+    name: str | None = optional("name in tables", label=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,8 +231,8 @@ class BraceOfBuildingTable(Addition):
         unit="kg",
         above=0.0,
     )
-    damping: float | None = key("damping of the brace, 0 by default", unit="N s/m", default=None, least=0.0)
-    name: str | None = key("name of the stroke of the damper in tables", default=None, label=True)
+    damping: float | None = optional("damping of the brace, 0 by default", unit="N s/m", least=0.0)
+    name: str | None = optional("name of the stroke of the damper in tables", label=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,22 +241,17 @@ class TunedMassTable(Addition):
 
     ways = (with_optimal_tuned_mass, with_tuned_mass)
     floor: int | str = key(_FLOOR)
-    mass_ratio: float | None = key(
-        "mass over that of the building, as 0.02, with a published tuning",
-        default=None,
-        above=0.0,
-        usual=_SHARES,
+    mass_ratio: float | None = positive(
+        "mass over that of the building, as 0.02, with a published tuning", usual=_SHARES
     )
-    tuning: str | None = key(
-        "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio", default=None
+    tuning: str | None = optional(
+        "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio"
     )
-    mode: int | None = key("mode it is tuned to, 1 by default; with mass_ratio", default=None, least=1)
-    mass: float | None = key("mass", unit="kg", default=None, above=0.0)
-    frequency: float | None = key(
-        "frequency of the mass on its spring, on the fixed floor", unit="Hz", default=None, above=0.0
-    )
-    ratio: float | None = key("damping ratio of that motion", default=None, least=0.0, usual=_ADDED)
-    name: str | None = key("name in tables", default=None, label=True)
+    mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
+    mass: float | None = positive("mass", unit="kg")
+    frequency: float | None = positive("frequency of the mass on its spring, on the fixed floor", unit="Hz")
+    ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
+    name: str | None = optional("name in tables", label=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,22 +261,17 @@ class LiquidColumnTable(Addition):
     ways = (with_optimal_liquid_column, with_liquid_column)
     floor: int | str = key(_FLOOR)
     width_ratio: float = key("horizontal share of the length of the column", above=0.0, below=1.0)
-    mass_ratio: float | None = key(
-        "mass of the liquid over that of the building, as 0.02", default=None, above=0.0, usual=_SHARES
+    mass_ratio: float | None = positive(
+        "mass of the liquid over that of the building, as 0.02", usual=_SHARES
     )
-    rms_velocity: float | None = key(
-        "velocity of the liquid at which its damping is the optimum; with mass_ratio",
-        unit="m/s",
-        default=None,
-        above=0.0,
+    rms_velocity: float | None = positive(
+        "velocity of the liquid at which its damping is the optimum; with mass_ratio", unit="m/s"
     )
-    mode: int | None = key("mode it is tuned to, 1 by default; with mass_ratio", default=None, least=1)
-    mass: float | None = key("mass of the liquid", unit="kg", default=None, above=0.0)
-    frequency: float | None = key(
-        "frequency of the liquid on the fixed floor", unit="Hz", default=None, above=0.0
-    )
-    head_loss: float | None = key("coefficient of head loss of orifice and tube", default=None, least=0.0)
-    name: str | None = key("name in tables", default=None, label=True)
+    mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
+    mass: float | None = positive("mass of the liquid", unit="kg")
+    frequency: float | None = positive("frequency of the liquid on the fixed floor", unit="Hz")
+    head_loss: float | None = optional("coefficient of head loss of orifice and tube", least=0.0)
+    name: str | None = optional("name in tables", label=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -313,7 +284,7 @@ class ElementTable:
     damping: float = key("dashpot, which is in the matrices", unit="N s/m", default=0.0, least=0.0)
     head_loss: float = key("coefficient of head loss, in N s2/m2", default=0.0, least=0.0)
     yield_force: float = key("force at which it yields or slips", unit="N", default=0.0, least=0.0)
-    yield_displacement: float = key("displacement at which it does", unit="m", default=1.0, above=0.0)
+    yield_displacement: float = positive("displacement at which it does", unit="m", default=1.0)
     sharpness: float = key(_SHARP, default=10.0, least=1.0, most=50.0)
     in_stiffness: bool = key(
         "whether the stiffness matrix has the initial stiffness of its loop too, as of a storey that yields",
@@ -336,90 +307,68 @@ class BuildingTable:
     Additions are applied in the order of these keys.
     """
 
-    published: str | None = key("name of a published building, as uts", default=None)
-    file: str | Building | None = key(
-        "file of the building: .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv",
-        default=None,
-        file=True,
+    published: str | None = optional("name of a published building, as uts")
+    file: str | Building | None = optional(
+        "file of the building: .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv", file=True
     )
-    system: str | None = key(
+    system: str | None = optional(
         "file .mat of a state space: A = [0 I; -M^-1 K, -M^-1 C] in any order of its states, and M, or B with `inputs`",
-        default=None,
         file=True,
     )
-    inputs: tuple[int | str, ...] | None = key(
+    inputs: tuple[int | str, ...] | None = optional(
         'what each column of its B is: "ground", the ground acceleration, or the storey of a force of dampers, which '
-        "says the masses where there is no M",
-        default=None,
+        "says the masses where there is no M"
     )
-    mass: _Rows | str | None = key(f"mass matrix{_OR_FILE}", unit="kg", default=None, file=True)
-    damping: _Rows | str | None = key(f"damping matrix{_OR_FILE}", unit="N s/m", default=None, file=True)
-    stiffness: _Rows | str | None = key(f"stiffness matrix{_OR_FILE}", unit="N/m", default=None, file=True)
-    masses: _Numbers | None = key(
-        "masses of the floors of a shear building, lowest first", unit="kg", default=None, above=0.0
+    mass: _Rows | str | None = optional(f"mass matrix{_OR_FILE}", unit="kg", file=True)
+    damping: _Rows | str | None = optional(f"damping matrix{_OR_FILE}", unit="N s/m", file=True)
+    stiffness: _Rows | str | None = optional(f"stiffness matrix{_OR_FILE}", unit="N/m", file=True)
+    masses: _Numbers | None = positive("masses of the floors of a shear building, lowest first", unit="kg")
+    stiffnesses: _Numbers | None = positive("stiffnesses of its storeys", unit="N/m")
+    storey_damping: _Numbers | None = optional("damping of its storeys", unit="N s/m", least=0.0)
+    n_storeys: int | None = optional(
+        "number of its storeys; a single mass, stiffness or damping then applies to all", least=1
     )
-    stiffnesses: _Numbers | None = key("stiffnesses of its storeys", unit="N/m", default=None, above=0.0)
-    storey_damping: _Numbers | None = key("damping of its storeys", unit="N s/m", default=None, least=0.0)
-    n_storeys: int | None = key(
-        "number of its storeys; a single mass, stiffness or damping then applies to all",
-        default=None,
-        least=1,
+    influence: _Numbers | str | None = optional(
+        "coordinates under a unit displacement of the ground; ones by default", file=True
     )
-    influence: _Numbers | str | None = key(
-        "coordinates under a unit displacement of the ground; ones by default", default=None, file=True
+    floors: _Rows | str | None = optional(
+        "rows from coordinates to floors; by default each is a floor", file=True
     )
-    floors: _Rows | str | None = key(
-        "rows from coordinates to floors; by default each is a floor", default=None, file=True
+    storeys: _Rows | str | None = optional("rows from coordinates to drifts of storeys", file=True)
+    floor_names: _Names | None = optional("names of floors in tables", label=True)
+    storey_names: _Names | None = optional("names of storeys in tables", label=True)
+    name: str | None = optional("name of the building", label=True)
+    source: str | None = optional("origin of its numbers", label=True)
+    n_strokes: int | None = optional(
+        "number of last rows of storeys that are strokes of what is built in, no drifts", least=0
     )
-    storeys: _Rows | str | None = key("rows from coordinates to drifts of storeys", default=None, file=True)
-    floor_names: _Names | None = key("names of floors in tables", default=None, label=True)
-    storey_names: _Names | None = key("names of storeys in tables", default=None, label=True)
-    name: str | None = key("name of the building", default=None, label=True)
-    source: str | None = key("origin of its numbers", default=None, label=True)
-    n_strokes: int | None = key(
-        "number of last rows of storeys that are strokes of what is built in, no drifts",
-        default=None,
-        least=0,
+    height: float | None = positive("height of every storey, of which drift ratios are shares", unit="m")
+    heights: _Numbers | None = optional(
+        "heights of the storeys, lowest first, 0 for one that is none, as isolators", unit="m", least=0.0
     )
-    height: float | None = key(
-        "height of every storey, of which drift ratios are shares", unit="m", default=None, above=0.0
+    drift_limit: float | None = positive(
+        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities", below=1.0
     )
-    heights: _Numbers | None = key(
-        "heights of the storeys, lowest first, 0 for one that is none, as isolators",
-        unit="m",
-        default=None,
-        least=0.0,
+    p_delta: bool | None = optional(
+        "whether weights act on the displaced storeys, each that of the masses above it; needs heights"
     )
-    drift_limit: float | None = key(
-        "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities",
-        default=None,
-        above=0.0,
-        below=1.0,
-    )
-    p_delta: bool | None = key(
-        "whether weights act on the displaced storeys, each that of the masses above it; needs heights",
-        default=None,
-    )
-    loads: _Numbers | None = key(
+    loads: _Numbers | None = optional(
         "weights on the storeys, lowest first, instead of those that p_delta takes from the masses",
         unit="N",
-        default=None,
         least=0.0,
     )
-    element: tuple[ElementTable, ...] | None = key("passive elements beside the matrices", default=None)
-    rayleigh: RayleighTable | None = key("Rayleigh damping", default=None)
-    modal_damping: ModalDampingTable | None = key("damping ratios of the modes", default=None)
-    storeys_that_yield: YieldingStoreysTable | None = key("storeys of the frame that yield", default=None)
-    isolation: IsolationTable | None = key("base isolation", default=None)
-    lead_rubber: LeadRubberTable | None = key("lead-rubber bearings", default=None)
-    viscous: tuple[ViscousTable, ...] | ViscousTable | None = key("viscous dampers", default=None)
-    yielding: tuple[YieldingTable, ...] | YieldingTable | None = key("yielding dampers", default=None)
-    friction: tuple[FrictionTable, ...] | FrictionTable | None = key("friction dampers", default=None)
-    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable | None = key("braces", default=None)
-    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable | None = key("tuned masses", default=None)
-    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable | None = key(
-        "liquid columns", default=None
-    )
+    element: tuple[ElementTable, ...] | None = optional("passive elements beside the matrices")
+    rayleigh: RayleighTable | None = optional("Rayleigh damping")
+    modal_damping: ModalDampingTable | None = optional("damping ratios of the modes")
+    storeys_that_yield: YieldingStoreysTable | None = optional("storeys of the frame that yield")
+    isolation: IsolationTable | None = optional("base isolation")
+    lead_rubber: LeadRubberTable | None = optional("lead-rubber bearings")
+    viscous: tuple[ViscousTable, ...] | ViscousTable | None = optional("viscous dampers")
+    yielding: tuple[YieldingTable, ...] | YieldingTable | None = optional("yielding dampers")
+    friction: tuple[FrictionTable, ...] | FrictionTable | None = optional("friction dampers")
+    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable | None = optional("braces")
+    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable | None = optional("tuned masses")
+    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable | None = optional("liquid columns")
     place: Place
 
     def override_with(self, other: BuildingTable) -> BuildingTable:

@@ -7,12 +7,12 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from io import StringIO
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.base.summary import list_names
@@ -20,36 +20,27 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import draw_last, is_quiet, named, print_json, reading_line
+from mrwork.cli.output import is_quiet, named, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import OutputError, RecordError, SettingError, escape_text
+from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, escape_text
 from mrwork.identification.fit_file import read_fit
-from mrwork.records import DamperTest, guess_tests, read_test_table, write_test_table
+from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
+from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.reading import Reading
-from mrwork.records.rig_table import (
-    TABLE_NAME,
-    UNKNOWN,
-    ListedTest,
-    files_not_read,
-    is_test_table,
-    records_in,
-)
+from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
 from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
 from mrwork.store.unfinished import is_complete, nothing_to_resume
 
-if TYPE_CHECKING:
-    from mrwork.report.section import OnDrawn
-
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
-# Seconds of a choice of laws: of its start, of each model, and of each model per second that 64 candidates of it take.
-_START, _OF_MODEL, _PER_BATCH, _BATCH = 2.0, 1.2, 180.0, 64
-# Share of that time which the steps after it take, and seconds of the page.
-_LATER, _PAGE = 0.05, 3.0
+# Seconds, about: of the start of a choice of laws, of each model, and of each model per sample of the fitted tests, at
+# one command and at several; of each step after it, and of the page.
+_START, _OF_MODEL, _PER_SAMPLE = 2.0, 1.2, (1.5e-4, 5e-4)
+_LATER, _PAGE = 0.2, 3.0
 _NAMED = 3
 
 
@@ -81,30 +72,18 @@ def add_options(parser: CommandParser) -> None:
     )
 
 
-@dataclass(slots=True, kw_only=True)
-class _Steps:
-    """The steps in their order, and the time that they are expected to take [s]."""
-
-    options: argparse.Namespace
-    total: int = 1
-    left: float = 0.0
-    done: list[dict[str, Any]] = field(default_factory=list)
-
-    def step(self, what: str, work: Callable[[], int], seconds: float) -> int:
-        """Do a step that is expected to take so long; return its exit status."""
-        about = f", about {duration_in_words(max(self.left, 1.0))} left" if self.left else ""
-        if not is_quiet(self.options):
-            note(f"step {len(self.done) + 1} of {self.total}: {what}{about}")
-        began = time.perf_counter()
-        status = work()
-        took = time.perf_counter() - began
-        self.done.append({"step": what, "seconds": took})
-        self.left = max(self.left - seconds, 0.0)
-        return status
-
-
 def run(options: argparse.Namespace) -> int:
     """Do every step that is not done yet; print the verdict and where everything is."""
+    try:
+        return _characterise(options)
+    except MrworkError as error:
+        if not error.of_columns:
+            raise
+        how = f"use mrwork identify, or write the column into its row of {TABLE_NAME}"
+        raise type(error)(f"{error}; mrwork characterise has no --column: {how}") from error
+
+
+def _characterise(options: argparse.Namespace) -> int:
     place = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
     destination = Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume)
@@ -129,57 +108,59 @@ def run(options: argparse.Namespace) -> int:
         raise RecordError(
             f"{options.folder / TABLE_NAME}: no row has the use fit; set it for the tests to be fitted"
         )
-    steps = _Steps(options=options)
-    if not is_quiet(options):
+    quiet = is_quiet(options)
+    if not quiet:
         note(
             f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = destination.continues and is_complete(place)
-    spare, several = "", False
+    common, threads = ["--json", *(["--quiet"] if quiet else [])], ["--threads", str(options.threads)]
+    spare, steps = "", list[tuple[str, Callable[[], int], float]]()
     if fitted:
-        _check_same(place, rows)
+        known = {Path(name).name for name in read_fit(place).provenance.inputs}
+        if known != {Path(row.file).name for row in rows if row.use == "fit"}:
+            raise RecordError(
+                f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
+                "instead of --resume"
+            )
     else:
         tests = _read([row for row in rows if row.use == "fit"])
+        for test in tests:
+            refuse_velocity(test)
         several = len({test.command_in_words for test in tests if test.commands}) > 1
         if several:
             _refuse_lone_commands(options.folder, rows, tests)
             if not any(map(_is_enough, combinations(tests, len(tests) - 1))):
                 spare = "; the laws of the command need every fitted test, so record further motions for it"
-    steps.left = _PAGE if fitted else _expected(options, tests, several=several)
-    common = ["--json", *(["--quiet"] if options.quiet or options.json else [])]
-    threads, later = ["--threads", str(options.threads)], _LATER * _PAGE
-    left: list[tuple[str, str, list[str], float]] = []
-    if not fitted:
         given = [table, "--model", options.model, "--out", str(place), "--seed", str(options.seed)]
         given += [*threads, *common, *(["--law", "auto"] if several else [])]
         given += [f"--{name}" for name in ("replace", "resume") if getattr(options, name)]
-        left.append(("choosing model and laws", "identify", given, steps.left - _PAGE))
+        of_model = _OF_MODEL + _PER_SAMPLE[several] * sum(test.n_time for test in tests)
+        seconds = _START + len(options.model.split(",")) * of_model
+        steps.append(("choosing model and laws", partial(_verb, "identify", given), seconds))
     if uses["calibration"] and not (fitted and (place / CALIBRATION).is_file()):
-        left.append(("calibrating the bands", "calibrate", [str(place), table, *threads, *common], later))
+        given = [str(place), table, *threads, *common]
+        steps.append(("calibrating the bands", partial(_verb, "calibrate", given), _LATER))
     if uses["test"] and not (fitted and (place / HELD_OUT).is_file()):
         given = [str(place), table, *common, *(["--level", "0.9"] if uses["calibration"] else [])]
-        left.append(("predicting the tests kept for test", "predict", given, later))
-    if not left and (place / SUMMARY).is_file():
+        steps.append(("predicting the tests kept for test", partial(_verb, "predict", given), _LATER))
+    if not steps and (place / SUMMARY).is_file():
         note(nothing_to_resume(place))
-    steps.total += len(left)
-    for what, verb, given, seconds in left:
-        if status := steps.step(what, partial(_verb, verb, given), seconds):
+    steps.append(("writing the summary", partial(renew_page, place, quiet=quiet, summary=True), _PAGE))
+    done = []
+    for number, (what, work, _) in enumerate(steps):
+        if not quiet:
+            left = duration_in_words(sum(seconds for *_, seconds in steps[number:]))
+            note(f"step {number + 1} of {len(steps)}: {what}, about {left} left")
+        began = time.perf_counter()
+        if status := work():
             return status
-
-    def draw(on_progress: OnDrawn) -> None:
-        # Matplotlib is slow to load.
-        from mrwork.report.pages import write_page
-
-        write_page(place, summary=True, on_progress=on_progress)
-
-    quiet = is_quiet(options)
-    if status := steps.step("writing the summary", lambda: draw_last(place, draw, quiet=quiet), _PAGE):
-        return status
-    return _end(options, place, uses, steps, spare)
+        done.append({"step": what, "seconds": time.perf_counter() - began})
+    return _end(options, place, uses, done, spare)
 
 
-def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: _Steps, spare: str) -> int:
+def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: list[Any], spare: str) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
     from mrwork.store.run_folder import REPORT
@@ -203,7 +184,7 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], steps: 
                 if held_out is None
                 else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
                 "warnings": list(fit.warnings),
-                "steps": steps.done,
+                "steps": done,
             }
         )
         return 0
@@ -317,34 +298,3 @@ def _is_enough(tests: Sequence[DamperTest]) -> bool:
     except SettingError:
         return False
     return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
-
-
-def _expected(options: argparse.Namespace, tests: tuple[DamperTest, ...], *, several: bool) -> float:
-    """Seconds that all steps will take, from a trial of the model on the fitted tests, at `several` commands or one."""
-    import numpy as np
-
-    from mrwork.identification.objective import Objective
-    from mrwork.identification.problem import Problem
-    from mrwork.identification.settings import FitSettings
-
-    models = options.model.split(",")
-    spec = damper("normalised_bouc_wen")
-    objective: Objective = Problem.of(spec, tests, FitSettings(), threads=options.threads).objective
-    spread = np.random.default_rng(0).uniform(0.9, 1.1, (_BATCH, len(spec.names)))
-    objective(spec.nominal * spread[:2])
-    began = time.perf_counter()
-    objective(spec.nominal * spread)
-    batch = time.perf_counter() - began
-    choice = _START + len(models) * (_OF_MODEL + _PER_BATCH * batch * (1.0 if several else 0.3))
-    return choice * (1.0 + _LATER) + _PAGE
-
-
-def _check_same(place: Path, rows: Sequence[ListedTest]) -> None:
-    """Refuse to go on with a run that was fitted to other tests."""
-    fitted = {Path(name).name for name in read_fit(place).provenance.inputs}
-    wanted = {Path(row.file).name for row in rows if row.use == "fit"}
-    if fitted != wanted:
-        raise RecordError(
-            f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
-            "instead of --resume"
-        )

@@ -8,7 +8,7 @@ from pathlib import Path
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_json, undrawn_warned
+from mrwork.cli.output import named, print_json, undrawn_warned
 from mrwork.cli.terminal import show
 from mrwork.store.output_file import replacing
 from mrwork.store.output_folder import check_output
@@ -58,19 +58,12 @@ def run(options: argparse.Namespace) -> int:
     with undrawn_warned(f"{options.page}", "the tables stand without it") as failed:
         page = compare_page(found, options.runs).encode()
     if not failed:
-        options.page.parent.mkdir(parents=True, exist_ok=True)
         with replacing(options.page) as stream:
             stream.write(page)
     if options.json:
-        told = ("title", "columns", "rows", "foot")
-        tables = [{name: getattr(table, name) for name in told} for table in found.tables]
-        document = {
-            "title": found.title,
-            "verdict": found.verdict,
-            "remarks": found.remarks,
-            "tables": tables,
-        }
-        print_json(document | {"page": None if failed else str(options.page)})
+        tables = [named(table, "title", "columns", "rows", "foot") for table in found.tables]
+        further = {"tables": tables, "page": None if failed else str(options.page)}
+        print_json(named(found, "title", "verdict", "remarks") | further)
         return 0
     show(found.verdict)
     for table in found.tables:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import re
 import traceback
 import warnings
 from collections.abc import Collection, Iterator, Sequence
@@ -126,8 +125,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     except Exception as error:
         if not (isinstance(error, _SAID) or _is_of_loading(error)):
             raise
-        sentences = str(error).split("\n") if isinstance(error, MistakesError) else [sentence_on(error)]
-        note(*sentences[:-1], sentences[-1] + _owners(sentences[-1], arguments))
+        note(*(str(error).split("\n") if isinstance(error, MistakesError) else [sentence_on(error)]))
         return 2
     return signals.status if status == 130 else status
 
@@ -143,34 +141,6 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
     except SystemExit as end:
         # The parser has printed its help, or what is wrong.
         return int(end.code or 0)
-
-
-# An option in a sentence, and a command line in it, which names the verb of its options.
-_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z]")
-_TYPED = re.compile(r"mrwork \w+ [^;:]*")
-
-
-def _owners(sentence: str, arguments: Sequence[str]) -> str:
-    """Which verb has the options of a sentence that the verb at hand lacks, as a further part of the sentence."""
-    verb = next(iter(arguments), "")
-    named = dict.fromkeys(_OPTION.findall(_TYPED.sub("", sentence)))
-    own = _options_of(parser([verb])).get(verb, set(named))
-    lacking = [option for option in named if option not in own]
-    if not lacking:
-        return ""
-    options = _options_of(whole_parser())
-    # The likeliest first.
-    owner = next(
-        (each for each in ("identify", "respond", "tune", *_VERBS) if set(lacking) <= options[each]), ""
-    )
-    table = ", or write the column into its row of tests.csv" if "--column" in lacking else ""
-    return f"; mrwork {verb} has no {' and '.join(lacking)}: use mrwork {owner}{table}" if owner else ""
-
-
-def _options_of(root: CommandParser) -> dict[str, set[str]]:
-    """The options of each verb that is declared."""
-    (choices,) = (each.choices for each in root._actions if isinstance(each.choices, dict))
-    return {name: set(each._option_string_actions) for name, each in choices.items()}
 
 
 # What ends a command in a sentence, beside what a library raises while it is loaded. Any other error is a defect of

@@ -96,7 +96,6 @@ def run(options: argparse.Namespace) -> int:
         contents += _figures(found) if files else []
     written = files[: len(contents)]
     for place, content in zip(written, contents, strict=True):
-        place.parent.mkdir(parents=True, exist_ok=True)
         with replacing(place) as stream:
             stream.write(content)
     document = _document(found, options.against) | {"files": list(map(str, written))}
@@ -136,7 +135,7 @@ def _table(found: Fragilities) -> bytes:
 def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
     names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
     return {
-        **named(found, "criterion", "limit", "unit", "level", "cautions", "motion_warnings"),
+        **named(found, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
         "arrangements": [
             named(each, *names)
             | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}

@@ -36,8 +36,6 @@ from mrwork.store.unfinished import INTERRUPTED, is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
-    from mrwork.uncertainty.choice.law_table import LawTable
-    from mrwork.uncertainty.choice.ranking import Ranking
 
 Result = TypeVar("Result")
 
@@ -114,8 +112,6 @@ class Identification:
         text: str,
         document: Mapping[str, object],
         documents: Mapping[str, object] | None = None,
-        ranking: Ranking | None = None,
-        laws: LawTable | None = None,
     ) -> int:
         """Write the run folder, print the result, draw the page; return the exit status.
 
@@ -142,9 +138,9 @@ class Identification:
                 # Matplotlib is slow to load and needed for reports only.
                 from mrwork.drawing.of_tests import comparisons_of
                 from mrwork.report.fit.page import write_fit_page
-                from mrwork.runs.load import StoredRun
+                from mrwork.runs.load import with_additions
 
-                run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
+                run = with_additions(folder, fit)
                 write_fit_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
 
             status = draw_last(folder, draw, quiet=self.frame.is_quiet)

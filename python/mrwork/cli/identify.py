@@ -329,7 +329,6 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
                 **{paths[name]: fit.as_dict() for name, fit in fits.items()},
                 RANKING: asdict(ranking),
             },
-            ranking=ranking,
         )
 
 
@@ -386,7 +385,6 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             document=summary_of(fit, verb.tests, verb.frame.folder) | {"choice_of_laws": asdict(table)},
             documents={LAWS: asdict(table)}
             | ({NEAR_SETS: others_content(choice.others, fit)} if choice.others else {}),
-            laws=table,
         )
 
 

@@ -21,7 +21,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
-from mrwork.records import DamperTest, parse_column_option
+from mrwork.records import DamperTest, ListedTest, parse_column_option
 from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import (
     AMOUNTS_IN_WORDS,
@@ -31,15 +31,7 @@ from mrwork.records.repairs import (
     RepairKind,
     as_words,
 )
-from mrwork.records.rig_table import (
-    EveryUse,
-    ListedTest,
-    Use,
-    check_given_once,
-    facts_of,
-    files_not_read,
-    listed_tests,
-)
+from mrwork.records.rig_table import EveryUse, Use, check_given_once, facts_of, files_not_read, listed_tests
 
 _NONE = "none"
 _AUTO = "auto"

@@ -126,14 +126,14 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
     return f"the verdicts of the fit, on its page and in {FIT}, stay those by its {source}"
 
 
-def renew_page(folder: Path, *, quiet: bool) -> int:
-    """Draw the page of a run again after a file was added to its folder; return the exit status, see `draw_last`."""
+def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
+    """Draw the page of a run, or its front alone, from what its folder holds; return the exit status of `draw_last`."""
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
-        from mrwork.report.fit.page import open_run, write_fit_page
+        from mrwork.report.pages import write_page
 
-        write_fit_page(*open_run(folder), on_progress=on_progress)
+        write_page(folder, summary=summary, on_progress=on_progress)
 
     return draw_last(folder, draw, quiet=quiet)
 

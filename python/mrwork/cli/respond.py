@@ -22,7 +22,6 @@ from mrwork.store.run_folder import STUDY_RUN
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
-    from mrwork.report.html import Page
     from mrwork.store.journal import Journal
     from mrwork.study.course import StudyProgress
     from mrwork.study.results import Ensemble, StudyResults
@@ -126,16 +125,16 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
-    from mrwork.cli.frame import command_line
     from mrwork.cli.study_text import StudyVerb, study_text, telling_why
     from mrwork.study.ensemble import dampers_apart
-    from mrwork.study.folder import design_document, read_history, study_document, write_study
+    from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.run_result import Histories
 
     if options.ensemble and not study.other_sets:
         raise SettingError(
             "--ensemble runs the study for each set of laws that predicts nearly as well, and no run folder of "
-            "its dampers has others than the chosen one; leave it out, or identify the damper with --law auto"
+            "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
+            "--law auto"
         )
     histories = Histories(place, study, resume=options.resume)
     further: dict[str, Any] = {}
@@ -172,14 +171,6 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             raise Interrupted(results, "study with other sets of laws") from interrupt
         return results
 
-    def page(results: StudyResults, seconds: float) -> Page:
-        # Matplotlib is slow to load.
-        from mrwork.report.study.page import study_page
-
-        return study_page(
-            results, partial(read_history, place, results), command=command_line(), seconds=seconds
-        )
-
     def document(results: StudyResults) -> dict[str, Any]:
         return study_document(results) | design_document(study) | further
 
@@ -192,7 +183,6 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
 
     return StudyVerb(
         compute=compute,
-        page=page,
         write=partial(write_study, histories=histories, further=further),
         document=document,
         text=text,

@@ -14,19 +14,18 @@ from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
 from mrwork.base.progress import ProgressLine, ProgressReport
 from mrwork.base.table import Table
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.output import draw_last, in_words, is_quiet, print_result, progress_line
+from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note
 from mrwork.cli.workers import on_workers
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import REPORT, RunKind
 from mrwork.store.unfinished import discard_journal, run_journal
 from mrwork.study.comparison import (
@@ -53,9 +52,6 @@ from mrwork.study.tables import (
 )
 from mrwork.tuning.results import TuningResults
 
-if TYPE_CHECKING:
-    from mrwork.report.html import Page
-
 Results = TypeVar("Results", StudyResults, TuningResults)
 
 # Seconds until progress is shown; seconds beyond which the expected time is told.
@@ -64,13 +60,12 @@ _SOON, _LONG = 0.5, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
-    """A verb on a study: computes the results and their page, folder, JSON object and text.
+    """A verb on a study: computes the results and their folder, JSON object and text.
 
-    `page` takes the seconds so far, `text` whether the page was drawn and whether the folder was written.
+    `text` takes whether the page was drawn and whether the folder was written.
     """
 
     compute: Callable[[Journal, ProgressLine[Any]], Results]
-    page: Callable[[Results, float], Page]
     write: Callable[..., None]
     document: Callable[[Results], dict[str, Any]]
     text: Callable[[Results, bool, bool], str]
@@ -140,7 +135,6 @@ def run_on_study(
         written, interrupted, folder = frame.is_to_write(status), status == 130, frame.folder
         if written:
             assert study.file is not None  # it was read from one
-            seconds = time.perf_counter() - began
             manifest = {
                 "kind": kind.kind,
                 "title": results.title,
@@ -150,7 +144,7 @@ def run_on_study(
                 "study": {"path": str(options.study), "content": digest_of(study.file.text)},
                 "versions": {"mrwork": __version__, "python": platform.python_version()},
                 "created": datetime.now(UTC).isoformat(timespec="seconds"),
-                "seconds": seconds,
+                "seconds": time.perf_counter() - began,
             }
             verb.write(
                 frame.destination,
@@ -162,11 +156,7 @@ def run_on_study(
             discard_journal(journal)
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
-
-                def draw(_: object) -> None:
-                    write_files(folder, verb.page(results, seconds).contents(REPORT))
-
-                status = draw_last(folder, draw, quiet=is_quiet(options))
+                status = renew_page(folder, quiet=is_quiet(options))
         document = verb.document(results) | {"out": str(folder)}
         drawn = written and (folder / REPORT).is_file()
         print_result(options, document, verb.text(results, drawn, written))

@@ -21,7 +21,6 @@ from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
-    from mrwork.report.html import Page
     from mrwork.store.journal import Journal
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
@@ -80,7 +79,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[TuningResults]:
     """The tuning of the tables of a study, or of the command line."""
-    from mrwork.cli.frame import command_line
     from mrwork.cli.study_text import StudyVerb
     from mrwork.tuning.results import tuning_document, write_tuning
 
@@ -93,15 +91,8 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[T
             study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
         )
 
-    def page(results: TuningResults, _: float) -> Page:
-        # Matplotlib is slow to load.
-        from mrwork.report.study.tuning_page import tuning_page
-
-        return tuning_page(results, command=command_line())
-
     return StudyVerb(
         compute=compute,
-        page=page,
         write=write_tuning,
         document=tuning_document,
         text=lambda results, drawn, _: _text(results, place, drawn=drawn),

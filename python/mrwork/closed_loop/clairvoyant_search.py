@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 
 from mrwork.base.arguments import Threads, Within, checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, positive
 from mrwork.base.numbers import format_rounded
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
@@ -244,8 +244,8 @@ class ClairvoyantSettings:
 
     _made_by: ClassVar[str] = "mr.closed_loop.ClairvoyantSettings(interval=...)"
 
-    interval: float = key(
-        "interval over which a command is held, a whole number of samples", unit="s", default=0.01, above=0.0
+    interval: float = positive(
+        "interval over which a command is held, a whole number of samples", unit="s", default=0.01
     )
     explore: int = key("iterations from every start", default=25, least=1)
     finish: int = key("iterations from the best of them", default=75, least=0)

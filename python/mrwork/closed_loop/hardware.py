@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.base.arguments import May, checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, optional, positive
 from mrwork.base.summary import Summarised, Summary
 from mrwork.control.laws.control_law import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
@@ -107,12 +107,11 @@ class Hardware(Summarised):
 
     _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"
 
-    sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0, usual=_DELAYS)
-    step: float = key(
+    sample_time: float = positive("time between two commands", unit="s", default=1e-3, usual=_DELAYS)
+    step: float = positive(
         "longest integration step; a sample is the smallest whole number of equal steps that are not longer",
         unit="s",
         default=5e-4,
-        above=0.0,
     )
     delay: float = key(
         "time from a measurement to its command, a whole number of steps",
@@ -121,24 +120,19 @@ class Hardware(Summarised):
         least=0.0,
         usual=_DELAYS,
     )
-    command_rate: float = key("largest rate of the command", unit="A/s or V/s", default=math.inf, above=0.0)
+    command_rate: float = positive("largest rate of the command", unit="A/s or V/s", default=math.inf)
     feedback: Feedback = key(
         "feedback of the law: the true state, or the estimate of an observer", default="state"
     )
-    measured_floors: tuple[int, ...] | None = key(
-        "floors with an accelerometer for the observer, from 1; all by default",
-        default=None,
-        least=0,
-        from_one=True,
+    measured_floors: tuple[int, ...] | None = optional(
+        "floors with an accelerometer for the observer, from 1; all by default", least=0, from_one=True
     )
     known_ground: bool = key(
         "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
         default=False,
     )
-    noise_ratio: float = key(
-        "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer",
-        default=50.0,
-        above=0.0,
+    noise_ratio: float = positive(
+        "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer", default=50.0
     )
     acceleration_noise: float = key(
         "standard deviation of the noise, for the observer and laws that read accelerations",

@@ -436,6 +436,18 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
     )
 
 
+@array_dataclass()
+class GainChanges:
+    """Directions in the gains of one candidate, rows of shape (n_directions, n_gains), and how far results are moved.
+
+    The candidates are then these gains, and two for each direction: every quantity of a run, moved by its exact
+    derivative along the direction times the reach and its negative.
+    """
+
+    rows: Floats
+    reach: float
+
+
 @array_dataclass(repr=False)
 class LoopVariation(Summarised):
     """Realisations of a loop: each is one draw of its dampers with a building, a delay and noise of its own.
@@ -448,11 +460,14 @@ class LoopVariation(Summarised):
         Delay beyond that of the hardware, rounded to its integration steps, shape (n,) [s].
     seed
         Added to the seed of the sensor noise, shape (n,).
+    changes
+        Directions in the gains, along which results are moved; `None` for none.
     """
 
     buildings: tuple[Building, ...]
     delay: Floats
     seed: NDArray[np.int64]
+    changes: GainChanges | None = None
 
     def __len__(self) -> int:
         """Number of realisations."""
@@ -492,14 +507,6 @@ _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
 _ROUNDED = 1.0 + 1e-9
 
 
-@array_dataclass()
-class GainChanges:
-    """Changes of the gains of a law along directions, shape (n_directions, n_gains), and how far results are moved."""
-
-    rows: Floats
-    reach: float
-
-
 @checked
 def simulate_loop(
     building: Building,
@@ -516,7 +523,6 @@ def simulate_loop(
     variation: LoopVariation | None = None,
     threads: Threads = 0,
     on_progress: Callable[[int, int], None] | None = None,
-    changes: GainChanges | None = None,
 ) -> Responses:
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
@@ -549,9 +555,6 @@ def simulate_loop(
         Threads to use, 0 for all.
     on_progress
         Called with the number of runs done and their total.
-    changes
-        Directions in the gains of one candidate. The candidates are then these gains, and two for each direction: every
-        quantity of a run, moved by its exact derivative along the direction times the reach and its negative.
 
     Raises
     ------
@@ -638,6 +641,7 @@ def simulate_loop(
         # The law's own building stays elastic.
         varied = [building]
     shape = (len(gains), len(motions), n_realisations)
+    changes = None if variation is None else variation.changes
     if changes is not None and len(gains) > 1:
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
     floors = measured_floors(nominal or building, hardware)

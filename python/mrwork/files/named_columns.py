@@ -21,10 +21,12 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.keys import closest
 from mrwork.base.summary import list_names
 from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
+from mrwork.files.layout import numbered_names
 from mrwork.store.child_reader import members_of
 from mrwork.store.input_file import RECORD, bytes_of, exists
 
@@ -177,6 +179,28 @@ def unit_at_end(name: str) -> str:
 def without_unit(name: str) -> str:
     """A column's name without the unit in brackets or at its end."""
     return _words_and_unit(name)[0].strip() if len(name) <= LONGEST_NAME else name
+
+
+def find_column(column: str, names: Sequence[str], source: str) -> str:
+    """Return the one name equal to `column`, or else except for case, or except for its unit; or that of its number."""
+    wanted = plain_name(column).casefold()
+    alike = (
+        [name for name in names if name == column]
+        or [name for name in names if plain_name(name).casefold() == wanted]
+        or [name for name in names if without_unit(name).casefold() == wanted]
+        or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
+    )
+    if len(alike) == 1:
+        return alike[0]
+    if len(set(alike)) > 1:
+        quoted = list_names([f"'{name}'" for name in alike])
+        raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
+    if alike:
+        raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
+    shown = ", ".join(f"'{name}'" for name in names)
+    near = closest(column, names)
+    columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
+    raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
 def _words_and_unit(name: str) -> tuple[str, str]:

@@ -153,7 +153,8 @@ def read_rows(rows: bytes, form: RowForm) -> Rows | None:
         or (form.texts and b' "' in rows)
         or ((form.texts or with_commas) and not alike)
         or (form.texts and b"\n\n" in b"\n" + rows.translate(None, _OF_NUMBERS) + b"\n")
-        or not (rows.isascii() or _is_text(rows))
+        # A character beyond ASCII that may be of a number, or between fields.
+        or (not rows.isascii() and _LIKE_ASCII.search(rows.translate(None, _ASCII).decode()))
     ):
         return None
     # A quoted field may contain the end of a line, and a header that is repeated changes what is a row.
@@ -183,11 +184,6 @@ def read_rows(rows: bytes, form: RowForm) -> Rows | None:
             column[n_before : n_before + part.n_rows] = part.columns[place]
         n_before += part.n_rows
     return Rows(n_rows=n_rows, columns=columns, no_numbers=no_numbers)
-
-
-def _is_text(rows: bytes) -> bool:
-    """Whether all characters beyond ASCII are none of a number and none between fields."""
-    return _LIKE_ASCII.search(rows.translate(None, _ASCII).decode()) is None
 
 
 def _blocks(rows: bytes) -> Iterator[bytes]:

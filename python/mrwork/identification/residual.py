@@ -54,10 +54,6 @@ class Nuisance:
         ]
         return ", ".join(text for value, text in parts if value != 0.0)
 
-    def apply_to(self, force: Floats, dt: float) -> Floats:
-        """Apply the estimates to `force` [N], shape (n_time,), which is sampled every `dt` [s]."""
-        return np.asarray(self.level * delay_signal(force, self.delay / dt) + self.offset)
-
 
 NONE = Nuisance()
 
@@ -421,7 +417,10 @@ class ObservedTest:
     def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
         """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
         nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
-        return nuisance.apply_to(force, self.test.dt) if self.nuisances else force, nuisance
+        if self.nuisances:
+            late = delay_signal(force, nuisance.delay / self.test.dt)
+            force = np.asarray(nuisance.level * late + nuisance.offset)
+        return force, nuisance
 
     def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""

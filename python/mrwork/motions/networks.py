@@ -1,4 +1,6 @@
-"""Text formats of strong-motion networks and archives: PEER AT2, COSMOS, ESM and ITACA, K-NET and KiK-net.
+"""Text formats of strong-motion networks and archives.
+
+PEER AT2, COSMOS, ESM and ITACA, K-NET and KiK-net; CSMIP (CDMG, CGS), BHRC, RENADIC and USC; SMC of the USGS; GeoNet.
 
 `Format` is what a reader declares; `Lines` are the lines of a file, with line numbers in messages.
 """
@@ -19,6 +21,7 @@ from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.files.layout import reads_as_float
+from mrwork.files.named_columns import rounded_grid
 from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 
@@ -136,6 +139,80 @@ def make_motion(path: Path, *, dt: float, acceleration: Floats, source: str) -> 
         )
     refuse_absurd(acceleration, source=str(path))
     return GroundMotion(name=path.stem, dt=dt, acceleration=acceleration, source=f"{source} ({path.name})")
+
+
+# Steps that differ by less, relative to their median, count as equal.
+_JITTER = 1e-3
+# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
+_PADDING = 1.0
+_PADDING_STEPS = 20.0
+# A longer step within a record [s], and in steps, is a gap; the last may be longer.
+_GAP = 0.25
+_GAP_STEPS = 10.0
+
+
+def motion_of_columns(
+    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
+) -> GroundMotion:
+    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
+
+    Steps that are equal up to jitter or rounding are taken as uniform; otherwise the record is resampled linearly.
+    """
+    for values, what in ((time, "time"), (acceleration, "acceleration")):
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RecordError(
+                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
+            )
+    if time.size < 2:
+        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
+    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise RecordError(
+            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
+            "digits enough to differ"
+        )
+    padding, last, others = "", time[-1] - time[-2], np.diff(time[:-1]).max(initial=0.0)
+    if time.size > 3 and acceleration[-1] == 0.0 and last > max(_PADDING, _PADDING_STEPS * others):
+        padding = f"last point dropped: zero at {time[-1]:g} s, {last:g} s behind the others, is padding"
+        time, acceleration = time[:-1], acceleration[:-1]
+    dt, acceleration, change = _on_one_step(time, acceleration, where)
+    changes = tuple(filter(None, (padding, change)))
+    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=changes)
+
+
+def _on_one_step(
+    time: Floats, acceleration: Floats, where: Callable[[int], str]
+) -> tuple[float, Floats, str]:
+    """Step [s], samples, and a description of the change."""
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    # In a long record, times written with few digits differ in the last digit.
+    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
+    if regular.all():
+        return float(time[-1] - time[0]) / steps.size, acceleration, ""
+    uniform = rounded_grid(time)
+    if uniform is not None:
+        dt = float(uniform[-1] - uniform[0]) / steps.size
+        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
+    if not regular.any():
+        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
+    dt = float(steps[regular].mean())
+    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
+    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
+    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
+    place = int(np.argmax(steps))
+    is_gap = place < steps.size - 1 and steps[place] > max(_GAP_STEPS * dt, _GAP)
+    if n_time > 2 * time.size or is_gap:
+        raise RecordError(
+            f"{where(place + 1)}: a gap of {steps[place]:.4g} s before it, and steps of {dt:.4g} s elsewhere; cut out "
+            "one continuous part"
+        )
+    odd = steps[~regular] - dt
+    worst = odd[np.argmax(np.abs(odd))]
+    change = f"resampled every {dt:.6g} s, straight between; steps that differ: {odd.size}, by up to {worst:+.4g} s"
+    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change
 
 
 def chosen_channel(path: Path, titles: Sequence[str], stated: Stated) -> int:
@@ -327,4 +404,153 @@ K_NET = Format(
     name="a K-NET record",
     recognises=lambda lines: lines.at(0).startswith("Origin Time") and _line_of(lines, "Scale Factor") >= 0,
     read=_read_knet,
+)
+
+
+# Each channel of a volume has a header, then numbers at widths, which may touch; velocities are not read.
+# "3251 POINTS OF ACCEL DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: CM/SEC/SEC)",
+# "13200 Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)".
+_SERIES = re.compile(
+    r"\s*(?P<count>\d{1,9})\s+(?:points of accel data equally spaced at\s*(?P<step>\d*\.?\d+)\s*sec"
+    r"|accelerogram points at\s*(?P<rate>\d*\.?\d+)\s*pts/sec).*?\b(?:units:|in units of|in)\s*(?P<unit>[\w/^]+)",
+    re.IGNORECASE,
+)
+_WIDTH = re.compile(r"\(\d+f([1-9]\d*)\.\d+\)", re.IGNORECASE)
+# The line 11 of 13 lines of text, which 7 of integers and 7 of other numbers follow; the line after it has the unit.
+_POINTS = re.compile(
+    r"no\. of points\s*=\s*(\d{1,9})\s+(?:record length|duration)\s*=\s*(\d*\.?\d+)", re.IGNORECASE
+)
+_AFTER_POINTS = 17
+_UNITS = re.compile(r"\bunits\b.*\band\s+(g(?=/10)|[\w/^]+)(/10)?", re.IGNORECASE)
+_TITLE = re.compile(r"\b(?:chan\w*\s+\d+\s*:|comp\s+\w).*", re.IGNORECASE)
+_UNCORRECTED = ("uncorrected", "* vol", "file")
+_OTHERS = ("corrected accelerogram", "response and fourier")
+# Lines of the longest header; widths of a time or an acceleration in a pair, and of a number with an exponent.
+_HEADER, _IN_PAIR, _WITH_EXPONENT = 45, 7, 13
+
+
+def _read_volume(lines: Lines, stated: Stated) -> GroundMotion:
+    """Volume 1 or 2 of CSMIP, or volume 1 of BHRC, RENADIC or USC, of which all but BHRC have pairs with times."""
+    heads = [text[:200] for text in lines.texts]
+    found = [(place, series) for place, text in enumerate(heads) if (series := _SERIES.match(text))]
+    read = _read_series if found else _read_points
+    if not found and heads[0].casefold().startswith(_UNCORRECTED):
+        found = [(place, points) for place, text in enumerate(heads) if (points := _POINTS.search(text))]
+    if not found:
+        raise RecordError(
+            f"{lines.path}: begins as a volume of accelerograms, '{quote_text(heads[0])}', without a series that "
+            "is known; read are volumes 1 and 2 of CSMIP, and volumes 1 of BHRC, RENADIC and USC: give one of "
+            "these, or save the series as two columns, time and acceleration"
+        )
+    titles = [_title_above(heads[max(0, place - _HEADER) : place]) for place, _ in found]
+    number = chosen_channel(lines.path, titles, stated)
+    of_event = 2 if heads[0].casefold().startswith("corrected") else 1
+    source = ", ".join(filter(None, (" ".join(lines.at(of_event).split()), titles[number])))
+    return read(lines, *found[number], source)
+
+
+def _read_series(lines: Lines, place: int, series: re.Match[str], source: str) -> GroundMotion:
+    """Accelerations after a line that states their number, step and unit."""
+    given = _WIDTH.search(lines.at(place))
+    width = int(given[1]) if given else max(round(len(lines.at(place + 1).rstrip()) / 8), 1)
+    numbers, _ = numbers_at_widths(lines, place + 1, int(series["count"]), width)
+    dt = float(series["step"]) if series["step"] else 1.0 / max(float(series["rate"]), 1e-9)
+    factor = factor_to_si(series["unit"], "acceleration", context=lines.where(place))
+    return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=source)
+
+
+def _read_points(lines: Lines, place: int, points: re.Match[str], source: str) -> GroundMotion:
+    """Accelerations, or pairs of times and these, some lines after one that states their number and duration."""
+    unit, tenth = found.groups() if (found := _UNITS.search(lines.at(place + 1))) else ("", None)
+    factor = factor_to_si(unit, "acceleration", context=lines.where(place)) / (10.0 if tenth else 1.0)
+    count, first = int(points[1]), place + _AFTER_POINTS
+    head = lines.at(first).rstrip()
+    if "E" in head.upper():
+        numbers, _ = numbers_at_widths(lines, first, count, _WITH_EXPONENT)
+        dt = float(points[2]) / max(count - 1, 1)
+        return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=source)
+    # The first column may be wider than the others.
+    pairs, _ = numbers_at_widths(lines, first, 2 * count, _IN_PAIR, indent=len(head) % _IN_PAIR)
+    return _motion_of_pairs(lines, first, 5, pairs.reshape(-1, 2) * [1.0, factor], source)
+
+
+def _motion_of_pairs(lines: Lines, first: int, per_line: int, pairs: Floats, source: str) -> GroundMotion:
+    """The motion of pairs of time [s] and acceleration [m/s^2], shape (n_time, 2), so many in each line."""
+    return motion_of_columns(
+        *pairs.T,
+        name=lines.path.stem,
+        source=f"{source} ({lines.path.name})",
+        where=lambda row: lines.where(first + row // per_line),
+    )
+
+
+def _title_above(heads: list[str]) -> str:
+    """The nearest name of a channel or component."""
+    named = (found[0] for text in reversed(heads) if (found := _TITLE.search(text)) is not None)
+    return " ".join(next(named, "").split())
+
+
+VOLUME = Format(
+    name="a volume of CSMIP, BHRC, RENADIC or USC",
+    recognises=lambda lines: (
+        lines.at(0).casefold().startswith((*_UNCORRECTED[:2], *_OTHERS))
+        or "of uncorrected accelerogram" in lines.at(0).casefold()
+    ),
+    read=_read_volume,
+    needs=frozenset({"channel"}),
+)
+
+
+def _read_smc(lines: Lines, _: Stated) -> GroundMotion:
+    """11 lines of text, 48 integers, 50 numbers, comments, then cm/s^2, or pairs of time and these (USGS, SMC)."""
+    if "ACCELEROGRAM" not in lines.at(0):
+        raise RecordError(
+            f"{lines.where(0)}: this SMC file is of the kind '{quote_text(lines.at(0))}'; give one of acceleration"
+        )
+    integers, place = numbers_at_widths(lines, 11, 48, 10)
+    header, place = numbers_at_widths(lines, place, 50, 15)
+    place += max(int(integers[15]), 0)
+    numbers = numbers_at_widths(lines, place, max(int(integers[16]), 0), 10)[0]
+    source = " ".join(f"{lines.at(3)} {lines.at(5)}".split())
+    # The first number of the header stands for what is not known.
+    if header[1] != header[0] and header[1] > 0.0:
+        return make_motion(lines.path, dt=1.0 / header[1], acceleration=0.01 * numbers, source=source)
+    pairs = numbers[: numbers.size // 2 * 2].reshape(-1, 2) * [1.0, 0.01]
+    return _motion_of_pairs(lines, place, 4, pairs, source)
+
+
+SMC = Format(
+    name="an SMC record",
+    recognises=lambda lines: (
+        re.match(r"\d [A-Z]{2}", lines.at(0)) is not None
+        and all(lines.at(place).startswith("*") for place in (8, 9, 10))
+    ),
+    read=_read_smc,
+)
+
+_GEONET = re.compile(r"(?:un)?corrected accelerogram\b.*\bGNS Science", re.IGNORECASE)
+
+
+def _read_geonet(lines: Lines, stated: Stated) -> GroundMotion:
+    """A file V1A or V2A: for each channel 16 lines of text, 100 numbers, then mm/s^2 (GNS accelerogram data, 2012)."""
+    heads = [place for place, text in enumerate(lines.texts) if _GEONET.match(text[:200])]
+    titles = [" ".join(lines.at(head + 12).split()) for head in heads]
+    number = chosen_channel(lines.path, titles, stated)
+    header, place = numbers_at_widths(lines, heads[number] + 16, 100, 8)
+    corrected = lines.at(heads[number]).casefold().startswith("corrected")
+    numbers, _ = numbers_at_widths(lines, place, int(header[33 if corrected else 30]), 8)
+    scale = re.search(r"units of\s*(\d*\.?\d+)\s*mm/s/s", lines.at(heads[number] + 11))
+    return make_motion(
+        lines.path,
+        dt=float(header[65]),
+        acceleration=1e-3 * (1.0 if scale is None else float(scale[1])) * numbers,
+        source=f"GeoNet, {' '.join(lines.at(heads[number] + 2).split())}, {titles[number]}",
+    )
+
+
+GEONET = Format(
+    name="a GeoNet record",
+    recognises=lambda lines: _GEONET.match(lines.at(0)) is not None,
+    read=_read_geonet,
+    needs=frozenset({"channel"}),
 )

@@ -29,6 +29,7 @@ from mrwork.files.named_columns import (
     LONGEST_NAME,
     ColumnTable,
     VectorTable,
+    find_column,
     listed_files,
     rounded_grid,
     unit_in_name,
@@ -38,18 +39,20 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (
     COSMOS,
     ESM,
+    GEONET,
     K_NET,
     PEER_AT2,
+    SMC,
+    VOLUME,
     Format,
     Lines,
     Stated,
     lines_of,
+    motion_of_columns,
     quote_text,
     read_numbers,
     refuse_needless,
 )
-from mrwork.motions.uniform import motion_of_columns
-from mrwork.motions.volumes import GEONET, SMC, VOLUME
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
@@ -78,14 +81,6 @@ def _time_column(names: Sequence[str], *, source: str) -> str | None:
     if len(found) > 1:
         raise RecordError(f"{source}: columns '{found[0]}' and '{found[1]}' both look like time; rename one")
     return found[0] if found else None
-
-
-def _time_factor(table: ColumnTable, name: str, *, source: str) -> float:
-    """Factor to seconds of a column of time; one without a unit is in seconds."""
-    unit = unit_in_name("time", name) or table.units.get(name, "")
-    if unit.casefold() in _SECONDS:
-        return 1.0
-    return factor_to_si(unit, "time", context=f"{source}: column '{name}'")
 
 
 def _is_acceleration(name: str) -> bool:
@@ -149,7 +144,7 @@ def _motion_of_table(
         time = names[0] if is_pair or runs_as_time(first) else None
     free = [name for name in names if name != time]
     if stated.column is not None:
-        candidates = [_chosen(names, stated.column, source)]
+        candidates = [find_column(stated.column, names, source)]
     else:
         candidates = [name for name in free if _is_acceleration(name)] or (free if is_nameless else [])
     name = candidates[0] if len(candidates) == 1 else ""
@@ -176,7 +171,10 @@ def _motion_of_table(
         )
     columns = table.read([name] if time is None else [time, name])
     if time is not None:
-        times = _time_factor(table, time, source=source) * columns[time]
+        unit = unit_in_name("time", time) or table.units.get(time, "")
+        # One without a unit is in seconds.
+        unit = "s" if unit.casefold() in _SECONDS else unit
+        times = factor_to_si(unit, "time", context=f"{source}: column '{time}'") * columns[time]
     elif dt is not None and SMALLEST <= dt < np.inf:
         times = dt * np.arange(columns[name].size, dtype=np.float64)
     else:
@@ -195,21 +193,6 @@ def _motion_of_table(
         where=lambda row: f"{path}: {table.locate(row)}",
     )
     return motion if time is not None or dt is None else replace(motion, dt=dt)
-
-
-def _chosen(names: Sequence[str], column: str, source: str) -> str:
-    """The column that an option names, or of which it gives the number from 1."""
-    given = column.strip().casefold()
-    named = [name for name in names if name.strip().casefold() == given]
-    if not named:
-        numbered = zip(numbered_names(len(names)), names, strict=True)
-        named = [name for number, name in numbered if number == given]
-    if len(named) != 1:
-        how_many = f"{len(named)} columns are" if named else "no column is"
-        raise RecordError(
-            f"{source}: {how_many} '{column}' among {_listed(names)}; give `column` a name or a number of these"
-        )
-    return named[0]
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -382,17 +365,13 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
-    wide = [matrix for matrix in matrices.values() if matrix.ndim == 2 and min(matrix.shape) > 2]
     name = next(iter(pairs), None) if stated.column in (None, "2") else stated.column
-    if name in pairs:
-        vectors = dict(zip(("t_s", name), pairs[name], strict=True))
-        stated = replace(stated, column=name)
-    elif not pairs and len(wide) == 1:
-        columns = wide[0] if wide[0].shape[0] < wide[0].shape[1] else wide[0].T
-        vectors = dict(zip(numbered_names(len(columns)), columns, strict=True))
-    else:
+    if name is None or name not in pairs:
         return _motion_of_table(open_matlab(path), stated, path)
-    return _motion_of_table(VectorTable(source=str(path), sha256="", vectors=vectors), stated, path)
+    table = VectorTable(
+        source=str(path), sha256="", vectors=dict(zip(("t_s", name), pairs[name], strict=True))
+    )
+    return _motion_of_table(table, replace(stated, column=name), path)
 
 
 # Each format recognises its content; a table is the fallback and comes last.

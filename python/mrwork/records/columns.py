@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from mrwork.base.keys import closest, suggestion
+from mrwork.base.keys import suggestion
 from mrwork.base.summary import list_names
 from mrwork.base.units import (
     FACTORS,
@@ -30,14 +30,13 @@ from mrwork.files.named_columns import (
     ReadColumn,
     TestQuantity,
     column_option,
+    find_column,
     is_plain,
     is_second_choice,
-    plain_name,
     scalar_unit_in_name,
     suggested_options,
     unit_at_end,
     unit_in_name,
-    without_unit,
 )
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
@@ -437,28 +436,6 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
     if unit:
         factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
     return column, unit
-
-
-def find_column(column: str, names: Sequence[str], source: str) -> str:
-    """Return the one name equal to `column`, or else except for case, or except for its unit; or that of its number."""
-    wanted = plain_name(column).casefold()
-    alike = (
-        [name for name in names if name == column]
-        or [name for name in names if plain_name(name).casefold() == wanted]
-        or [name for name in names if without_unit(name).casefold() == wanted]
-        or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
-    )
-    if len(alike) == 1:
-        return alike[0]
-    if len(set(alike)) > 1:
-        quoted = list_names([f"'{name}'" for name in alike])
-        raise RecordError(f"{source}: '{column}' may be {quoted}; give the whole heading")
-    if alike:
-        raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
-    shown = ", ".join(f"'{name}'" for name in names)
-    near = closest(column, names)
-    columns = f", did you mean '{near}'" if near else f"; the columns are {shown}"
-    raise RecordError(f"{source}: there is no column '{column}'{columns}")
 
 
 def tells_a_test(table: ColumnTable) -> bool:

@@ -264,7 +264,9 @@ def refuse_velocity(test: DamperTest) -> None:
     """Refuse a test whose velocity is a known factor times the derivative of the displacement."""
     for finding in test.findings:
         if finding.code in (OFF_BY_FACTOR, OFF_BY_CLOCK):
-            raise RecordError(f"{test.label}: {finding.message}")
+            refusal = RecordError(f"{test.label}: {finding.message}")
+            refusal.of_columns = True
+            raise refusal
 
 
 def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Finding, ...]:

@@ -24,7 +24,7 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.named_columns import QUANTITIES, ColumnTable, TestQuantity
+from mrwork.files.named_columns import QUANTITIES, ColumnTable, TestQuantity, find_column
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
 from mrwork.records.columns import (
@@ -38,7 +38,6 @@ from mrwork.records.columns import (
     StatedCommand,
     check_specification,
     choose_columns,
-    find_column,
     guess_columns,
     scalar_command,
     stated_step,

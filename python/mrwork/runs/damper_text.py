@@ -118,8 +118,8 @@ def refuse_bounds(fit: Fit) -> None:
             continue
         raise SettingError(
             f"{each.name} is at {of_unit(each.value, each.unit)}, {is_at}, and a better fit may lie beyond; fit again "
-            f"with a wider --bound {each.name}=LOWER:UPPER, the model admits {own.lower:g} to {own.upper:g}, or with "
-            f"--fix {each.name}={each.value:.6g}, and export that"
+            f"by mrwork identify with a wider --bound {each.name}=LOWER:UPPER, the model admits {own.lower:g} to "
+            f"{own.upper:g}, or with --fix {each.name}={each.value:.6g}, and export that"
         )
 
 
@@ -283,9 +283,8 @@ def _substeps_in_words(velocity: float, step: float, time_step: float, sigma: fl
     """
     count = ceil(velocity * time_step / step)
     if count > _MOST_SUBSTEPS:
-        less = ", or identify normalised_bouc_wen with --fix sigma=0.5, which unloads less steeply" * (
-            sigma > 1.0
-        )
+        steep = ", or mrwork identify --model normalised_bouc_wen --fix sigma=0.5, which unloads less steeply"
+        less = steep if sigma > 1.0 else ""
         raise SettingError(
             f"OpenSees would need {count} sub-steps of {time_step:g} s at the largest tested velocity, {velocity:.3g} "
             f"m/s, and {_MOST_SUBSTEPS} are the most; give a larger error or a shorter time step{less}"

@@ -119,7 +119,7 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
         place.refuse(
             f"no parameter of this {spec.name} ({source}) depends on the command, so that i = 0, the largest command "
             "and every control law would give the same response; identify it from tests at several commands with "
-            "--law, or give its laws, or add passive = true to take it as a passive damper"
+            "mrwork identify --law, or give its laws, or add passive = true to take it as a passive damper"
         )
     if not table.passive:
         return

@@ -284,7 +284,7 @@ class _Document(Related):
     motions: tuple[MotionFacts, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
-    building_warnings: tuple[str, ...]
+    study_warnings: tuple[str, ...]
     damper_warnings: tuple[str, ...]
     floors: tuple[str, ...]
     storeys: tuple[str, ...]
@@ -293,7 +293,6 @@ class _Document(Related):
     judged_on: str
     chosen_on: tuple[str, ...]
     design_levels: tuple[str, ...] = ()
-    motion_warnings: tuple[str, ...] = ()
     limit: dict[str, Positive] = field(default_factory=dict)
     spreads: dict[str, Spread]
     groups: tuple[StoredGroup, ...]
@@ -359,7 +358,7 @@ class _Document(Related):
 # What it has as the results have it.
 _OF_DOCUMENT = (
     "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
-    "building_warnings", "damper_warnings", "motion_warnings", "chosen_on", "design_levels", "limit",
+    "study_warnings", "damper_warnings", "chosen_on", "design_levels", "limit",
 )  # fmt: skip
 
 

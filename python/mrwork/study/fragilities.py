@@ -203,7 +203,7 @@ class Fragilities(WithAxes, Summarised):
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
     of tested ranges over row and intensity, and the response of each record.
-    `level` is that of the bands, `criterion` has the `limit`, in this unit. `motion_warnings` are those of the results.
+    `level` is that of the bands, `criterion` has the `limit`, in this unit. `study_warnings` are those of the results.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
@@ -213,7 +213,7 @@ class Fragilities(WithAxes, Summarised):
     unit: str
     level: float
     rows: Mapping[str, Fragility]
-    motion_warnings: tuple[str, ...] = ()
+    study_warnings: tuple[str, ...] = ()
 
     @property
     def plot(self) -> FragilityPlots:
@@ -345,7 +345,7 @@ class Fragilities(WithAxes, Summarised):
                 )
                 for label, each in self.rows.items()
             ],
-            notes=[*self.in_words(against), *self.cautions, *self.motion_warnings],
+            notes=[*self.in_words(against), *self.cautions, *self.study_warnings],
         )
 
 
@@ -410,11 +410,9 @@ def fragility(
         if row.kind == "clairvoyant":
             # Its commands are found anew for each motion.
             continue
-        places = at.places.tolist()
-        responses = np.array([[_response(results, number, each, name) for each in line] for line in places])
-        outside = np.array(
-            [[_is_outside(results, number, each) for each in line] for line in places], dtype=float
-        )
+        runs = [[(number, motion) for motion in line] for line in at.places.tolist()]
+        responses = np.array([[_response(results, *each, name) for each in line] for line in runs])
+        outside = np.array([[_is_outside(results, *each) for each in line] for line in runs], dtype=float)
         found = fragility_of(
             *(row.label, row.kind, responses, at.levels, value, weights),
             level=level,
@@ -430,7 +428,7 @@ def fragility(
         unit=unit,
         level=level,
         rows=rows,
-        motion_warnings=results.motion_warnings,
+        study_warnings=results.study_warnings,
     )
 
 
@@ -564,11 +562,8 @@ def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[floa
     """
     reach = scipy.stats.t.ppf(0.5 + level / 2.0, n_records - 1) * math.sqrt(n_records / (n_records - 1.0))
     tail = float(scipy.stats.norm.sf(reach))
-    ends = (
-        np.quantile(each, share, method="inverted_cdf") for each, share in ((low, tail), (high, 1.0 - tail))
-    )
-    lower, upper = map(float, ends)
-    return lower, upper
+    lower, upper = (np.quantile(*each, method="inverted_cdf") for each in ((low, tail), (high, 1.0 - tail)))
+    return float(lower), float(upper)
 
 
 # Steps of Newton's method, largest step in standard deviations or of a larger slope, relative length of a step at the
@@ -577,23 +572,15 @@ _STEPS, _LONGEST, _CONVERGED, _TINY = 60, 1.5, 1e-6, 1e-290
 
 
 def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Median and dispersion of the lognormal distribution of largest likelihood, for each row of weights.
+    """Medians and dispersions of the lognormal distributions of largest likelihood, as in `Fragility`, (n_draws,) each.
 
-    Parameters
-    ----------
-    above, below
-        Ends of the interval of each record, shape (n_records,): 0 and infinity where one is open, equal where the
-        intensity is known.
-    weights
-        How often each record counts, shape (n_draws, n_records).
+    `above` and `below` are the ends of the interval of each record, shape (n_records,): 0 and infinity where one is
+    open, equal where the intensity is known. `weights` say how often each record counts, shape (n_draws, n_records).
 
-    Returns
-    -------
-    medians, dispersions
-        Shape (n_draws,), as in `Fragility`. Where one intensity separates all records the median is that intensity; it
-        is infinite if no record has an upper end above it and fewer than half have one below, 0 if none has a lower end
-        below it and more than half have an upper one. The likelihood has no finite maximum where no record that counts
-        has two ends and it does not rise with the slope at 0.
+    Where one intensity separates all records the median is that intensity; it is infinite if no record has an upper end
+    above it and fewer than half have one below, 0 if none has a lower end below it and more than half have an upper
+    one. The likelihood has no finite maximum where no record that counts has two ends and it does not rise with the
+    slope at 0.
     """
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
@@ -641,8 +628,9 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
     slope, place = np.ones(len(weights)), np.zeros(len(weights))
     total, gradient, curvature = _likelihood(low, high, weights, slope, place)
     for _ in range(_STEPS):
-        step = _newton_step(gradient, curvature)
+        step = np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0]
         length = np.abs(step).max(axis=1)
+        converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(place)], axis=1)).all(axis=1)
         if length.max() < 1e-10:
             break
         step *= np.minimum(1.0, _LONGEST * np.maximum(1.0, slope) / np.maximum(length, 1e-300))[:, None]
@@ -658,13 +646,7 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
         keep = ~worse
         slope, place = np.where(keep, new_slope, slope), np.where(keep, new_place, place)
         total, gradient, curvature = _likelihood(low, high, weights, slope, place)
-    left = np.abs(_newton_step(gradient, curvature)) / np.stack([slope, 1.0 + np.abs(place)], axis=1)
-    converged = left.max(axis=1) < _CONVERGED
     return np.where(converged, [np.exp(centre + scale * place / slope), scale / slope], np.nan)
-
-
-def _newton_step(gradient: Floats, curvature: Floats) -> Floats:
-    return np.asarray(np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0])
 
 
 def _likelihood(

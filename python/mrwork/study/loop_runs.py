@@ -11,12 +11,8 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.clairvoyant_search import (
-    Clairvoyant,
-    ClairvoyantProgress,
-    ClairvoyantStart,
-    clairvoyant,
-)
+from mrwork.closed_loop import clairvoyant
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant, ClairvoyantProgress, ClairvoyantStart
 from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
@@ -153,8 +149,8 @@ def simulate_criteria(
     """Simulate candidates of a law under motions, with realisations, in one call of the core.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, and `changes` make
-    candidates of one law, see `simulate_loop`.
+    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`,
+    and `changes` make candidates of one law.
     """
     noisy = any(noise for noise, _ in hardware.sensors)
     fitted, law = with_devices(arrangement, law)
@@ -178,10 +174,10 @@ def simulate_criteria(
             buildings=tuple(buildings[each] for each in factors),
             delay=realisations.delay,
             seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
+            changes=changes,
         ),
         threads=threads,
         on_progress=on_block,
-        changes=changes,
     )
     seconds = perf_counter() - began
     own = responses.with_numbers(**own_numbers(responses, arrangement, law))

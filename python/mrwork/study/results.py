@@ -278,12 +278,11 @@ class StudyResults(Summarised):
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
-    `building_warnings` sentences on the building and on unusual numbers of the study, `damper_warnings` on demand
-    outside the tested ranges, on laws out of their range and on the size of dampers, `motion_warnings` on doubtful
-    records and on copies. `facts` are further lines of the
-    page. `detailed` is the motion whose histories the page shows, of the rows `with_histories`. `ensemble` is the study
-    with each set of laws that predicts nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the
-    non-causal optima by the index of their motion, of which a folder has the file `results.json` only.
+    `study_warnings` are those of the study, `damper_warnings` sentences on demand outside the tested ranges, on laws
+    out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose
+    histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
+    nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their
+    motion, of which a folder has the file `results.json` only.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -304,9 +303,8 @@ class StudyResults(Summarised):
     design_levels: tuple[str, ...] = ()
     limit: Mapping[str, float] = field(default_factory=dict)
     choices: tuple[str, ...] = ()
-    building_warnings: tuple[str, ...] = ()
+    study_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
-    motion_warnings: tuple[str, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     detailed: Whole = 0
     with_histories: tuple[Whole, ...] = ()
@@ -540,12 +538,7 @@ class StudyResults(Summarised):
 
     def warnings(self) -> list[str]:
         """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [
-            *self.motion_warnings,
-            *self.building_warnings,
-            *level_warnings(self.design_levels),
-            *self.damper_warnings,
-        ]
+        warnings = [*self.study_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
         for number, row in enumerate(self.rows):
             named = ((each.name, self.runs.get((number, motion))) for motion, each in enumerate(self.motions))
             runs = [(name, run) for name, run in named if run is not None]

@@ -148,7 +148,7 @@ def run_study(
     realised: dict[int, LabelledRuns] = {}
     choices: list[str] = []
     played = PlayedCommands(study=study, threads=threads)
-    bare, building_warnings = study.building, study.warnings
+    bare, study_warnings = study.building, study.warnings
 
     steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
 
@@ -185,8 +185,7 @@ def run_study(
             command_unit=study.command_unit,
             facts=study.facts,
             clairvoyants=dict(clairvoyants),
-            building_warnings=building_warnings,
-            motion_warnings=study.motion_warnings,
+            study_warnings=study_warnings,
             detailed=study.detailed,
             with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
         )

@@ -11,7 +11,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import LARGEST_SEED, heading_lines, key, key_lines, keys_of, refuse_repeated, tables
+from mrwork.base.keys import (
+    LARGEST_SEED,
+    heading_lines,
+    key,
+    key_lines,
+    keys_of,
+    optional,
+    positive,
+    refuse_repeated,
+    tables,
+)
 from mrwork.base.places import Place
 from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import RATIOS, BuildingTable
@@ -85,12 +95,11 @@ class TuneTable:
 
     laws: tuple[str, ...] = key("names of the laws")
     label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
-    settings: Mapping[str, Any] | None = key("settings that are held", default=None, file=True)
-    free: Mapping[str, tuple[float, ...]] | None = key(
+    settings: Mapping[str, Any] | None = optional("settings that are held", file=True)
+    free: Mapping[str, tuple[float, ...]] | None = optional(
         "settings to be searched, with lower and upper bounds, as { control_weight = [1e-15, 1e-9] }; an empty array "
         "for the range of the law. Of any law also largest_command, and dead_zone [m/s] and command_slope [A/s or V/s] "
-        "of its command",
-        default=None,
+        "of its command"
     )
     criteria: tuple[str, ...] | Mapping[str, float] = key(
         "criteria of the score, an array or a table with their weights; by default peak and rms of drift and "
@@ -111,12 +120,9 @@ class TuneTable:
         "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",
         default="mean",
     )
-    tail: float | None = key(
-        "share of the worst for cvar, up to 1, by default 0.2", default=None, above=0.0, most=1.0
-    )
-    constraints: Mapping[str, float | str] | None = key(
-        'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }',
-        default=None,
+    tail: float | None = positive("share of the worst for cvar, up to 1, by default 0.2", most=1.0)
+    constraints: Mapping[str, float | str] | None = optional(
+        'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }'
     )
     robust: bool = key("whether the realisations of [uncertainty] belong to the score", default=False)
     search: str = key(
@@ -159,11 +165,8 @@ class BraceTable:
 
     stiffness: float = key("stiffness of the brace", unit="N/m", above=0.0)
     damping: float = key("damping of the brace", unit="N s/m", default=0.0, least=0.0)
-    mass: float | None = key(
-        "mass of the joint between brace and damper; positive, by default negligible",
-        unit="kg",
-        default=None,
-        above=0.0,
+    mass: float | None = positive(
+        "mass of the joint between brace and damper; positive, by default negligible", unit="kg"
     )
 
 
@@ -178,41 +181,32 @@ class DamperTable:
     """
 
     storey: int | str = key("storey of the damper: its number from 1, or its name")
-    preset: str | None = key("published set, as kwok2006; see mrwork models NAME", default=None)
-    run: str | FittedDamper | None = key(
-        "folder of an identified run, relative to the study file", default=None, file=True
+    preset: str | None = optional("published set, as kwok2006; see mrwork models NAME")
+    run: str | FittedDamper | None = optional(
+        "folder of an identified run, relative to the study file", file=True
     )
-    like: str | None = key(
+    like: str | None = optional(
         "model of the package that is fitted to the force of the run, and takes its place: a damper of the user, which "
-        "runs by JAX with few laws, then runs with all",
-        default=None,
+        "runs by JAX with few laws, then runs with all"
     )
-    model: str | DamperSpec | None = key(
-        "model of the parameters, or of the preset if two models have one of that name", default=None
+    model: str | DamperSpec | None = optional(
+        "model of the parameters, or of the preset if two models have one of that name"
     )
-    parameters: Mapping[str, float | tuple[float, ...]] | None = key(
-        "parameters, or changes to those of a preset or run: a number, or the coefficients of its law",
-        default=None,
+    parameters: Mapping[str, float | tuple[float, ...]] | None = optional(
+        "parameters, or changes to those of a preset or run: a number, or the coefficients of its law"
     )
-    laws: Mapping[str, LawName] | None = key(
-        "laws of parameters in the command; by default several coefficients are a polynomial", default=None
+    laws: Mapping[str, LawName] | None = optional(
+        "laws of parameters in the command; by default several coefficients are a polynomial"
     )
-    unit: DriverUnit | None = key(
-        "unit of the command, for given parameters, A by default; a preset and a run have their own",
-        default=None,
+    unit: DriverUnit | None = optional(
+        "unit of the command, for given parameters, A by default; a preset and a run have their own"
     )
-    lag: float | None = key(
-        "rate of the lag of the driver, instead of that of the preset",
-        unit="1/s",
-        default=None,
-        above=0.0,
-        usual=(1.0, 1e5),
+    lag: float | None = positive(
+        "rate of the lag of the driver, instead of that of the preset", unit="1/s", usual=(1.0, 1e5)
     )
-    largest_command: float | str | None = key(
+    largest_command: float | str | None = positive(
         "largest command of the driver, instead of that of the preset or the largest tested one of the run",
         unit="A or V",
-        default=None,
-        above=0.0,
         usual=_COMMANDS,
     )
     passive: bool = key(
@@ -227,38 +221,30 @@ class DamperTable:
     differential: bool = key(
         "whether as many equal dampers act in opposition, with the same command", default=False
     )
-    brace: BraceTable | None = key("brace in series", default=None)
-    angle: float | None = key(
+    brace: BraceTable | None = optional("brace in series")
+    angle: float | None = optional(
         "angle of the damper and its brace to the horizontal, as 38 deg: it is stretched by the drift times its cosine",
         unit="rad",
-        default=None,
         least=0.0,
     )
-    row: tuple[float, ...] | None = key(
+    row: tuple[float, ...] | None = optional(
         "stretch of the damper over the coordinates of the building, a number for each, instead of the drift of its "
-        "storey",
-        default=None,
+        "storey"
     )
-    rated_force: float | None = key(
-        "force that one damper is made for, beyond which runs are told", unit="N", default=None, above=0.0
+    rated_force: float | None = positive(
+        "force that one damper is made for, beyond which runs are told", unit="N"
     )
-    rated_stroke: float | None = key(
-        "stroke to either side that one damper is made for",
-        unit="m",
-        default=None,
-        above=0.0,
-        usual=(1e-3, 1.0),
+    rated_stroke: float | None = positive(
+        "stroke to either side that one damper is made for", unit="m", usual=(1e-3, 1.0)
     )
-    name: str | None = key("name in tables, by default that of its storey", default=None, label=True)
-    amplitude: tuple[float, ...] | None = key(
+    name: str | None = optional("name in tables, by default that of its storey", label=True)
+    amplitude: tuple[float, ...] | None = positive(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
-        default=None,
-        above=0.0,
         usual=(1e-4, 1.0),
     )
-    velocity: tuple[float, ...] | None = key(
-        "smallest and largest expected velocity, for the same laws", unit="m/s", default=None, above=0.0
+    velocity: tuple[float, ...] | None = positive(
+        "smallest and largest expected velocity, for the same laws", unit="m/s"
     )
     place: Place
 
@@ -276,11 +262,8 @@ class LawFileTable:
     memory: int = key(
         "numbers that each run keeps from sample to sample", default=0, least=0, most=MOST_MEMORY
     )
-    rms_time: float | None = key(
-        "time constant of the running root mean squares of the readings, LoopSample.rms",
-        unit="s",
-        default=None,
-        above=0.0,
+    rms_time: float | None = positive(
+        "time constant of the running root mean squares of the readings, LoopSample.rms", unit="s"
     )
     place: Place
 
@@ -298,31 +281,27 @@ class ControllerTable:
     """
 
     law: str = key("name of the law; required without user", default="")
-    user: LawFileTable | None = key("law in Python instead", default=None)
+    user: LawFileTable | None = optional("law in Python instead")
     label: str = key("label in tables; by default the title of the law", default="", label=True)
-    settings: Mapping[str, Any] | None = key("settings of the law", default=None, file=True)
-    gain: tuple[tuple[float, ...], ...] | str | None = key(
+    settings: Mapping[str, Any] | None = optional("settings of the law", file=True)
+    gain: tuple[tuple[float, ...], ...] | str | None = optional(
         "finished gain K of the desired force f_c = -K s, for laws of a desired force, instead of weights among the "
         "settings: a row for each device, a column for each displacement [N/m] and then each velocity [N s/m] of the "
         "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
-        default=None,
         file=True,
     )
-    largest_command: float | None = key(
+    largest_command: float | None = positive(
         "largest command that this law may send, by default that of the dampers",
         unit="A or V",
-        default=None,
-        above=0.0,
         usual=_COMMANDS,
     )
     dead_zone: float = key(
         "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
     )
-    command_slope: float = key(
+    command_slope: float = positive(
         "largest change of the command of this law per time, from sample to sample",
         unit="A/s or V/s",
         default=math.inf,
-        above=0.0,
     )
     place: Place
 
@@ -340,15 +319,13 @@ class BaselineTable:
 class SoilTable:
     """Filters of a synthetic motion; the default is firm soil."""
 
-    frequency: float | None = key("frequency of the ground", unit="rad/s", default=None, above=0.0)
-    damping: float | None = key("damping ratio of the ground", default=None, above=0.0, usual=(0.02, 2.0))
-    intensity: float | None = key(
-        "two-sided spectral density of the bedrock", unit="m2/s3", default=None, above=0.0
+    frequency: float | None = positive("frequency of the ground", unit="rad/s")
+    damping: float | None = positive("damping ratio of the ground", usual=(0.02, 2.0))
+    intensity: float | None = positive("two-sided spectral density of the bedrock", unit="m2/s3")
+    high_pass_frequency: float | None = positive(
+        "frequency of the second filter of clough_penzien", unit="rad/s"
     )
-    high_pass_frequency: float | None = key(
-        "frequency of the second filter of clough_penzien", unit="rad/s", default=None, above=0.0
-    )
-    high_pass_damping: float | None = key("damping ratio of the second filter", default=None, above=0.0)
+    high_pass_damping: float | None = positive("damping ratio of the second filter")
     place: Place
 
 
@@ -369,56 +346,42 @@ class TargetTable:
     It is that of a code, or a table of periods and accelerations.
     """
 
-    code: Literal["en_1998", "asce_7"] | None = key(
-        "code of the spectrum: EN 1998-1 or ASCE 7-16", default=None
-    )
-    a_g: float | None = key(
+    code: Literal["en_1998", "asce_7"] | None = optional("code of the spectrum: EN 1998-1 or ASCE 7-16")
+    a_g: float | None = positive(
         "ground acceleration of EN 1998-1 on ground A, with the importance factor",
         unit="m/s2",
-        default=None,
-        above=0.0,
         usual=(0.4, 15.0),
     )
-    ground: Ground | None = key("ground type of EN 1998-1, A by default", default=None)
-    spectrum_type: int | None = key(
-        "type of EN 1998-1, 1 or 2, by default 1", default=None, least=1, most=2, named="type"
+    ground: Ground | None = optional("ground type of EN 1998-1, A by default")
+    spectrum_type: int | None = optional(
+        "type of EN 1998-1, 1 or 2, by default 1", least=1, most=2, named="type"
     )
-    s_ds: float | None = key(
-        "acceleration at short periods of ASCE 7", unit="m/s2", default=None, above=0.0, usual=(0.6, 40.0)
+    s_ds: float | None = positive("acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0))
+    s_d1: float | None = positive("acceleration at 1 s of ASCE 7", unit="m/s2")
+    t_l: float | None = positive("transition period of ASCE 7", unit="s")
+    periods: tuple[float, ...] | None = optional("periods of a table", unit="s", least=0.0)
+    accelerations: tuple[float, ...] | None = positive("pseudo-accelerations of a table", unit="m/s2")
+    name: str | None = optional("name of a table, target by default", label=True)
+    damping: float | None = optional(
+        "damping ratio, 0.05 by default; ASCE 7 has no other", least=0.0, most=_WIDEST, usual=RATIOS
     )
-    s_d1: float | None = key("acceleration at 1 s of ASCE 7", unit="m/s2", default=None, above=0.0)
-    t_l: float | None = key("transition period of ASCE 7", unit="s", default=None, above=0.0)
-    periods: tuple[float, ...] | None = key("periods of a table", unit="s", default=None, least=0.0)
-    accelerations: tuple[float, ...] | None = key(
-        "pseudo-accelerations of a table", unit="m/s2", default=None, above=0.0
-    )
-    name: str | None = key("name of a table, target by default", default=None, label=True)
-    damping: float | None = key(
-        "damping ratio, 0.05 by default; ASCE 7 has no other",
-        default=None,
-        least=0.0,
-        most=_WIDEST,
-        usual=RATIOS,
-    )
-    period: float | None = key(
+    period: float | None = positive(
         "period of scale_to and of the range of the check, 0.2 to 2 times as long; by default the first period of "
         "[building], before dampers",
         unit="s",
-        default=None,
-        above=0.0,
     )
     place: Place
 
     def build(self) -> TargetSpectrum:
         """The spectrum."""
-        build, required, optional = _TARGETS[self.code]
+        build, required, allowed = _TARGETS[self.code]
         names = [entry.name for entry in keys_of(TargetTable) if entry.name not in ("code", "period")]
         given = {name: value for name in names if (value := getattr(self, name)) is not None}
         what = (
             f"a target of the code {self.code}" if self.code else "a target without code, which is a table,"
         )
         for name in given:
-            if name not in (*required, *optional):
+            if name not in (*required, *allowed):
                 self.place.within("type" if name == "spectrum_type" else name).refuse(
                     f"{what} has no such key; leave it out{'' if self.code else ', or give the code'}"
                 )
@@ -443,41 +406,34 @@ class MotionTable:
     Training and test motions must be different records: files and accelerations are compared.
     """
 
-    file: str | GroundMotion | None = key(
+    file: str | GroundMotion | None = optional(
         "record: .AT2, .csv, .mat and others, relative to the study file; of a folder, or a pattern as records/*.AT2, "
         "every record is a motion",
-        default=None,
         file=True,
     )
-    acceleration: tuple[float, ...] | None = key(
-        "samples instead of a file, every dt, in m/s2 or the unit", default=None
+    acceleration: tuple[float, ...] | None = optional(
+        "samples instead of a file, every dt, in m/s2 or the unit"
     )
-    synthetic: Synthetic | None = key("filtered noise instead of a file", default=None)
-    suite: SuiteTable | None = key("many synthetic motions instead of a file", default=None)
+    synthetic: Synthetic | None = optional("filtered noise instead of a file")
+    suite: SuiteTable | None = optional("many synthetic motions instead of a file")
     name: str = key(
         "name in tables; of several records or a suite, the beginning of their names", default="", label=True
     )
     group: str | tuple[str, ...] = key(
         "group of the motions, or several, of which tables have the score", default="", label=True
     )
-    unit: str | None = key(
-        "unit of the acceleration in the file, as g; needed if the file does not state it", default=None
+    unit: str | None = optional(
+        "unit of the acceleration in the file, as g; needed if the file does not state it"
     )
-    column: str | None = key("column or variable of the acceleration, if there are several", default=None)
-    channel: int | None = key("channel of a file with several, from 1", default=None, least=1)
-    dt: float | None = key(
+    column: str | None = optional("column or variable of the acceleration, if there are several")
+    channel: int | None = optional("channel of a file with several, from 1", least=1)
+    dt: float | None = positive(
         "step of synthetic motions, 0.01 s by default, of samples, or of a table without times",
         unit="s",
-        default=None,
-        above=0.0,
         usual=_STEPS,
     )
-    duration: float | None = key(
-        "length of a synthetic motion, 30 s by default",
-        unit="s",
-        default=None,
-        above=0.0,
-        usual=(0.3, 3600.0),
+    duration: float | None = positive(
+        "length of a synthetic motion, 30 s by default", unit="s", usual=(0.3, 3600.0)
     )
     seed: int = key(
         "seed of a synthetic motion or a suite, added to that of the command line",
@@ -485,49 +441,39 @@ class MotionTable:
         least=0,
         most=LARGEST_SEED,
     )
-    soil: SoilTable | None = key("soil of a synthetic motion", default=None)
-    factor: float | tuple[float, ...] | None = key(
-        "factor of the amplitude, also after scale_to", default=None, most_items=_MOST_SCALED
+    soil: SoilTable | None = optional("soil of a synthetic motion")
+    factor: float | tuple[float, ...] | None = optional(
+        "factor of the amplitude, also after scale_to", most_items=_MOST_SCALED
     )
-    pga: float | tuple[float, ...] | None = key(
-        "peak that the motion is scaled to", unit="m/s2", default=None, most_items=_MOST_SCALED, usual=_PEAKS
+    pga: float | tuple[float, ...] | None = optional(
+        "peak that the motion is scaled to", unit="m/s2", most_items=_MOST_SCALED, usual=_PEAKS
     )
-    sa: float | tuple[float, ...] | None = key(
+    sa: float | tuple[float, ...] | None = optional(
         "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
         unit="m/s2",
-        default=None,
         most_items=_MOST_SCALED,
         usual=(0.1, 80.0),
     )
-    sa_period: float | None = key(
+    sa_period: float | None = positive(
         "period of the spectral acceleration, by default the first period of [building], before dampers",
         unit="s",
-        default=None,
-        above=0.0,
         usual=_PERIODS,
     )
-    sa_damping: float | None = key(
-        "damping ratio of the spectral acceleration, 0.05 by default",
-        default=None,
-        least=0.0,
-        most=_WIDEST,
-        usual=RATIOS,
+    sa_damping: float | None = optional(
+        "damping ratio of the spectral acceleration, 0.05 by default", least=0.0, most=_WIDEST, usual=RATIOS
     )
-    scale_to: ScaledBy | None = key(
-        "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period",
-        default=None,
+    scale_to: ScaledBy | None = optional(
+        "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
     )
-    time_scale: float = key("factor of the time axis", default=1.0, above=0.0)
+    time_scale: float = positive("factor of the time axis", default=1.0)
     start: float = key(
         "start of the part that is used, in the time of the file", unit="s", default=0.0, least=0.0
     )
-    end: float | None = key(
-        "end of the part that is used, in the time of the file", unit="s", default=None, above=0.0
+    end: float | None = positive("end of the part that is used, in the time of the file", unit="s")
+    baseline: int | None = optional(
+        "order of the polynomial of the baseline correction", least=0, most=HIGHEST_ORDER
     )
-    baseline: int | None = key(
-        "order of the polynomial of the baseline correction", default=None, least=0, most=HIGHEST_ORDER
-    )
-    resample: float | None = key("step that the motion is resampled to", unit="s", default=None, above=0.0)
+    resample: float | None = positive("step that the motion is resampled to", unit="s")
     rest: float = key("time at rest appended to the motion", unit="s", default=0.0, least=0.0)
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
     place: Place
@@ -553,16 +499,13 @@ class PlacesTable:
     the test motions. Laws are tuned at the best one.
     """
 
-    dampers: int | None = key(
+    dampers: int | None = optional(
         "number of dampers, each as the [[damper]] with its count; by default as many as there are [[damper]]",
-        default=None,
         least=1,
         most=1000,
     )
-    storeys: tuple[int | str, ...] | None = key(
-        "storeys that they may stand in, by default all", default=None
-    )
-    each: int | None = key("most of them in a storey, by default all", default=None, least=1)
+    storeys: tuple[int | str, ...] | None = optional("storeys that they may stand in, by default all")
+    each: int | None = optional("most of them in a storey, by default all", least=1)
     place: Place
 
 
@@ -570,9 +513,8 @@ class PlacesTable:
 class ReportTable:
     """Figures in detail on the page."""
 
-    motion: str | None = key(
-        "motion of the time histories and force loops; by default the test motion of the largest peak",
-        default=None,
+    motion: str | None = optional(
+        "motion of the time histories and force loops; by default the test motion of the largest peak"
     )
     controllers: tuple[str, ...] = key(
         "labels of the arrangements drawn there, by default all; of more than 24, the best are drawn",
@@ -581,10 +523,9 @@ class ReportTable:
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
-    limit: Mapping[str, float | str] | None = key(
+    limit: Mapping[str, float | str] | None = optional(
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
-        '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %',
-        default=None,
+        '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %'
     )
     place: Place | None = None
 
@@ -610,14 +551,12 @@ class StudyTable:
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
     motion: tuple[MotionTable, ...] = key("ground motions")
-    design_level: float | None = key(
+    design_level: float | None = positive(
         "level of the motions on which laws are designed and the best constant command is chosen, to be kept at all "
         "others: one of their pga, sa or factor; by default every level",
         unit="m/s2",
-        default=None,
-        above=0.0,
     )
-    target: TargetTable | None = key("target spectrum of the motions", default=None)
+    target: TargetTable | None = optional("target spectrum of the motions")
     references: References = key(
         "what laws are compared with besides i = 0: the best constant command of the dampers, added where the study "
         "does not list it, or none",
@@ -625,10 +564,10 @@ class StudyTable:
     )
     hardware: Hardware = key("the loop around the law", default=Hardware())
     report: ReportTable = key("figures on the page", default=ReportTable())
-    uncertainty: UncertaintyTable | None = key("what is not known exactly", default=None)
+    uncertainty: UncertaintyTable | None = optional("what is not known exactly")
     tune: tuple[TuneTable, ...] = key("laws to be tuned, by mrwork tune", default=())
-    places: PlacesTable | None = key("places of the dampers to be compared, by mrwork tune", default=None)
-    clairvoyant: ClairvoyantTable | None = key("the non-causal optimum of each motion", default=None)
+    places: PlacesTable | None = optional("places of the dampers to be compared, by mrwork tune")
+    clairvoyant: ClairvoyantTable | None = optional("the non-causal optimum of each motion")
 
 
 def schema_text() -> str:

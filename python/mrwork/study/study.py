@@ -305,22 +305,20 @@ class Study(Summarised):
         return (*(each.row for each in self.arrangements), *last)
 
     @property
-    def building_warnings(self) -> tuple[str, ...]:
-        """Sentences on the building, see `Building.warnings`; if there are none, on damping of the baselines."""
-        baselines = [each.building for each in self.arrangements if each.row.kind == "baseline"]
-        warnings = (self.building.warnings, *(each.damping_warnings for each in baselines))
-        return next((sentences for sentences in warnings if sentences), ())
-
-    @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on the building, on baselines that change nothing and on unusual numbers, before any run."""
+        """Sentences on records, on the building and its baselines, and on unusual numbers.
+
+        Damping of a baseline is told of only where there is nothing to be said of the building.
+        """
         bare = digest_of_run(self.arrangements[0])
+        baselines = [each for each in self.arrangements if each.row.kind == "baseline"]
+        of_each = (self.building.warnings, *(each.building.damping_warnings for each in baselines))
         same = (
             f"{each.row.label} is the building itself: what the baseline gives changes nothing."
-            for each in self.arrangements
-            if each.row.kind == "baseline" and digest_of_run(each) == bare
+            for each in baselines
+            if digest_of_run(each) == bare
         )
-        return (*self.building_warnings, *same, *self.questions)
+        return (*self.motion_warnings, *next(filter(None, of_each), ()), *same, *self.questions)
 
     @property
     def motion_warnings(self) -> tuple[str, ...]:

@@ -313,10 +313,9 @@ class TuningResults(WithAxes, Summarised):
     references, training before test motions, NaN where a law was not judged; with the use of each motion, and the
     settings of each law that are numbers. `places` are placements of the dampers, the best first, at which the laws are
     tuned. `seconds_outside` is the time outside the simulation [s]: design of gains, search, scores.
-    `building_warnings` are sentences on the building and on unusual numbers of the study, `damper_warnings` on demand
-    of the tuned laws outside the tested ranges of the dampers, `motion_warnings` on doubtful records and on copies;
-    `design_levels` are the levels of the motions that laws are tuned on, where the study names one or its records have
-    several.
+    `study_warnings` are those of the study, `damper_warnings` sentences on demand of the tuned laws outside the tested
+    ranges of the dampers; `design_levels` are the levels of the motions that laws are tuned on, where the study names
+    one or its records have several.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -335,9 +334,8 @@ class TuningResults(WithAxes, Summarised):
     candidates_per_second: NotNegative = 0.0
     seconds_outside: NotNegative = 0.0
     facts: tuple[tuple[str, str], ...] = ()
-    building_warnings: tuple[str, ...] = ()
+    study_warnings: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
-    motion_warnings: tuple[str, ...] = ()
     design_levels: tuple[str, ...] = ()
 
     @property
@@ -349,8 +347,7 @@ class TuningResults(WithAxes, Summarised):
     def warnings(self) -> tuple[str, ...]:
         """Sentences on undamped modes, demand out of tested ranges, what scores cannot say, and exceeded limits."""
         sentences = [
-            *self.motion_warnings,
-            *self.building_warnings,
+            *self.study_warnings,
             *level_warnings(self.design_levels),
             *self.damper_warnings,
             *(() if self.testing else (TRAINING_ONLY,)),

@@ -123,8 +123,7 @@ def tune(
             facts=study.facts,
             fronts=tuple(fronts),
             places=tuple(places),
-            building_warnings=study.warnings,
-            motion_warnings=study.motion_warnings,
+            study_warnings=study.warnings,
             design_levels=study.design_levels,
             damper_warnings=damper_warnings(demands),
         )

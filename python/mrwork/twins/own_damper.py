@@ -138,7 +138,12 @@ def own_damper(
     if fault := spec.disagreement():
         raise SettingError(f"{name or 'an empty text'} {fault}")
     # First as they are, so that what goes wrong has its line, then from their text alone.
-    _refuse_units(spec)
+    for parameter in spec.parameters:
+        if scale_of(parameter.unit) not in (None, 1.0):
+            raise SettingError(
+                f"{parameter.name} of {spec.name} is in {parameter.unit}, and numbers are in SI, not converted; give "
+                "them in N, m, s and products of these"
+            )
     for role, each in stated.items():
         _refuse_arguments(role, each, name)
     given_check = _Check(spec, twin_with(spec, force, rate, relaxation))
@@ -180,15 +185,6 @@ def _parameter(name: str, given: _Given) -> ParamSpec:
         nominal=nominal,
         description=name,
     )
-
-
-def _refuse_units(spec: DamperSpec) -> None:
-    for each in spec.parameters:
-        if scale_of(each.unit) not in (None, 1.0):
-            raise SettingError(
-                f"{each.name} of {spec.name} is in {each.unit}, and numbers are in SI, not converted; give them in N, "
-                "m, s and products of these"
-            )
 
 
 _ARGUMENTS = {"relaxation": "(p, displacement, velocity)"}

@@ -136,7 +136,8 @@ def respond(
     summary = np.full((len(runs), loop.widths[0]), np.inf)
     outcome = np.full(len(runs), Outcome.UNRESOLVED, dtype=np.uint8)
     steps = np.zeros(len(runs), dtype=np.uint32)
-    n_samples = [_n_samples(dt, len(acceleration), loop.sample_time) for dt, acceleration in loop.motions]
+    seconds = [dt * (len(acceleration) - 1) for dt, acceleration in loop.motions]
+    n_samples = [max(math.floor(each / loop.sample_time * (1.0 + 1e-12)), 1) for each in seconds]
     n_columns = loop.widths[1]
     # A row for each sample, and one for the end of the last.
     rows = (
@@ -211,10 +212,6 @@ def _steps_after(loop: OwnLoop, count: int, bound: float, tries: int) -> int:
     if spec.n_states and twin_of(spec).relaxation is None and not 0 < wanted <= finer:
         return finer if possible else 0
     return wanted
-
-
-def _n_samples(dt: float, n_values: int, sample_time: float) -> int:
-    return max(math.floor(dt * (n_values - 1) / sample_time * (1.0 + 1e-12)), 1)
 
 
 def _groups(

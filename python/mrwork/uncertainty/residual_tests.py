@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
@@ -157,15 +158,8 @@ def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: f
     ratio = float(np.mean(scores[inside]) / np.mean(scores[~inside]))
     return Excess(
         ratio=math.sqrt(float(np.mean(squared[inside]) / np.mean(squared[~inside]))),
-        p=f_beyond(ratio, *freedom),
+        p=float(scipy.special.fdtrc(float(freedom[0]), float(freedom[1]), ratio)),
     )
-
-
-def f_beyond(ratio: float, above: float, below: float) -> float:
-    """Survival function of F at these degrees of freedom."""
-    from scipy.special import fdtrc
-
-    return float(fdtrc(above, below, ratio))
 
 
 def autocorrelation(residual: Floats, lags: int) -> Floats:
@@ -179,7 +173,7 @@ def autocorrelation(residual: Floats, lags: int) -> Floats:
 def _ljung_box(rho: Floats, n_time: int) -> float:
     lag = np.arange(1, LAGS + 1)
     statistic = n_time * (n_time + 2) * float(np.sum(rho[1:] ** 2 / (n_time - lag)))
-    return chi_squared_beyond(statistic, LAGS)
+    return float(scipy.special.chdtrc(LAGS, statistic))
 
 
 def _breusch_pagan(squared: Floats, over: Floats, n_effective: float) -> float:
@@ -187,14 +181,7 @@ def _breusch_pagan(squared: Floats, over: Floats, n_effective: float) -> float:
     design = np.column_stack([np.ones(squared.size), over / over.max(axis=0)])
     left = squared - design @ np.linalg.lstsq(design, squared, rcond=None)[0]
     explained = 1.0 - float(np.var(left)) / float(np.var(squared))
-    return chi_squared_beyond(n_effective * max(explained, 0.0), over.shape[1])
-
-
-def chi_squared_beyond(statistic: float, degrees: int) -> float:
-    """Survival function of chi-squared with these degrees of freedom."""
-    from scipy.special import chdtrc
-
-    return float(chdtrc(degrees, statistic))
+    return float(scipy.special.chdtrc(over.shape[1], n_effective * max(explained, 0.0)))
 
 
 def _excess_kurtosis(values: Floats) -> float:

@@ -15,13 +15,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective
 from mrwork.identification.objective import Objective
-from mrwork.identification.traced import (
-    ComparedArrays,
-    Residuals,
-    form_of,
-    function_of,
-    objective_of,
-)
+from mrwork.identification.traced import ComparedArrays, Residuals, form_of, function_of, objective_of
 from mrwork.records import DamperTest
 from mrwork.twins.traced_function import TracedFunction
 from mrwork.uncertainty.noise import NOISES, Noise, names_in_words, noise_model

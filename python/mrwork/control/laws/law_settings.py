@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import largest_command
@@ -84,12 +84,10 @@ class FrictionSettings(LawSettings):
 class MixedSkyhookSettings(LawSettings):
     """Skyhook below a crossover frequency, acceleration-driven damping above it."""
 
-    crossover: float | None = key(
+    crossover: float | None = positive(
         "frequency below which the law is skyhook; by default the square root of two times the first natural one, "
         "where a building of one storey transmits as much with little damping as with much",
         unit="Hz",
-        default=None,
-        above=0.0,
         span=Span(lower=0.05, upper=1.0, of=(("acceleration", 1.0), ("velocity", -1.0))),
     )
 

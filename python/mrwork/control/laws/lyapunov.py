@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Threads, checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
@@ -169,11 +169,9 @@ class ProportionalSettings(LyapunovSettings):
             of=(("command", 2.0), ("force", -1.0), ("rate", -1.0), ("energy", 1.0), ("cost", -1.0)),
         ),
     )
-    control_weight: Weights | None = key(
+    control_weight: Weights | None = positive(
         "R of that regulator; of the forces of devices with all their dampers",
         unit="1/N2",
-        default=None,
-        above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
     )

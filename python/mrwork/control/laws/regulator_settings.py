@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import describe_key, key, keys_of
+from mrwork.base.keys import describe_key, key, keys_of, optional, positive
 from mrwork.base.values import Floats
 from mrwork.control.laws.control_law import SOURCES, FurtherSignal, SignalName, SignalSource, control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
@@ -44,20 +44,17 @@ class RegulatorSettings(CostWeights, LawSettings):
 
     is_regulator: ClassVar[bool] = True
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
-    control_weight: Weights | None = key(
+    control_weight: Weights | None = positive(
         "R of the forces, each the force of a device with all its dampers; with designed weights, 1 is R as designed; "
         "required without a gain",
         unit="1/N2",
-        default=None,
-        above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
     )
-    gain: MatrixRows | None = key(
+    gain: MatrixRows | None = optional(
         "finished gain K of the desired force f_c = -K s instead of any weights: a row for each device, a column for "
         "each displacement [N/m] of the coordinates and then for each velocity [N s/m]; rows of numbers, or the name "
         "of a .csv, .tsv, .txt, .npy or .mat file with them",
-        default=None,
         matrix=True,
     )
 
@@ -352,19 +349,15 @@ class SignalSettings(RegulatorSettings):
         default=(),
         least=1,
     )
-    acceleration: float | None = key(
+    acceleration: float | None = positive(
         "scale of all accelerations among the further signals, which need it",
         unit="m/s2",
-        default=None,
-        above=0.0,
         span=_about("acceleration"),
     )
-    time_constant: float | None = key(
+    time_constant: float | None = positive(
         "time constant of the running root mean squares, which need it: after it a square counts 1/e; a law keeps one, "
         "and mrwork tune does not search it",
         unit="s",
-        default=None,
-        above=0.0,
     )
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import key
+from mrwork.base.keys import key, optional, positive
 from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
@@ -37,18 +37,15 @@ class RolloutSettings(LawSettings):
 
     chooses_levels: ClassVar[bool] = True
 
-    base: float | None = key(
+    base: float | None = optional(
         "command that follows every tried one in the prediction; it wins ties",
         unit="A or V",
-        default=None,
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
     )
-    drift: float | None = key(
+    drift: float | None = positive(
         "reference drift D",
         unit="m",
-        default=None,
-        above=0.0,
         span=Span(
             lower=0.3,
             upper=3.0,
@@ -58,25 +55,21 @@ class RolloutSettings(LawSettings):
             held="only the ratio of acceleration to it matters; free acceleration",
         ),
     )
-    acceleration: float | None = key(
+    acceleration: float | None = positive(
         "reference acceleration A",
         unit="m/s2",
-        default=None,
-        above=0.0,
         span=Span(lower=0.5, upper=2.0, start=1.0, of=(("constant_acceleration", 1.0),)),
     )
-    levels: float = key(
+    levels: float = positive(
         "factor of the tried commands, which are 0, 0.08, 0.213, 0.426 and 1 of the largest",
         default=1.0,
-        above=0.0,
         most=1.0,
         span=Span(lower=0.2, upper=1.0, start=1.0, scale="linear", free=False),
     )
-    horizon: float = key(
+    horizon: float = positive(
         "time that a prediction covers, at most 1 s",
         unit="s",
         default=0.24,
-        above=0.0,
         most=1.0,
         span=Span(lower=0.1, upper=0.4, start=0.24, scale="linear"),
     )
@@ -104,14 +97,11 @@ class RolloutSettings(LawSettings):
         default="autoregressive",
     )
     order: int = key("readings that the forecast combines", default=4, least=1, most=_MOST)
-    decision: float = key(
-        "time from one decision to the next, a whole number of samples", unit="s", default=0.01, above=0.0
+    decision: float = positive(
+        "time from one decision to the next, a whole number of samples", unit="s", default=0.01
     )
-    step: float | None = key(
-        "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff",
-        unit="s",
-        default=None,
-        above=0.0,
+    step: float | None = positive(
+        "longest step of the model; by default 2.5 ms, or finer where the dampers are stiff", unit="s"
     )
 
     def design(self, problem: DesignProblem) -> Design:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import key, keys_of
+from mrwork.base.keys import key, keys_of, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
@@ -221,19 +221,17 @@ class _SurfaceSettings(LawSettings):
         above=0.0,
         span=Span(lower=0.1, upper=10.0, start=1.0, of=(("force", 1.0),), free=False),
     )
-    frequency: float = key(
+    frequency: float = positive(
         "highest frequency at which the ground reaches its peak acceleration",
         unit="Hz",
         default=5.0,
-        above=0.0,
         span=Span(lower=0.2, upper=20.0, free=False),
     )
     margin: float = key("switching force over the disturbance", default=1.2, above=1.0)
-    bandwidth: float = key(
+    bandwidth: float = positive(
         "bandwidth inside the boundary layer; below that of the driver",
         unit="1/s",
         default=100.0,
-        above=0.0,
         span=Span(lower=10.0, upper=180.0),
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import DeclaredTable, key, keys_of
+from mrwork.base.keys import DeclaredTable, key, keys_of, optional, positive
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
@@ -65,49 +65,34 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     spectrum of its training motions, see `stationary_ground`, and the force of its dampers; the output states both.
     """
 
-    budget: float | tuple[float, ...] | None = key(
+    budget: float | tuple[float, ...] | None = positive(
         "largest rms desired force of each device with all its dampers; by default a third of their largest force at "
         "their largest command, over their tested range, and at most a fifth of the inertia of the building",
         unit="N",
-        default=None,
-        above=0.0,
     )
     spectrum: Literal["kanai_tajimi", "clough_penzien"] = key(
         "spectrum of the ground acceleration", default="kanai_tajimi"
     )
-    ground_frequency: float | None = key(
-        "frequency of the ground, by default that of the training motions",
-        unit="rad/s",
-        default=None,
-        least=1e-3,
-        most=1e4,
+    ground_frequency: float | None = optional(
+        "frequency of the ground, by default that of the training motions", unit="rad/s", least=1e-3, most=1e4
     )
-    ground_damping: float | None = key(
-        "damping ratio of the ground, by default that of the training motions",
-        default=None,
-        least=1e-4,
-        most=1e3,
+    ground_damping: float | None = optional(
+        "damping ratio of the ground, by default that of the training motions", least=1e-4, most=1e3
     )
-    intensity: float | None = key(
+    intensity: float | None = positive(
         "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "
         "the budget over its root matters",
         unit="m2/s3",
-        default=None,
-        above=0.0,
     )
-    record: str | None = key(
-        "record to which the spectrum is fitted instead, relative to the study file", default=None
+    record: str | None = optional(
+        "record to which the spectrum is fitted instead, relative to the study file"
     )
-    stiffness: tuple[float, ...] = key(
-        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]",
-        default=(),
-        above=0.0,
+    stiffness: tuple[float, ...] = positive(
+        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]", default=()
     )
-    semi_active: float | None = key(
+    semi_active: float | None = positive(
         "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
-        "law then, R hardly matters",
-        default=None,
-        above=0.0,
+        "law then, R hardly matters"
     )
 
     sampled: bool = key(
@@ -242,7 +227,7 @@ def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, f
     that are held.
     """
     span = None if of is None else Span(lower=1e-4, upper=1e2, of=(("cost", 1.0), (of, -2.0)), free=free)
-    return key(says, unit=unit, default=None, least=0.0, matrix=True, span=span)
+    return optional(says, unit=unit, least=0.0, matrix=True, span=span)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,17 +258,13 @@ class CostWeights:
     state_weight: Weights | None = _declare_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
-    energy: float | None = key(
-        "weight of twice the energy of the building", unit="1/J", default=None, above=0.0
+    energy: float | None = positive("weight of twice the energy of the building", unit="1/J")
+    designed: WeightWishes | None = optional(
+        "weights designed from limits on rms responses and a budget of force, instead of any others"
     )
-    designed: WeightWishes | None = key(
-        "weights designed from limits on rms responses and a budget of force, instead of any others",
-        default=None,
-    )
-    budget_scale: float = key(
+    budget_scale: float = positive(
         "factor of the budget of designed weights; with semi_active it is searched instead of R",
         default=1.0,
-        above=0.0,
         span=Span(lower=0.1, upper=10.0, free=False),
     )
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
-from functools import cache
-from time import perf_counter
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -284,7 +282,7 @@ def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutio
             f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
             "each, or one that all rows share"
         )
-    _warn_of_time(given["state"].shape[-1], time)
+    _warn_of_time(given["state"].shape[-1])
     try:
         gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
     except ValueError as error:
@@ -397,41 +395,21 @@ class LyapunovEquations:
         return symmetric(self._basis @ solution @ self._basis.T / scale)
 
 
-# An equation of so many states is timed where one takes seconds; larger ones take longer than by their cube, because
-# they do not fit into the cache.
-_TIMED_STATES, _MANY_STATES = 100, 250
-_FARTHER = 1.3
-# What is told [s].
-_LONG = 5.0
+# Seconds of an equation of one state, about, times the cube of their number; those that are told, and told of [s].
+_SECONDS = 2e-7
+_MANY_STATES, _LONG = 250, 5.0
 
 
-def _warn_of_time(n_states: int, time: Time) -> None:
-    """Warn of an equation of many states, with the time that it will take on this machine."""
-    if n_states < _MANY_STATES:
-        return
-    seconds = _FARTHER * _seconds_timed(time) * (n_states / _TIMED_STATES) ** 3
-    if seconds >= _LONG:
+def _warn_of_time(n_states: int) -> None:
+    """Warn of an equation of many states, with the time that it will take, about."""
+    seconds = _SECONDS * n_states**3
+    if n_states >= _MANY_STATES and seconds >= _LONG:
         warnings.warn(
             f"a Riccati equation of {n_states:,} states takes about {duration_in_words(seconds)}, and grows with their "
             "cube; a building of fewer coordinates, as by `mr.buildings.modal_truncation`, takes less",
             MrworkWarning,
             stacklevel=2,
         )
-
-
-@cache
-def _seconds_timed(time: Time) -> float:
-    """Seconds of an equation of `_TIMED_STATES` states, that of a chain of masses."""
-    n = _TIMED_STATES // 2
-    chain = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-chain, -0.05 * chain]])
-    B = np.concatenate([np.zeros(n), [1.0], np.zeros(n - 1)])[:, None]
-    if time == "discrete":
-        A, B = np.linalg.inv(np.eye(2 * n) - 0.1 * A), 0.1 * B
-    weights = {"state_weight": np.eye(2 * n)[None], "control_weight": np.ones((1, 1, 1))}
-    began = perf_counter()
-    _rust.riccati_equations(time, state=A[None], control=B[None], **weights, threads=1)
-    return perf_counter() - began
 
 
 def _columns(name: str, matrix: ArrayLike) -> int:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
-from mrwork.base.keys import key, plain_values, refuse_repeated
+from mrwork.base.keys import plain_values, positive, refuse_repeated
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -36,18 +36,13 @@ class RmsLimits:
 
     _made_by: ClassVar[str] = "mr.control.RmsLimits(rms_drift=...)"
 
-    rms_drift: Limit | None = key("limit of the rms drift of storeys", unit="m", default=None, above=0.0)
-    rms_acceleration: Limit | None = key(
-        "limit of the rms absolute acceleration of floors", unit="m/s2", default=None, above=0.0
+    rms_drift: Limit | None = positive("limit of the rms drift of storeys", unit="m")
+    rms_acceleration: Limit | None = positive("limit of the rms absolute acceleration of floors", unit="m/s2")
+    rms_displacement: Limit | None = positive(
+        "limit of the rms displacement of floors relative to the ground", unit="m"
     )
-    rms_displacement: Limit | None = key(
-        "limit of the rms displacement of floors relative to the ground", unit="m", default=None, above=0.0
-    )
-    rms_force: Limit | None = key(
-        "limit of the rms force of devices, which is scaled with the others; the budget is not",
-        unit="N",
-        default=None,
-        above=0.0,
+    rms_force: Limit | None = positive(
+        "limit of the rms force of devices, which is scaled with the others; the budget is not", unit="N"
     )
 
     def __post_init__(self) -> None:

@@ -166,12 +166,11 @@ class LawSearch:
             expanded.append(current.laws)
             for laws in self._proposals(current):
                 self._move_to(current, laws)
-        self.fitted = [self._without_extrema(each) for each in self.fitted]
-
-    def _without_extrema(self, fitted: FittedLaws) -> FittedLaws:
-        """The same with another form of each law that has an extremum between the commands which that form has not."""
-        found = hidden_extrema(fitted.spec, fitted.fit.theta[0], self.commands.tolist())
-        return self.in_other_form(fitted, [each.parameter for each in found if each.instead])
+        # Of a law that has an extremum between the commands, the form that has none.
+        for number, each in enumerate(self.fitted):
+            found = hidden_extrema(each.spec, each.fit.theta[0], self.commands.tolist())
+            names = [extremum.parameter for extremum in found if extremum.instead]
+            self.fitted[number] = self.in_other_form(each, names)
 
     def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
         """The same with those of these laws interpolated the other way that have the force of every test by both."""
