@@ -283,6 +283,7 @@ def test_what_lies_beyond_the_levels_bounds_bands_and_ratios() -> None:
     assert high == math.inf
 
 
+@pytest.mark.words
 def test_a_sentence_says_what_each_law_changes() -> None:
     found = mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"})
     ratio, (low, high) = found.ratio("Clipped-optimal", "uncontrolled")

@@ -40,6 +40,7 @@ def with_constant() -> StudyResults:
     return shaken(tuple(rows))
 
 
+@pytest.mark.words
 def test_what_became_worse_leads_in_words_with_its_motion() -> None:
     comparison = compared(shaken())
     assert comparison.leading == SHAKEN
@@ -122,6 +123,7 @@ def test_many_laws_are_counted_where_they_are_worse() -> None:
     assert (counts["peak_acceleration"], counts["peak_drift"]) == (1, 0)
 
 
+@pytest.mark.words
 def test_a_law_has_its_verdict_in_words() -> None:
     for results in (with_constant(), shaken()):
         assert verdict(compared(results), SHAKEN).startswith(
@@ -136,6 +138,7 @@ def test_a_verdict_names_what_did_not_finish() -> None:
     assert verdict(failed, SHAKEN) == "did not finish under El Centro"
 
 
+@pytest.mark.words
 @pytest.mark.parametrize(
     ("mean", "expected"),
     [(0.0, "idle"), (2.0, "coincides with passive-on"), (0.7, "a constant command in effect, 0.7 A")],

@@ -103,6 +103,19 @@ def test_trials_tell_the_time_of_all_and_runs_correct_it(monkeypatch: pytest.Mon
     assert "left" not in seen[-1].later(90.0).in_words
 
 
+def test_a_resumed_study_counts_what_was_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("mrwork.study.course.time.perf_counter", lambda: clock[0])
+    told, seen = course(clock, expected=50.0)
+    told.begin((0, "runs"), "first", 0, recalling=True)
+    told.begin((1, "runs"), "second", 100)
+    # Half of the runs were recalled; a trial of the rest has taken little.
+    assert 0.5 <= seen[-1].share < 0.55  # type: ignore[operator] # it is known
+    clock[0] += 25.0
+    told.advance(50, 100)
+    assert seen[-1].share == pytest.approx(0.75, abs=0.03)
+
+
 def test_an_excerpt_is_the_part_with_the_most_energy() -> None:
     motion = mr.synthetic_motion(duration=10.0)
     part = excerpt_of(motion, 0.1, 1e-3)

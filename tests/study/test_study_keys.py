@@ -144,6 +144,10 @@ def wrong_values(entry: Field[Any], hint: Any) -> Iterator[Any]:
     is_table = any(is_dataclass(each) or get_origin(each) not in (tuple, None) for each in members(hint))
     yield 3 if bool in members(hint) else True
     yield [[True]] if is_table else {}
+    if any(
+        get_origin(each) is get_origin(next(iter(get_args(each)), None)) is tuple for each in members(hint)
+    ):
+        yield [[math.nan]]
     if (kind := numeric(hint)) is not None and not any(map(is_dataclass, members(hint))):
         wrong: list[Any] = [*numbers_out_of_range(entry, kind)]
         if entry.metadata["unit"] and str not in members(hint) and not entry.metadata["matrix"]:

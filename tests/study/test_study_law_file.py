@@ -217,6 +217,7 @@ def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path) ->
     assert said == ["study.toml, line 17: running law.py as Python, for its function law"]
 
 
+@pytest.mark.machine
 def test_what_a_law_writes_by_any_way_is_not_on_the_stdout_of_a_process(folder: Path) -> None:
     """By number, from a child process, on the stream of before, and as the interpreter ends."""
     law = """
@@ -239,6 +240,7 @@ def law(sample, memory):
     assert set(ended.stderr.splitlines()[1:]) == {"child", "number", "before", "end"}
 
 
+@pytest.mark.machine
 def test_ctrl_c_in_a_law_is_an_interrupt(folder: Path) -> None:
     waits = "import pathlib, time\n" + SENT.format("pathlib.Path('asked').touch(); time.sleep(60.0)")
     (folder / "law.py").write_text(waits)
