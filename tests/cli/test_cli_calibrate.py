@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import mrwork, printed
 from refusals import command_refusal
-
-import mrwork as mr
 
 # One free number: the search is over at once.
 FIXED = {"k_w": 650.0, "rho": 15000.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
@@ -41,27 +38,6 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(place: Path) ->
     # A wider motion than those of the fit.
     assert predicted["files"][0]["outside_tested_range"] == ["stroke"]
     assert "outside the tested range of the fit in stroke" in predicted["files"][0]["band"]["basis"]
-
-
-def test_versions_of_a_fitted_test_are_seen_and_not_used(place: Path, tmp_path: Path) -> None:
-    test = mr.synthetic_test("spencer1997_fast")
-    weights = np.full(5, 0.2)
-    columns = [
-        np.convolve(each, weights, mode="valid") for each in (test.time, test.displacement, test.force)
-    ]
-    smoothed = tmp_path / "smoothed.csv"
-    np.savetxt(smoothed, np.transpose(columns), delimiter=",", header="t_s,x_m,force_n", comments="")
-
-    command_refusal("calibrate", place, smoothed, match="motion and command of synthetic:spencer1997_fast")
-    made = json.loads(mrwork("calibrate", place, smoothed, OTHERS[0], "--json").stdout)
-    assert made["tests"] == [OTHERS[0]]
-    assert [(each["test"], each["like"]) for each in made["seen"]] == [
-        (str(smoothed), "synthetic:spencer1997_fast")
-    ]
-
-    predicted = json.loads(mrwork("predict", place, smoothed, OTHERS[0], "--level", "0.9", "--json").stdout)
-    assert [each["seen"] is not None for each in predicted["files"]] == [True, False]
-    assert [each["band"]["calibrated_on"] is not None for each in predicted["files"]] == [False, True]
 
 
 def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(place: Path) -> None:

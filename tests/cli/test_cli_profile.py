@@ -88,20 +88,6 @@ def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(("verb", "file"), [("profile", "posterior.nc"), ("sample", "profiles.json")])
-def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
-    run: Path, tmp_path: Path, verb: str, file: str
-) -> None:
-    place = tmp_path / "run"
-    shutil.copytree(run, place)
-    (place / file).write_text("{}")
-    before = {each.name: each.read_bytes() for each in place.iterdir() if each.is_file()}
-    # A chain of so many steps would take minutes.
-    more = ("--steps", "1000000", "--walkers", "64") if verb == "sample" else ()
-    assert file in printed(verb, place, "--quiet", *more, status=2)
-    assert {each.name: each.read_bytes() for each in place.iterdir() if each.name in before} == before
-
-
 def test_identify_says_what_the_data_do_not_see(run: Path) -> None:
     stored = read_fit(run)
     assert stored.identifiability is not None
