@@ -167,10 +167,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_report_teststatus(report: pytest.TestReport) -> Generator[None, Any, Any]:
+def pytest_report_teststatus(report: pytest.TestReport | pytest.CollectReport) -> Generator[None, Any, Any]:
     """A failure is listed with its kind."""
     category, letter, word = yield
-    kinds = [kind for kind in KINDS if kind in report.keywords]
+    kinds = [kind for kind in KINDS if kind in getattr(report, "keywords", ())]
     return category, letter, f"{word} {kinds[0]}" if report.failed and kinds else word
 
 

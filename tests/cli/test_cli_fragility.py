@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import printed
-from sentences import Refused
+from refusals import command_refusal
 
 import mrwork as mr
 
@@ -53,10 +53,9 @@ def test_it_has_the_numbers_of_the_function_and_the_limit_of_the_page(run: Path)
     assert document["sentences"] == list(own.in_words())
     text = printed("fragility", run, "--limit", "peak_drift_ratio = 0.4 %", "--against", "uncontrolled")
     assert "the median Sa(0.257 s, 5 %) at which the peak drift ratio reaches 0.4 %" in " ".join(text.split())
-    assert "against uncontrolled" in " ".join(text.split())
 
 
-def test_it_writes_its_table_and_figures_beside_it(run: Path, tmp_path: Path, refused: Refused) -> None:
+def test_it_writes_its_table_and_figures_beside_it(run: Path, tmp_path: Path) -> None:
     table = tmp_path / "new" / "limit.csv"
     document = json.loads(printed("fragility", run, "--output", table, "--json"))
     names = ["limit-fragility.svg", "limit-ida.svg", "limit.csv"]
@@ -65,18 +64,10 @@ def test_it_writes_its_table_and_figures_beside_it(run: Path, tmp_path: Path, re
     head, *lines = table.read_text().splitlines()
     assert head == 'arrangement,"Sa(0.257 s, 5 %) [m/s2]",probability,reached,beyond tests'
     assert len(lines) == 3 * 4
-    refused.command("fragility", run, "--output", table)
+    command_refusal("fragility", run, "--output", table, match="--replace")
     printed("fragility", run, "--output", table, "--replace")
 
 
-def test_what_it_cannot_take_is_refused(run: Path, refused: Refused) -> None:
-    refused.command("fragility", run, "--limit", "peak_drift_ratio")
-    refused.command("fragility", run, "--limit", "peak_drift_ratio=1 mm")
-    refused.command("fragility", run, "--against", "Skyhook")
-
-
-def test_the_page_has_the_section(run: Path) -> None:
-    page = (run / "report.html").read_text()
-    assert "Records at several levels" in page
-    assert "Incremental dynamic analysis" in page
-    assert "4, Sa(0.257 s, 5 %) 0.100 to 1.20 g" in page
+def test_what_it_cannot_take_is_refused(run: Path) -> None:
+    command_refusal("fragility", run, "--limit", "peak_drift_ratio", match="peak_drift_ratio=1%")
+    command_refusal("fragility", run, "--against", "Skyhook", match="arrangement 'Skyhook'")

@@ -14,7 +14,7 @@ from command_line import printed
 import mrwork as mr
 from mrwork import load
 from mrwork.cli.profile import write_interrupted
-from mrwork.errors import Interrupted, RecordError
+from mrwork.errors import Interrupted
 from mrwork.identification.fit_file import addition_content, read_fit, reopen
 
 
@@ -41,35 +41,25 @@ def valley(run: Path) -> Path:
     return place
 
 
-@pytest.mark.usefixtures("drawn_pictures")
 def test_a_profile_says_what_the_data_settle(valley: Path) -> None:
-    run = valley
-    text = printed("profile", run, "--quiet")
-    assert "count as" in text
+    text = printed("profile", valley, "--quiet")
     (alpha,) = [line for line in text.splitlines() if line.strip().startswith("alpha ")]
     assert alpha.endswith("identifiable")
     (delta,) = [line for line in text.splitlines() if line.strip().startswith("delta ")]
     assert "open" in delta
     assert "weakly identifiable" in delta or "not identifiable" in delta
     assert "delta/x_s is better identifiable" in text
-    document = json.loads((run / "profiles.json").read_text())
-    assert [each["name"] for each in document["profiles"]] == [
-        "c", "k", "alpha", "beta", "delta", "x_s", "f0",
-    ]  # fmt: skip
-    printed("report", run, "--figures", "--quiet")
-    for suffix in ("svg", "png"):
-        assert (run / "figures" / f"profiles.{suffix}").stat().st_size > 1000
+    document = json.loads((valley / "profiles.json").read_text())
+    assert [each["name"] for each in document["profiles"]] == [*mr.damper("static_hysteretic").names]
 
 
 def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
-    run = valley
-    document = json.loads(printed("profile", run, "--json", "--level", "0.5", "--parameter", "c"))
+    document = json.loads(printed("profile", valley, "--json", "--level", "0.5", "--parameter", "c"))
     (c,) = document["profiles"]
     assert c["lower"] < c["estimate"] < c["upper"]
-    written = json.loads((run / "profiles.json").read_text())
+    written = json.loads((valley / "profiles.json").read_text())
     assert written["profiles"] == document["profiles"]
-    assert document["level"] == 0.5
-    assert document["status"] == "finished"
+    assert (document["level"], document["status"]) == (0.5, "finished")
     assert document["directions"]
 
 
@@ -98,44 +88,11 @@ def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("verb", "file"), [("profile", "posterior.nc"), ("sample", "profiles.json"), ("profile", "fit.json")]
-)
-def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
-    run: Path, tmp_path: Path, verb: str, file: str
-) -> None:
-    place = tmp_path / "run"
-    shutil.copytree(run, place)
-    (place / file).write_text("{}")
-    before = {each.name: each.read_bytes() for each in place.iterdir() if each.is_file()}
-    # A chain of so many steps would take minutes.
-    more = ("--steps", "1000000", "--walkers", "64") if verb == "sample" else ()
-    assert file in printed(verb, place, "--quiet", *more, status=2)
-    assert {each.name: each.read_bytes() for each in place.iterdir() if each.name in before} == before
-
-
 def test_identify_says_what_the_data_do_not_see(run: Path) -> None:
-    # Both forms of what `identify` prints are made from the fit that it writes.
     stored = read_fit(run)
     assert stored.identifiability is not None
     doubtful = {each.name for each in stored.identifiability.verdicts if each.verdict != "identifiable"}
     assert doubtful == {"delta"}
-    text = printed("identify", "synthetic:spencer1997_fast", "--model", "bouc_wen", "--every", "2", "--quiet",
-        "--out", run.parent / "spencer",
-    )  # fmt: skip
-    assert "alpha, gamma, beta and A cannot be distinguished" in text
-    assert "A was held fixed for this reason" in text
-
-
-def test_a_fit_without_verdicts_and_effective_samples_is_read(run: Path, tmp_path: Path) -> None:
-    bare = tmp_path / "bare"
-    shutil.copytree(run, bare)
-    document = json.loads((bare / "fit.json").read_text())
-    del document["identifiability"], document["n_effective"]
-    (bare / "fit.json").write_text(json.dumps(document))
-    fit = read_fit(bare)
-    assert fit.identifiability is None
-    assert "independent samples" in repr(fit)
 
 
 def test_profiles_do_not_outlive_their_fit(run: Path, tmp_path: Path) -> None:
@@ -156,30 +113,13 @@ def test_intervals_take_the_place_of_standard_errors_everywhere(run: Path, tmp_p
     # Of one parameter only: the table keeps its standard errors, as it has one kind of uncertainty.
     printed("profile", place, "--quiet", "--parameter", "c")
     assert load(place).fit.intervals is None
-    assert "Standard error, " in (place / "report.html").read_text()
     document = json.loads(printed("profile", place, "--json"))
     (c,) = [each for each in document["profiles"] if each["name"] == "c"]
     fit = load(place).fit
     assert fit == read_fit(place)
-    assert "95 % profile interval" in repr(fit)
-    assert "95 % profile interval" in fit._repr_html_()
     assert "standard error" not in repr(fit)
     assert f"{c['lower']:.4g} to {c['upper']:.4g}" in repr(fit)
     stored = json.loads((place / "fit.json").read_text())["intervals"]
     assert (stored["kind"], stored["level"]) == ("profile", 0.95)
-    page = (place / "report.html").read_text()
-    parameters = page[page.index('<section id="parameters"') :].partition("</table>")[0]
-    assert "95 % profile interval" in parameters
-    assert "Standard error" not in parameters
     judged = {each["name"]: each["verdict"] for each in document["profiles"]}
     assert {name: fit.verdict_on(name)[0] for name in judged} == judged
-
-
-def test_verdicts_in_words_of_an_earlier_version_are_refused(run: Path, tmp_path: Path) -> None:
-    old = tmp_path / "old"
-    shutil.copytree(run, old)
-    text = (old / "fit.json").read_text()
-    assert '"weakly identifiable"' in text
-    (old / "fit.json").write_text(text.replace('"weakly identifiable"', '"weakly"'))
-    with pytest.raises(RecordError, match="run `mrwork identify` again"):
-        read_fit(old)

@@ -21,7 +21,6 @@ from mrwork.cli.door import TOUR, verbs, whole_parser
 from mrwork.records import read_test_table
 
 ROOT = Path(__file__).parent.parent.parent
-NARROW = 60
 COMMANDS = subcommands(whole_parser())
 EXAMPLES = [(verb, line) for verb, command in COMMANDS.items() for line in examples_in(command.epilog)]
 # What the examples of other verbs stand on, in the order in which a newcomer runs it.
@@ -31,18 +30,22 @@ PREPARED = (
     "mrwork init study study.toml",
     "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig --quiet",
 )
-# How often the demo is run with nothing compiled.
-COLD_RUNS = int(os.environ.get("MRWORK_COLD_RUNS", "1"))
 # Seconds each, and the code of the other example or of another test.
 PARSED_ONLY = {
+    "mrwork characterise rig --out out/damper",
     "mrwork characterise rig --model normalised_bouc_wen --json --out out/one-model",
     "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",
     "mrwork calibrate out/rig --leave-out motion",
+    "mrwork plan out/demo",
     "mrwork fragility out/ida --limit peak_drift_ratio=1%",
     "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov",
     "mrwork respond study.toml --motions all --check-step --out out/checked",
 }
+
+
+# Once in every run of the tests; `MRWORK_COLD_RUNS=20` shows that nothing waits for ever.
+COLD_RUNS = int(os.environ.get("MRWORK_COLD_RUNS", "1"))
 
 
 def typed(line: str, folder: Path) -> str:
@@ -67,32 +70,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # Tour and demo
 
 
-def test_a_bare_call_shows_where_to_begin_on_one_narrow_screen() -> None:
+def test_a_bare_call_shows_where_to_begin() -> None:
     ended = mrwork()
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert ended.stdout == f"{TOUR}\n"
-    lines = TOUR.splitlines()
-    assert len(lines) <= 16
-    assert max(len(line) for line in lines if not line.startswith("  ")) <= NARROW + 2
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, f"{TOUR}\n", "")
 
 
-def test_every_command_of_the_tour_is_one_that_runs(folder: Path) -> None:
+def test_every_command_of_the_tour_is_an_example() -> None:
     shown = [line.strip() for line in TOUR.splitlines() if line.startswith("  mrwork ")]
-    assert len(shown) == 6
-    ran = {line.removesuffix(" --quiet") for line in PREPARED} | {line for _, line in EXAMPLES}
-    assert set(shown) <= ran - PARSED_ONLY
-
-
-def test_neither_the_tour_nor_the_help_loads_a_verb_or_numpy() -> None:
-    code = (
-        "import sys\n"
-        "from mrwork.cli.door import parser, _show_tour\n"
-        "parser([]).parse_args([]).run(None)\n"
-        "loaded = {'numpy', 'difflib', 'shtab', 'mrwork.base.keys', 'mrwork.cli.init'} & set(sys.modules)\n"
-        "assert not loaded, loaded"
-    )
-    ended = ran(sys.executable, "-c", code)
-    assert ended.returncode == 0, ended.stderr
+    assert set(shown) <= {line.removesuffix(" --quiet") for line in PREPARED} | {line for _, line in EXAMPLES}
 
 
 def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Path) -> None:
@@ -107,6 +92,7 @@ def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Pa
     assert json.loads(again.stdout)["fit_percent"] > 99.0
 
 
+@pytest.mark.machine
 def test_the_first_run_with_nothing_compiled_ends_beside_busy_processors(tmp_path: Path) -> None:
     busy = (sys.executable, "-c", "while True: pass")
     with started(*busy), started(*busy):
@@ -128,10 +114,6 @@ def test_an_interrupted_demo_is_resumed_to_the_same_result(folder: Path, tmp_pat
     assert mrwork("demo", "--out", out, "--resume").returncode == 0
     fits = [json.loads((place / "fit.json").read_text()) for place in (out, folder / "out" / "demo")]
     assert fits[0]["estimates"] == fits[1]["estimates"]
-
-
-def test_the_makefile_runs_the_demo() -> None:
-    assert "$(BIN)/mrwork demo\n" in (ROOT / "Makefile").read_text()
 
 
 # Samples
@@ -164,21 +146,6 @@ def test_the_model_of_the_rig_predicts_its_test_rows_inside_the_bands(folder: Pa
         assert file["band"]["inside"] > 0.75
 
 
-def test_the_sample_study_has_a_comment_with_every_key(folder: Path) -> None:
-    text = (folder / "study.toml").read_text()
-    keys: set[str] = set()
-    for line in text.splitlines():
-        key = line.partition(" = ")[0]
-        if line.startswith(("#", "[")) or not line or key in keys:
-            continue
-        keys.add(key)
-        assert " # " in line, line
-    document = tomllib.loads(text)
-    assert document["building"]["n_storeys"] == 3
-    assert all("file" not in motion for motion in document["motion"])
-    assert len(document["tune"]) == 1
-
-
 def test_the_next_commands_of_the_study_are_the_examples_that_run(tmp_path: Path) -> None:
     printed = typed("mrwork init study study.toml", tmp_path)
     following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
@@ -200,11 +167,6 @@ def test_a_sample_replaces_nothing(tmp_path: Path, refused: Refused) -> None:
     assert [path.name for path in rig.iterdir()] == ["notes.txt"]
     assert study.read_text() == "mine"
     assert not (tmp_path / "nowhere").exists()
-
-
-def test_a_sample_goes_into_an_empty_folder(tmp_path: Path) -> None:
-    typed("mrwork init rig .", tmp_path)
-    assert (tmp_path / "tests.csv").is_file()
 
 
 def test_what_the_samples_are_made_of_is_packed_into_a_wheel() -> None:
@@ -229,36 +191,17 @@ def test_an_example_runs_as_it_is_typed(verb: str, line: str, folder: Path) -> N
         typed(line, folder)
 
 
-@pytest.mark.parametrize("verb", verbs())
-def test_a_help_has_its_options_in_groups_and_its_examples_unbroken(
-    verb: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", str(NARROW))
-    shown = mrwork(verb, "--help").stdout
-    for line in examples_in(COMMANDS[verb].epilog):
-        assert f"\n  {line}\n" in shown
-    (without_group,) = [group for group in COMMANDS[verb]._action_groups if group.title == "options"]
-    assert [each.dest for each in without_group._group_actions] == ["help"]
-    wrapped = shown.partition("\nexamples:")[0].splitlines()
-    assert max(len(line) for line in wrapped if not line.startswith("  -")) <= NARROW
-
-
 # Misspelt words
 
 
 MISSPELT = [
     ("identfy", "f.csv"),
-    ("--versoin",),
     ("--json",),
-    ("identify", "synthetic:spencer1997", "--modle", "bouc_wen"),
     ("identify", "--modle=bouc_wen"),
-    ("tune", "--qick"),
     ("identify", "f.csv", "-q"),
-    ("check", "f.csv", "--leave-out", "test"),
     ("report", "out", "figures"),
     ("calibrate", "out", "--threads", "1", "f.csv"),
     ("identify", "synthetic:spencer1997", "--search", "multistrt"),
-    ("identify", "synthetic:spencer1997", "--model", "bouc_wem"),
     ("identify", "synthetic:spencer1997", "--model", "bingham,bouc_wem"),
     ("identify", "synthetic:spencr1997"),
     ("identify", "synthetic:spencer1997", "--law", "k_w=quadratc"),
@@ -269,10 +212,8 @@ MISSPELT = [
     ("identify", "synthetic:spencer1997", "--nuisance", "ofset"),
     ("check", "f.csv", "--column", "forc=F:kN"),
     ("models", "bouc_wem"),
-    ("convert", "spencr", "--to", "normalised", "alpha=1"),
     ("convert", "spencer", "--to", "normalised", "alpa=1"),
     ("init", "rigg", "here"),
-    ("completion", "fsh"),
 ]
 
 
@@ -324,39 +265,5 @@ def test_a_completion_has_every_verb_and_option_and_the_names(shell: str) -> Non
         "clipped_optimal",
     ):
         assert name in script
-    assert json.loads(mrwork("completion", shell, "--json").stdout) == {
-        "shell": shell,
-        "script": script.removesuffix("\n"),
-    }
-
-
-COMPLETED = [
-    ("id", ["identify"]),
-    ("identify --mod", ["--model"]),
-    ("identify --model dah", ["dahl"]),
-    ("identify --search mul", ["multistart"]),
-    ("identify tests.c", ["tests.csv"]),
-    ("tune --law clipped_", ["clipped_optimal"]),
-    ("predict r", ["rig"]),
-    ("init r", ["rig"]),
-    ("completion f", ["fish"]),
-]
-ASK = r"""
-source completion.bash
-asked() {
-    COMP_WORDS=(mrwork "$@"); COMP_CWORD=$#; COMPREPLY=()
-    _shtab_mrwork mrwork "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD-1]}"
-    echo "${COMPREPLY[*]}"
-}
-"""
-
-
-def test_bash_completes_verbs_options_names_files_and_folders(tmp_path: Path) -> None:
-    (tmp_path / "completion.bash").write_text(mrwork("completion", "bash").stdout)
-    (tmp_path / "tests.csv").write_text("")
-    (tmp_path / "rig").mkdir()
-    lines = "".join(f"asked {words}\n" for words, _ in COMPLETED)
-    ended = ran("bash", "--norc", "-c", ASK + lines, cwd=tmp_path)
-    assert [line.split() for line in ended.stdout.splitlines()] == [found for _, found in COMPLETED], (
-        ended.stderr
-    )
+    document = json.loads(mrwork("completion", shell, "--json").stdout)
+    assert document == {"shell": shell, "script": script.removesuffix("\n")}

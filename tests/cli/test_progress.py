@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from mrwork.cli.output import progress_line, reading_line
+from mrwork.cli.output import progress_line
 from mrwork.identification import Progress
 from mrwork.identification.progress import IdentificationInWords
-from mrwork.records.reading import Reading
-from mrwork.uncertainty.choice.choose import ChoiceProgress
+
+pytestmark = pytest.mark.words
 
 BEGAN = Progress(
     stage="search",
@@ -49,23 +48,6 @@ def test_a_search_tells_generation_best_median_rates_and_time_left() -> None:
     )
 
 
-def test_what_cannot_be_told_yet_is_left_out() -> None:
-    assert IdentificationInWords()(BEGAN) == "search 30, best 50.00 %, median -20.00 %, 1 s"
-    refining = replace(
-        BEGAN, stage="refinement", count=7, unit="steps", generation=0, median_percent=math.nan, share=0.0
-    )
-    assert IdentificationInWords()(refining) == "refinement, best 50.00 %, 7 steps, 1 s"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "left"), [(34.0, "at most 1 min"), (131.0, "at most 4 min"), (7201.0, "at most 4.0 h")]
-)
-def test_long_times_are_in_minutes_and_hours(seconds: float, left: str) -> None:
-    described = IdentificationInWords()
-    described(BEGAN)
-    assert left in described(replace(NOW, seconds=seconds))
-
-
 def seconds_left(text: str) -> float:
     """The remaining time in a line of progress [s]."""
     value, unit = text.split("at most ")[1].split()[:2]
@@ -85,37 +67,6 @@ def test_the_time_left_runs_down_without_leaps_and_never_below_zero() -> None:
     # Lines are 0.2 s apart, and show whole seconds below a minute.
     leaps = [after - before for before, after in pairwise(shown) if before < 60.0 and after < 60.0]
     assert max(map(abs, leaps)) <= 5.0
-
-
-def test_reading_tells_how_many_tests_have_been_read(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    reading = Reading(files=("synthetic:spencer1997", "synthetic:spencer1997_fast"))
-    with reading_line(quiet=False) as on_read:
-        reading.tests(on_read=on_read)
-    assert capsys.readouterr().err.startswith("\rreading 1 of 2 tests")
-    with reading_line(quiet=True) as on_read:
-        reading.tests(on_read=on_read)
-    assert capsys.readouterr().err == ""
-
-
-def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_take() -> None:
-    progress = ChoiceProgress(
-        model="dahl",
-        number=3,
-        n_models=15,
-        task="left out 2 of 6",
-        seconds=65.0,
-        seconds_left=600.0,
-        within=NOW,
-    )
-    assert progress.in_words == (
-        "dahl, model 3 of 15, left out 2 of 6, search, best 92.08 %, 1 min, about 10 min left"
-    )
-    assert replace(progress, within=None, seconds_left=None).in_words == (
-        "dahl, model 3 of 15, left out 2 of 6, 1 min"
-    )
 
 
 def test_without_a_terminal_a_plain_line_is_written_every_half_minute(

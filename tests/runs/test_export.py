@@ -7,7 +7,6 @@ import io
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ import pytest
 from command_line import printed
 from opensees_bouc_wen import force_in_opensees
 from record_files import clean_columns, write_text
+from refusals import refusal
 from scipy.io import loadmat
-from sentences import Refused
 from study_samples import results
 
 import mrwork as mr
@@ -327,40 +326,36 @@ def test_a_bound_of_the_model_is_exported_as_it_is(plain: Fit, tmp_path: Path) -
     assert mr.export(at_bound, "csv", tmp_path / "damper.csv").read_text().startswith("velocity")
 
 
-def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path, refused: Refused) -> None:
+def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path) -> None:
     out = tmp_path / "out"
-
-    def export(source: Any, to: Any, **options: Any) -> Callable[[], Path]:
-        return lambda: mr.export(source, to, out, **options)
-
-    refused(export(on_bound(plain, "c", 2000.0, upper=2000.0), "opensees"))
-    refused(export(on_bound(plain, "c", 2000.0, upper=2000.0), "csv"))
+    at_bound = on_bound(plain, "c", 2000.0, upper=2000.0)
     # A coefficient has a range of search where none was given.
-    refused(export(on_bound(fit, "c.1", 5e4), "opensees", command="0.5 A"))
+    at_end = on_bound(fit, "c.1", 5e4)
     stiff = [replace(each, value=1e4) if each.name == "sigma" else each for each in plain.estimates]
-    refused(export(replace(plain, estimates=tuple(stiff)), "opensees"))
-    refused(export(plain, "opensees", command="0.5 A"))
-    refused(export(fit, "opensees"))
-    refused(export(fit, "opensees", command="0.5 V"))
-    refused(export(fit, "opensees", command="0.5"))
-    refused(export(fit, "opensees", command="3 A"))
-    refused(export(fit, "opensees", command="0.5 A", error=1e-5, time_step=0.01))
-    refused(export(fit, "mat", command="0.5 A"))
-    refused(export(fit, "csv", error=0.01))
-    refused(export(results(), "opensees"))
-    refused(export(results(), "csv", command="0.5 A"))
-    refused(export(replace(plain, tested=None), "csv"))
-    refused(export(replace(plain, model="bingham"), "opensees"))
+    for source, to, options, word in (
+        (at_bound, "opensees", {}, "--bound c=LOWER:UPPER"),
+        (at_bound, "csv", {}, "--bound c=LOWER:UPPER"),
+        (at_end, "opensees", {"command": "0.5 A"}, "--bound c.1=LOWER:UPPER"),
+        (replace(plain, estimates=tuple(stiff)), "opensees", {}, "sub-steps.*--fix sigma=0.5"),
+        (plain, "opensees", {"command": "0.5 A"}, "no current laws"),
+        (fit, "opensees", {}, "as in 0.5A"),
+        (fit, "opensees", {"command": "0.5 V"}, "take the command in A"),
+        (fit, "opensees", {"command": "3 A"}, "outside the tested commands, 0 to 1 A"),
+        (fit, "opensees", {"command": "0.5 A", "error": 1e-5, "time_step": 0.01}, "122045 sub-steps"),
+        (fit, "mat", {"command": "0.5 A"}, "the command is only for"),
+        (fit, "csv", {"error": 0.01}, "the error is only for"),
+        (results(), "opensees", {}, "no single damper"),
+        (replace(plain, tested=None), "csv", {}, "tested ranges of this fit are not known"),
+        (replace(plain, model="bingham"), "opensees", {}, "no material that equals bingham"),
+    ):
+        refusal(mr.export, source, to, out, **options, match=word)
     assert not out.exists()
 
 
-def test_a_file_that_is_there_is_replaced_only_where_that_is_said(
-    fit: Fit, tmp_path: Path, refused: Refused
-) -> None:
+def test_a_file_that_is_there_is_replaced_only_where_that_is_said(fit: Fit, tmp_path: Path) -> None:
     place = tmp_path / "fit.mat"
     place.write_text("mine")
-    refused(lambda: mr.export(fit, "mat", place))
-    refused(lambda: mr.export(fit, "mat", tmp_path, replace=True))
+    refusal(mr.export, fit, "mat", place, match="replace=True")
     assert place.read_text() == "mine"
     mr.export(fit, "mat", place, replace=True)
     assert read_back(place)["model"] == MODEL

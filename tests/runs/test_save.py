@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import mrwork
+from refusals import refusal
 from report_samples import comparison
 from report_samples import fit as sample_fit
 
 import mrwork as mr
-from mrwork.errors import OutputError, RecordError
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
 
@@ -53,18 +53,12 @@ def test_nothing_is_replaced_and_draws_belong_to_their_fit(
     fit: mr.Fit, draws: mr.Draws, test: mr.DamperTest, tmp_path: Path
 ) -> None:
     place = mr.save(fit, tmp_path / "run")
-    with pytest.raises(OutputError, match="has a run"):
-        mr.save(fit, place)
+    refusal(mr.save, fit, place, match="has a run")
     mr.save(draws, place)
-    with pytest.raises(OutputError, match="has draws"):
-        mr.save(draws, place)
-    with pytest.raises(RecordError, match="does not exist"):
-        mr.save(draws, tmp_path / "none")
+    refusal(mr.save, draws, place, match="has draws")
     other = mr.save(mr.identify("viscous_dahl", test, rng=0), tmp_path / "other")
-    with pytest.raises(RecordError, match="another fit"):
-        mr.save(draws, other)
+    refusal(mr.save, draws, other, match="another fit")
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "notes.txt").write_text("mine")
-    with pytest.raises(OutputError, match="not a run folder"):
-        mr.save(fit, tmp_path / "files")
+    refusal(mr.save, fit, tmp_path / "files", match="not a run folder")
     mr.save(sample_fit(comparison()), tmp_path / "described")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import tuning_samples
-from command_line import mrwork
+from command_line import printed
 
 from mrwork.cli.completion import subcommands
 from mrwork.cli.door import whole_parser
@@ -26,15 +26,15 @@ def verbs_with(destination: str) -> list[str]:
 
 
 def words(verb: str, inputs: Path) -> list[object]:
-    """A command that writes a run folder in little time; a new verb with --out needs its line."""
+    """A command that writes a run folder in little time, but for --out; a new verb with --out needs its line."""
     given: dict[str, list[object]] = {
-        "demo": ["demo"],
-        "characterise": ["characterise", inputs / "rig", "--model", "viscous_dahl"],
-        "identify": ["identify", *RECORD, *FIXED],
-        "respond": ["respond", inputs / "small.toml"],
-        "tune": ["tune", inputs / "tuned.toml", "--quick"],
+        "demo": [],
+        "characterise": [inputs / "rig", "--model", "viscous_dahl"],
+        "identify": [*RECORD, *FIXED],
+        "respond": [inputs / "small.toml"],
+        "tune": [inputs / "tuned.toml", "--quick"],
     }
-    return given[verb]
+    return [verb, *given[verb], "--threads", 1, "--quiet"]
 
 
 def write_inputs(place: Path) -> None:
@@ -47,8 +47,6 @@ def write_inputs(place: Path) -> None:
 def write_runs(inputs: Path, place: Path) -> None:
     """A run folder of each verb that has --out, by its name, and a comparison of models."""
     for verb in verbs_with("out"):
-        ended = mrwork(*words(verb, inputs), "--quiet", "--out", place / verb)
-        assert ended.returncode == 0, ended
+        printed(*words(verb, inputs), "--out", place / verb)
     models = ("--model", "bingham,static_hysteretic", "--threads", 1)
-    ended = mrwork("identify", *RECORD, *models, "--quiet", "--out", place / "compared")
-    assert ended.returncode == 0, ended
+    printed("identify", *RECORD, *models, "--quiet", "--out", place / "compared")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.study import Study
@@ -51,12 +51,12 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     assert not found.warnings()
 
 
-def test_a_study_of_several_levels_says_that_its_laws_are_of_all(refused: Refused) -> None:
+def test_a_study_of_several_levels_says_that_its_laws_are_of_all() -> None:
     several = study()
     assert several.design_levels == LEVELS
     assert "over 3 levels at once (0.1 g to 0.5 g)" in mr.run_study(several).warnings()[0]
     assert not study(("0.3 g",)).design_levels
-    refused(study, design_level="0.2 g")
+    refusal(study, design_level="0.2 g", match="give one of 0.1 g")
 
 
 def test_with_training_motions_it_is_theirs_also_in_tune() -> None:

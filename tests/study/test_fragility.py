@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import study_samples
+from refusals import refusal
 from scipy.optimize import minimize
 from scipy.stats import norm
-from sentences import Refused
 
 import mrwork as mr
 from mrwork.motions.spectrum import Intensity
@@ -89,17 +88,9 @@ def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_
         "law", "controller", responses, np.array([4.0, 8.0]), 1.0, weights, level=0.9, records=("a", "b", "c")
     )
     assert (found.dispersion, found.band) == (0.0, (4.0, 8.0))
-    both = Fragilities(
-        criterion="rms_drift",
-        limit=1.0,
-        unit="m",
-        level=0.9,
-        rows={"law": found, "other": replace(found, label="other")},
-    )
+    rows = {"law": found, "other": replace(found, label="other")}
+    both = Fragilities(criterion="rms_drift", limit=1.0, unit="m", level=0.9, rows=rows)
     assert both.ratio("other", "law") == (1.0, (0.5, 2.0))
-    (sentence,) = both.in_words("law")
-    assert sentence.endswith("90 % band of the ratio 0.500 to 2.00, which holds 1: they are not told apart.")
-    assert "the RMS drift reaches" in sentence
     few, coarse = both.cautions
     assert "in 75 % of cases at most, not in 90 %; give 5 or more" in few
     assert coarse.startswith("law; other: one intensity separates all records")
@@ -131,10 +122,8 @@ def test_a_likelihood_without_a_maximum_determines_no_median() -> None:
     assert set(found.ends[0][undetermined]) == {0.0}
     assert set(found.ends[1][undetermined]) == {math.inf}
     assert set(found.medians[~undetermined]) == {0.0, math.inf}
-    assert "so that median and dispersion are not determined: give further levels" in found.cautions[0]
-    assert "a: not determined (0 to ∞); 4 of 8 records reach it" in repr(found)
+    assert "not determined: give further levels" in found.cautions[0]
     assert math.isnan(all_found.ratio("b", "a")[0])
-    assert "is not determined, with b 0." in all_found.in_words("b")[0]
     assert np.isnan(all_found.to_xarray()["probability"].sel(row="a")).all()
 
 
@@ -200,23 +189,9 @@ def test_intensities_are_interpolated_between_levels() -> None:
     assert all(math.isnan(each.interpolated) for each in diverged)
 
 
-@pytest.mark.parametrize(
-    ("n_records", "level", "few"), [(3, 0.9, True), (4, 0.9, True), (5, 0.9, False), (3, 0.7, False)]
-)
-def test_few_records_are_said_with_what_their_band_can_be(n_records: int, level: float, few: bool) -> None:
-    responses = np.outer(np.linspace(0.5, 0.9, n_records), [1.0, 2.0, 3.0])
-    found = found_of(responses, level=level)
-    assert [f"{n_records} records are few" in each for each in found.cautions] == [True] * few
-    assert ("are few" in repr(found)) == few
-
-
 @pytest.fixture(scope="module")
 def results() -> StudyResults:
-    motion = {
-        "synthetic": "kanai_tajimi",
-        "duration": 6.0,
-        "pga": [f"{level} g" for level in LEVELS],
-    }
+    motion = {"synthetic": "kanai_tajimi", "duration": 3.0, "pga": [f"{level} g" for level in LEVELS]}
     study = mr.study_of(
         building={
             "n_storeys": 2,
@@ -233,13 +208,13 @@ def results() -> StudyResults:
 
 
 def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyResults) -> None:
-    found = mr.fragility(results, limit={"peak_drift_ratio": "0.8 %"})
+    found = mr.fragility(results, limit={"peak_drift_ratio": "0.4 %"})
     bare = found["uncontrolled"]
     # Without dampers drifts are proportional to the intensity.
     scales = []
     for number, crossing in enumerate(bare.crossings):
         peak = float(results.runs[0, len(LEVELS) * number].peak_drift.max()) / 3.0
-        reached = 0.1 * G * 0.008 / peak
+        reached = 0.1 * G * 0.004 / peak
         assert crossing.record == f"record {number}"
         assert crossing.above < reached <= crossing.below
         scales.append(math.log(reached))
@@ -251,7 +226,7 @@ def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyRes
     ratio, (low, high) = found.ratio("Passive-on", "uncontrolled")
     assert ratio == damped.median / bare.median > 1.0
     assert low <= ratio <= high
-    wider = mr.fragility(results, {"peak_drift_ratio": 0.008}, modelling_dispersion=0.3)["uncontrolled"]
+    wider = mr.fragility(results, {"peak_drift_ratio": 0.004}, modelling_dispersion=0.3)["uncontrolled"]
     assert wider.dispersion == pytest.approx(math.hypot(bare.dispersion, 0.3))
     assert "records" in repr(found)
 
@@ -274,20 +249,14 @@ def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above
         }
         return mr.fragility(replace(results, runs=runs), {"peak_drift_ratio": 0.1})["uncontrolled"]
 
-    assert (
-        with_end("diverged").crossings[0].above,
-        with_end("diverged").crossings[0].below,
-    ) == pytest.approx((0.14 * G, 0.2 * G))
-    last = with_end("unresolved").crossings[0]
+    diverged, unresolved = with_end("diverged"), with_end("unresolved")
+    first, last = diverged.crossings[0], unresolved.crossings[0]
+    assert (first.above, first.below) == pytest.approx((0.14 * G, 0.2 * G))
     assert (last.above, last.below, last.unresolved) == (pytest.approx(0.14 * G), math.inf, True)
-    assert "could not be resolved" in " ".join(with_end("unresolved").cautions)
     # The share that reached the limit is that of the runs that are known.
-    assert with_end("unresolved").crossed[2] == 0.0
-    assert with_end("diverged").crossed[2] == pytest.approx(1.0 / 8.0)
-    assert (with_end("diverged").responses[0, 2], math.isnan(with_end("unresolved").responses[0, 2])) == (
-        math.inf,
-        True,
-    )
+    assert (unresolved.crossed[2], diverged.crossed[2]) == (0.0, pytest.approx(1.0 / 8.0))
+    assert diverged.responses[0, 2] == math.inf
+    assert math.isnan(unresolved.responses[0, 2])
 
 
 def test_a_level_that_few_reach_at_the_top_bounds_the_median() -> None:
@@ -314,23 +283,22 @@ def test_what_lies_beyond_the_levels_bounds_bands_and_ratios() -> None:
     assert high == math.inf
 
 
+@pytest.mark.words
 def test_a_sentence_says_what_each_law_changes() -> None:
     found = mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"})
     ratio, (low, high) = found.ratio("Clipped-optimal", "uncontrolled")
-    assert [sentence.partition(":")[0] for sentence in found.in_words()] == [
-        "Isolation", "Clipped-optimal", "Lyapunov <1 A>",
-    ]  # fmt: skip
-    sentence = found.in_words()[1]
-    assert "the median PGA at which the peak drift reaches 0.02 m rises from" in sentence
-    assert f"90 % band of the ratio {low:.2f} to {high:.2f}" in sentence
     assert 1.0 <= low <= ratio <= high
+    sentences = found.in_words()
+    assert [each.partition(":")[0] for each in sentences] == [
+        "Isolation",
+        "Clipped-optimal",
+        "Lyapunov <1 A>",
+    ]
+    assert f"90 % band of the ratio {low:.2f} to {high:.2f}" in sentences[1]
     assert "falls from" in found.in_words("Lyapunov <1 A>")[0]
-    same = replace(found, rows={**found.rows, "twin": replace(found["Isolation"], label="twin")})
-    assert "is 0." in same.in_words("Isolation")[-1]
-    assert "as with Isolation" in same.in_words("Isolation")[-1]
 
 
-def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResults, refused: Refused) -> None:
+def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResults) -> None:
     tree = results.to_xarray(by_record=True)
     drift, plain = tree["criteria/peak_drift"], results.to_xarray()["criteria/peak_drift"]
     assert drift.dims == ("row", "record", "intensity", "realisation")
@@ -340,33 +308,24 @@ def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResult
     one = drift.sel(row="uncontrolled", record="record 3").isel(intensity=4, realisation=0)
     assert float(one) == float(plain.sel(row="uncontrolled", motion="record 3, 0.3 g").isel(realisation=0))
     fewer = replace(results, motions=(replace(results.motions[0], record="alone"), *results.motions[1:]))
-    refused(fewer.to_xarray, by_record=True)
+    refusal(fewer.to_xarray, by_record=True, match="same levels")
 
 
-def test_a_folder_has_the_fragility_of_its_results(results: StudyResults, tmp_path: Path) -> None:
-    from mrwork.store.codec import json_document
-    from mrwork.store.run_folder import RESULTS
-    from mrwork.study.folder import read_results, study_document
-
-    (tmp_path / RESULTS).write_text(json_document(study_document(results)), encoding="utf-8")
-    stored, own = (
-        mr.fragility(each, {"peak_drift_ratio": 0.008}) for each in (read_results(tmp_path), results)
-    )
-    assert [each.median for each in stored.rows.values()] == [each.median for each in own.rows.values()]
-
-
-def test_what_has_no_fragility_is_refused(results: StudyResults, refused: Refused) -> None:
-    refused(mr.fragility, results, {"peak_drift_ratio": 0.01, "peak_acceleration": 1.0})
-    refused(mr.fragility, results, {"drift": 0.01})
-    refused(mr.fragility, results, {"peak_drift_ratio": 0.0})
-    refused(mr.fragility, results, {"peak_drift_ratio": "1 mm"})
+def test_what_has_no_fragility_is_refused(results: StudyResults) -> None:
+    limit = {"peak_drift_ratio": 0.01}
+    refusal(mr.fragility, results, {**limit, "peak_acceleration": 1.0}, match="one criterion")
+    refusal(mr.fragility, results, {"peak_drift_ratio": "1 mm"}, match="its unit")
     assert results.building is not None
-    refused(mr.fragility, replace(results, building=replace(results.building, heights=())))
+    bare = replace(results, building=replace(results.building, heights=()))
     alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
-    refused(mr.fragility, alone)
     spectral = Intensity(measure="sa", value=1.0, period=0.8, damping_ratio=0.05)
     mixed = (replace(results.motions[0], intensity=spectral), *results.motions[1:])
-    refused(mr.fragility, replace(results, motions=mixed))
-    refused(mr.fragility(results, {"peak_drift_ratio": 0.01}).__getitem__, "passive")
     some = {key: run for key, run in results.runs.items() if key != (1, 3)}
-    refused(mr.fragility, replace(results, runs=some))
+    for without, word in (
+        (bare, "height"),
+        (alone, "1 record"),
+        (replace(results, motions=mixed), "several measures"),
+        (replace(results, runs=some), "--resume"),
+    ):
+        refusal(mr.fragility, without, limit, match=word)
+    refusal(mr.fragility(results, limit).__getitem__, "passive", match="arrangement")

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import mrwork
-from sentences import Refused
+from command_line import printed
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.base.keys import is_required, keys_of
 from mrwork.control import control_laws
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.store.journal import Journal
 from mrwork.study import StudyResults
-from mrwork.study.comparison import compared, findings
+from mrwork.study.comparison import findings
 from mrwork.study.study import Study, fingerprint_of
 
 FRAME = """\
@@ -77,9 +75,8 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
 @pytest.mark.parametrize("law", [spec.name for spec in control_laws() if spec.needs_curve])
 def test_a_law_of_a_static_model_takes_the_motion_of_its_damper(law: str, tmp_path: Path) -> None:
     study = read(tmp_path, named(law), damper='preset = "leva2002"')
-    assert "amplitude = [" in " ".join(
-        dict(study.design_notes)[f"Settings of {study.arrangements[-1].row.label}"]
-    )
+    notes = dict(study.design_notes)[f"Settings of {study.arrangements[-1].row.label}"]
+    assert "amplitude = [" in " ".join(notes)
 
 
 def test_weights_are_the_best_of_the_training_motions(tmp_path: Path) -> None:
@@ -111,9 +108,7 @@ def test_only_what_is_missing_is_taken(tmp_path: Path) -> None:
     settings = "settings = { accelerations = 1, full_force = '100 kN' }\n"
     ((_, taken),) = read(tmp_path, named("modified_clipped_optimal", settings)).taken_settings
     assert taken.settings.keys() == {"control_weight"}
-    assert taken.remedy.startswith(
-        "settings = { accelerations = 1.0, full_force = 100000.0, control_weight = "
-    )
+    assert "accelerations = 1.0, full_force = 100000.0, control_weight = " in taken.remedy
     designed = "settings = { designed = { rms_drift = '2 mm' } }\n"
     ((_, taken),) = read(tmp_path, named("clipped_optimal", designed)).taken_settings
     assert taken.settings == {"control_weight": 1.0}
@@ -125,30 +120,20 @@ def test_an_active_law_takes_no_more_force_than_the_dampers(tmp_path: Path) -> N
     assert 0.0 < active <= on
 
 
-def test_settings_beside_the_name_of_a_law_are_told_their_table(tmp_path: Path, refused: Refused) -> None:
-    refused(read, tmp_path, named("clipped_optimal", "control_weight = 1e-12\n"))
-    refused(read, tmp_path, named("fuzzy", "rate = '1 m/s'\n"))
-
-
-def test_terminal_json_and_page_tell_what_was_taken(tmp_path: Path) -> None:
-    read(tmp_path, named("clipped_optimal"))
-    ended = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--quiet")
-    assert ended.returncode == 0, ended.stderr
-    assert (
-        "Settings of Clipped-optimal\n  Not given, and taken: equal weights of all drifts; " in ended.stdout
+def test_settings_beside_the_name_of_a_law_are_told_their_table(tmp_path: Path) -> None:
+    refusal(
+        read, tmp_path, named("fuzzy", "rate = '1 m/s'\n"), match=r'line 19.*settings = \{ rate = "1 m/s"'
     )
-    assert "Optimal passive, " in ended.stdout
-    assert "the best of 21 constant commands" in ended.stdout.replace("\n", " ")
-    assert "of the peak base shear" in ended.stdout.replace("\n", " ")
-    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert "Settings of Clipped-optimal" in page
-    assert "Optimal passive, " in page
-    again = mrwork("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--resume", "--json")
-    document = json.loads(again.stdout)
+
+
+def test_json_tells_what_was_taken(tmp_path: Path) -> None:
+    read(tmp_path, named("clipped_optimal"))
+    document = json.loads(printed("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--json"))
     ((stated),) = document["settings"]
     assert stated["controller"] == "Clipped-optimal"
     assert stated["settings"]["drifts"] == 1.0
     assert document["best_passive"].startswith("Optimal passive, ")
+    assert "Settings of Clipped-optimal" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_best_constant_command_is_in_every_study(tmp_path: Path) -> None:
@@ -178,26 +163,6 @@ def test_a_passive_damper_has_no_command_to_choose(tmp_path: Path) -> None:
     assert any("of the peak base shear" in each for each in findings(results))
 
 
-def test_a_study_of_an_earlier_journal_is_continued(tmp_path: Path) -> None:
-    """The row that a study adds is no input: a journal without it is that of the same study."""
-    more = named("clipped_optimal", "settings = { drifts = 1, control_weight = 1e-12 }\n")
-    assert fingerprint_of(read(tmp_path, more)) == fingerprint_of(
-        read(tmp_path, more, top='references = "none"\n')
-    )
-    journal = Journal(tmp_path / "journal")
-    mr.run_study(read(tmp_path, more, top='references = "none"\n'), journal=journal, threads=1)
-    continued = mr.run_study(read(tmp_path, more), journal=journal, threads=1)
-    assert continued.complete
-    again = mr.run_study(read(tmp_path, more), journal=journal, threads=1)
-    assert (again.choices, again.rows) == (continued.choices, continued.rows)
-    journal.close()
-
-
-def test_a_label_that_is_taken_does_not_stop_a_study(tmp_path: Path) -> None:
-    study = read(tmp_path, named("passive", 'label = "Optimal passive"\nsettings = { command = 1 }\n'))
-    assert len({row.label for row in study.rows}) == len(study.rows)
-
-
 @pytest.mark.parametrize("count", [10, 300])
 def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: int, tmp_path: Path) -> None:
     results = ran(tmp_path, count=count)
@@ -223,21 +188,6 @@ def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: P
     advised = int(warning.partition("count = ")[2].split()[0])
     freed = ran(tmp_path, count=advised, damper=pair)
     assert not any("locks its storey" in each or "hardly" in each for each in freed.warnings())
-
-
-def test_a_study_without_a_score_of_any_constant_command_is_not_stopped(tmp_path: Path) -> None:
-    study = read(tmp_path, count=300)
-    gone = replace(
-        study,
-        arrangements=tuple(
-            replace(each, devices=tuple(replace(device, count=10**15) for device in each.devices))
-            for each in study.arrangements
-        ),
-    )
-    results = mr.run_study(gone, threads=1)
-    assert not results.runs[1, 0].finished
-    assert "none of 21 constant commands has a score" in results.choices[0]
-    assert compared(results).uncontrolled == 0
 
 
 def test_a_damper_of_a_storey_that_the_bare_building_lacks_may_lock_it() -> None:

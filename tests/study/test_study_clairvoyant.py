@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 from mrwork import Journal
 from mrwork.errors import Interrupted
-from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared, read_study, run_study
 from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
@@ -31,7 +30,7 @@ settings = { drifts = 1, control_weight = 1e-13 }
 
 [[motion]]
 synthetic = "kanai_tajimi"
-duration = 1.5
+duration = 1
 pga = "0.1 g"
 
 [report]
@@ -70,9 +69,6 @@ def test_the_row_is_ranked_apart_and_resumes_to_the_bit(tmp_path: Path) -> None:
     document = study_document(whole)
     assert document["clairvoyant"][0]["score"] == found.score
     assert "not certified" in document["clairvoyant"][0]["statement"]
-    page = study_page(whole, lambda row, motion: None)
-    assert "Non-causal, not certified" in page
-
     with pytest.raises(Interrupted) as stopped:
         ran(tmp_path, stop="random")
     assert (last, 0) not in stopped.value.result.runs
@@ -83,13 +79,16 @@ def test_the_row_is_ranked_apart_and_resumes_to_the_bit(tmp_path: Path) -> None:
     assert (tmp_path / "journal random").read_text().count("\n") == lines + 2
 
 
-def test_an_optimum_that_cannot_be_searched_for_is_refused(tmp_path: Path, refused: Refused) -> None:
-    for before, after in (
-        ('"20 ms"', '"20.5 ms"'),
-        ("explore", "explor"),
-        ("[clairvoyant]", "[hardware]\ncommand_rate = 5\n[clairvoyant]"),
-        ("lag = 190", 'model = "static_hysteretic"\npassive = true'),
-    ):
-        path = tmp_path / "study.toml"
-        path.write_text(ASKED.replace(before, after))
-        refused(read_study, path)
+@pytest.mark.parametrize(
+    ("before", "after", "word"),
+    [
+        ('"20 ms"', '"20.5 ms"', "interval.*multiple"),
+        ("[clairvoyant]", "[hardware]\ncommand_rate = 5\n[clairvoyant]", "command_rate; leave one out"),
+    ],
+)
+def test_an_optimum_that_cannot_be_searched_for_is_refused(
+    before: str, after: str, word: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(ASKED.replace(before, after))
+    refusal(read_study, path, match=word)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 from study_samples import ranges
 
 import mrwork as mr
@@ -85,27 +85,26 @@ def test_an_identified_run_is_taken_with_its_laws_and_its_largest_tested_command
     assert chosen('run = "run"\nlargest_command = "500 mV"').largest_command == 0.5
 
 
-def test_a_mistake_is_one_sentence_with_its_line(refused: Refused) -> None:
-    for text in (
-        'run = "valve"',
-        "",
-        'preset = "kwok2005"',
-        'preset = "spencer1997"',
-        'preset = "kwok2006"\nrun = "run"',
-        'preset = "kwok2006"\nparameters = { cc = 1 }',
-        'preset = "kwok2006"\nlaws = { c = "exponential" }',
-        'model = "dahll"',
-        'model = "dahl"\nparameters = { k_w = [1, 2] }',
-        'model = "dahl"\nparameters = { k_w = [1, 2], rho = 1, f0 = 0 }',
-        'model = "dahl"\nparameters = { k_w = 1, rho = 1, f0 = 0 }',
-        'preset = "kwok2006"\npassive = true',
-        'run = "old"',
-        'run = "run"\nlargest_command = "2 A"',
-        'preset = "kwok2006"\nlargest_command = "-1 A"',
-        'run = "run"\nunit = "A"',
-        'run = "gone"\nlargest_command = 1',
-    ):
-        refused(chosen, text)
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('run = "valve"', "line 2: .*in %"),
+        ("", "give a preset, a run, or a model"),
+        ('preset = "spencer1997"', "bingham and bouc_wen; choose one with model"),
+        ('preset = "kwok2006"\nrun = "run"', "give one of them"),
+        ('preset = "kwok2006"\nparameters = { cc = 1 }', "line 3: .*'cc', did you mean c"),
+        ('preset = "kwok2006"\nlaws = { c = "exponential" }', "takes 3 coefficients, 2"),
+        ('model = "dahl"\nparameters = { k_w = [1, 2] }', "no rho, f0 of dahl"),
+        ('model = "dahl"\nparameters = { k_w = [1, 2], rho = 1, f0 = 0 }', "largest_command"),
+        ('model = "dahl"\nparameters = { k_w = 1, rho = 1, f0 = 0 }', "passive = true"),
+        ('preset = "kwok2006"\npassive = true', "line 3: .*leave passive out"),
+        ('run = "old"', r"largest command of the driver \[V\]"),
+        ('run = "run"\nlargest_command = "2 A"', "line 3: largest_command .* V, mV"),
+        ('run = "run"\nunit = "A"', "line 3: .*leave unit out"),
+    ],
+)
+def test_a_damper_that_cannot_be_is_refused_by_what_it_lacks(text: str, word: str) -> None:
+    refusal(chosen, text, match=word)
 
 
 def frame(**damper: object) -> mr.Study:
@@ -139,7 +138,7 @@ def test_a_diagonal_damper_resists_by_the_square_of_its_cosine(brace: dict[str, 
     assert facts.share == pytest.approx(share)
 
 
-def test_two_dampers_in_a_storey_have_names(refused: Refused) -> None:
+def test_two_dampers_in_a_storey_have_names() -> None:
     kwok = {"storey": 1, "preset": "kwok2006"}
     building, motion = {"published": "uts"}, {"synthetic": "kanai_tajimi", "duration": 1.0}
 
@@ -147,26 +146,16 @@ def test_two_dampers_in_a_storey_have_names(refused: Refused) -> None:
         return mr.study_of(building=building, dampers=dampers, motions=[motion]).device_names
 
     assert names({**kwok, "name": "left"}, {**kwok, "name": "right"}) == ("left", "right")
-    refused(names, {**kwok, "name": "left"}, {**kwok, "name": "left"})
-    refused(names, {**kwok, "angle": 38})
-    refused(names, {**kwok, "row": [1.0, 0.0]})
-    refused(names, {**kwok, "row": [1.0, 0.0, 0.0, 0.0, 0.0], "angle": "38 deg"})
+    refusal(names, {**kwok, "name": "left"}, {**kwok, "name": "left"}, match="two dampers are called 'left'")
+    refusal(names, {**kwok, "angle": 38}, match="2177 deg")
+    refusal(names, {**kwok, "row": [1.0, 0.0]}, match="2 numbers for 5 coordinates")
 
 
+ONE = {"f_c": [20.0, 350.0, -40.0], "v_s": 0.02, "c0": [200.0, 500.0], "f0": 0.0}
+OTHER = {"f_c": [20.0, 300.0], "v_s": 0.03, "c0": 150.0, "f0": 0.0}
 GROUPS = (
-    {
-        "storey": 1,
-        "model": "bingham",
-        "parameters": {"f_c": [20.0, 350.0, -40.0], "v_s": 0.02, "c0": [200.0, 500.0], "f0": 0.0},
-        "largest_command": 1.5,
-    },
-    {
-        "storey": 2,
-        "model": "bingham",
-        "parameters": {"f_c": [20.0, 300.0], "v_s": 0.03, "c0": 150.0, "f0": 0.0},
-        "largest_command": 0.8,
-        "count": 2,
-    },
+    {"storey": 1, "model": "bingham", "parameters": ONE, "largest_command": 1.5},
+    {"storey": 2, "model": "bingham", "parameters": OTHER, "largest_command": 0.8, "count": 2},
 )
 
 
@@ -183,19 +172,15 @@ def grouped(*dampers: Mapping[str, object], **controller: object) -> mr.Study:
     )
 
 
-def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_own(refused: Refused) -> None:
+def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_own() -> None:
     one, other = GROUPS
-    raised = {
-        **other,
-        "parameters": {"f_c": [20.0, 300.0, 0.0], "v_s": 0.03, "c0": [150.0, 0.0], "f0": 0.0},
-    }
+    raised = {**other, "parameters": {**OTHER, "f_c": [20.0, 300.0, 0.0], "c0": [150.0, 0.0]}}
     runs, written = (mr.run_study(grouped(one, each)).runs for each in (other, raised))
     for key, run in runs.items():
         np.testing.assert_array_equal(run.peak_drift, written[key].peak_drift)
         np.testing.assert_array_equal(run.peak_force, written[key].peak_force)
-    results = mr.run_study(
-        grouped(one, other, law="inverse_direct", settings={"drifts": 1, "control_weight": 1e-12})
-    )
+    settings = {"drifts": 1, "control_weight": 1e-12}
+    results = mr.run_study(grouped(one, other, law="inverse_direct", settings=settings))
     for kind in ("passive_on", "clipped_optimal"):
         (row,) = (number for number, each in enumerate(results.rows) if each.description == kind)
         np.testing.assert_allclose(results.runs[row, 0].peak_current, [1.5, 0.8])
@@ -205,9 +190,9 @@ def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_
     assert "takes it for that of damper in storey 2" in " ".join(text for _, text in results.facts)
 
 
-def test_laws_of_single_groups_and_groups_of_several_models_are_refused(refused: Refused) -> None:
-    refused(grouped, *GROUPS, {"storey": 3, "preset": "kwok2006"})
-    refused(grouped, GROUPS[0], {**GROUPS[1], "unit": "V"})
-    refused(grouped, GROUPS[0], {**GROUPS[1], "law": "clipped_optimal"})
-    refused(grouped, *GROUPS, law="clipped_optimal", damper=1)
-    refused(grouped, *GROUPS, law="clipped_optimal", largest_command=1.6)
+def test_laws_of_single_groups_and_groups_of_several_models_are_refused() -> None:
+    one, other = GROUPS
+    refusal(grouped, *GROUPS, {"storey": 3, "preset": "kwok2006"}, match="are of one model")
+    refusal(grouped, one, {**other, "unit": "V"}, match="a command in V")
+    refusal(grouped, one, {**other, "law": "clipped_optimal"}, match="a law commands all of them")
+    refusal(grouped, *GROUPS, law="clipped_optimal", largest_command=1.6, match="1.5 at most")

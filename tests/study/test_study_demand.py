@@ -1,4 +1,4 @@
-"""Dampers outside their tested ranges: said in Python, in the results, on the page and on the command line."""
+"""Dampers outside their tested ranges and ratings, their forces by storey, and passive devices of the building."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from command_line import printed
 from study_samples import ranges
 
 import mrwork as mr
-from mrwork.dampers.tested_range import FittedDamper
-from mrwork.records import OperatingRange
-from mrwork.report.study.page import study_page
+from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rating
+from mrwork.drawing.of_studies import energy_parts
 from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.folder import study_document
-from mrwork.study.results import judged_by_demand
+from mrwork.study.results import shares_in_words
 from mrwork.study.run_result import demands_of
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
@@ -86,21 +85,13 @@ def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> Non
     results = studied(tmp_path, ranges(velocity=0.25 * velocity, command=(0.5, 1.5)))
     first, second = results.warnings()
     assert first.startswith(
-        f"velocity {1e3 * velocity:.3g} mm/s, tested to {250 * velocity:.3g} mm/s (4 times): "
+        f"velocity {1e3 * velocity:.3g} mm/s, tested to {250 * velocity:.3g} mm/s (4 times)"
     )
-    assert first.endswith(
-        "under Kanai-Tajimi with Passive-off; outside the tested range in 2 of 2 runs with dampers."
-    )
+    assert first.endswith("with Passive-off; outside the tested range in 2 of 2 runs with dampers.")
     assert second.startswith("command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are")
-    assert second.endswith("in 1 of 2 runs with dampers.")
-    assert "velocity" in repr(results)
     document = study_document(results)
-    assert [each["outside_tested_range"] for each in document["results"]] == [
-        [],
-        ["velocity", "command"],
-        ["velocity"],
-        [],
-    ]
+    outside = [each["outside_tested_range"] for each in document["results"]]
+    assert outside == [[], ["velocity", "command"], ["velocity"], []]
     assert document["warnings"] == [first, second]
 
 
@@ -141,21 +132,20 @@ def test_a_law_that_turns_negative_at_a_demanded_command_is_a_warning(tmp_path: 
     assert results.warnings() == ["the law of alpha turns negative: -100 N at 0 A, taken as 0.001 N."]
 
 
+def device_with(**tested: float) -> mr.Device:
+    row = mr.building("uts").storeys[0]
+    return mr.Device(
+        name="pair", spec=PRESET.spec, theta=PRESET.theta, row=row, largest_command=1.88, count=2.0,
+        tested=ranges(**tested),
+    )  # fmt: skip
+
+
+SINE = mr.GroundMotion(name="sine", dt=0.01, acceleration=np.sin(15.0 * np.arange(0.0, 2.0, 0.01)))
+
+
 def test_the_simulation_in_python_says_the_same() -> None:
-    building = mr.building("uts")
-    device = mr.Device(
-        name="pair",
-        spec=PRESET.spec,
-        theta=PRESET.theta,
-        row=building.storeys[0],
-        largest_command=1.88,
-        count=2.0,
-        tested=ranges(velocity=1e-3),
-    )
-    ground = np.sin(15.0 * np.arange(0.0, 2.0, 0.01))
-    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
     law = mr.ControlLaw(name="passive", gains={"command": [[1.0], [1.88]]})
-    responses = mr.simulate_loop(building, [device], law, [motion])
+    responses = mr.simulate_loop(mr.building("uts"), [device_with(velocity=1e-3)], law, [SINE])
     assert responses.demand(0, 0).force == pytest.approx(0.5 * responses.peak_force[0, 0])
     assert [each.names for run in (0, 1) for each in responses.outside(run)] == [
         ("velocity",),
@@ -163,70 +153,138 @@ def test_the_simulation_in_python_says_the_same() -> None:
     ]
     velocity, command = responses.warnings()
     assert velocity.startswith(f"pair: velocity {1e3 * responses.peak_rate.max():.3g} mm/s, tested to 1 mm/s")
-    assert command.startswith("pair: command 1.88 A, tested from 0 to 1.5 A (1.3 times); the laws of")
-    assert "warning: pair: velocity" in repr(responses)
+    assert command.startswith("pair: command 1.88 A, tested from 0 to 1.5 A (1.3 times)")
 
 
 def test_the_simulation_in_python_knows_small_strokes_from_its_histories() -> None:
-    building = mr.building("uts")
-    device = mr.Device(
-        name="one",
-        spec=PRESET.spec,
-        theta=PRESET.theta,
-        row=building.storeys[0],
-        largest_command=1.88,
-        tested=ranges(least_stroke=0.1),
-    )
-    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=np.sin(15.0 * np.arange(0.0, 2.0, 0.01)))
-    law = mr.ControlLaw(name="passive", gains={"command": [[1.0]]})
-    without = mr.simulate_loop(building, [device], law, [motion])
+    device, law = device_with(least_stroke=0.1), mr.ControlLaw(name="passive", gains={"command": [[1.0]]})
+    without = mr.simulate_loop(mr.building("uts"), [device], law, [SINE])
     assert (without.demand(0, 0).least_stroke, without.warnings()) == (None, [])
-    (warning,) = mr.simulate_loop(building, [device], law, [motion], histories=True).warnings()
-    assert warning.endswith("tested from 100 mm, so the hysteresis of small strokes is extrapolated")
-
-
-def test_the_page_shows_the_demand_beside_the_tested_range() -> None:
-    results = study_samples.results()
-    building = mr.building("uts")
-    devices = tuple(
-        mr.Device(
-            name=name,
-            spec=PRESET.spec,
-            theta=PRESET.theta,
-            row=building.storeys[0],
-            largest_command=1.88,
-            tested=ranges(stroke=1e-3),
-        )
-        for name in results.device_names
-    )
-    page = study_page(judged_by_demand(results, devices, building, (0, 0)), study_samples.histories)
-    assert "Demand on the dampers" in page
-    assert "outside the tested range in stroke." in page
-    assert "tested to 1 mm" in page
+    (warning,) = mr.simulate_loop(mr.building("uts"), [device], law, [SINE], histories=True).warnings()
+    assert "tested from 100 mm" in warning
 
 
 def test_a_run_that_did_not_finish_demands_nothing() -> None:
     run = replace(study_samples.run(0.1, 1), outcome="diverged").with_numbers(peak_stroke=np.array([np.inf]))
-    device = mr.Device(
-        name="one", spec=PRESET.spec, theta=PRESET.theta, row=[1.0], largest_command=1.0, tested=ranges()
-    )
-    assert demands_of(run, (device,), 8.0) == ()
-    assert len(demands_of(study_samples.run(0.1, 1), (device,), 8.0)) == 1
+    assert demands_of(run, (device_with(),), 8.0) == ()
+    assert len(demands_of(study_samples.run(0.1, 1), (device_with(),), 8.0)) == 1
 
 
-def test_the_command_line_says_it_from_a_run_folder(tmp_path: Path) -> None:
+def test_a_study_of_a_run_folder_has_its_tested_ranges(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    printed("identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", run, "--quiet")
+    printed("identify", "synthetic:rd1005_1a", "--model", "bingham", "--every", "4", "--out", run, "--quiet")
     stored = json.loads((run / "fit.json").read_text())
     stored["tested"] |= {"velocity": 1e-3}
     (run / "fit.json").write_text(json.dumps(stored))
     study = STUDY.partition("[[controller]]")[0].replace("count = 2", "passive = true")
     (tmp_path / "study.toml").write_text(study + '[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 2\n')
     out = tmp_path / "out"
-    text = printed("respond", tmp_path / "study.toml", "--out", out, "--quiet")
-    assert "warning: velocity" in text
-    assert "mm/s, tested to 1 mm/s" in text
-    stored = mr.study.read_results(out)
-    assert any("tested to 1 mm/s" in each for each in stored.warnings())
-    assert "velocity" in stored.demands(1, 0)[0].outside.names
-    assert "tested to 1 mm/s" in (out / "report.html").read_text()
+    printed("respond", tmp_path / "study.toml", "--out", out, "--quiet")
+    results = mr.study.read_results(out)
+    assert any("tested to 1 mm/s" in each for each in results.warnings())
+    assert "velocity" in results.demands(1, 0)[0].outside.names
+
+
+# Ratings and forces by storey
+
+
+RATED = 20.0
+
+
+@pytest.fixture(scope="module")
+def results() -> StudyResults:
+    """Two storeys with a damper in each, that of storey 1 rated for a small force, and a viscous damper."""
+    study = mr.study_of(
+        building={
+            "n_storeys": 2,
+            "masses": [500.0],
+            "stiffnesses": [2e5],
+            "modal_damping": {"ratios": [0.02]},
+            "viscous": [{"storey": 2, "damping": 500.0}],
+        },
+        dampers=[
+            {"storey": 1, "preset": "kwok2006", "rated_force": RATED, "rated_stroke": "10 m"},
+            {"storey": 2, "preset": "kwok2006"},
+        ],
+        motions=[mr.synthetic_motion(rng=0, duration=4.0, peak=2.0)],
+        references="none",
+    )
+    return mr.run_study(study)
+
+
+def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None:
+    said = [each for each in results.warnings() if "rated" in each]
+    assert len(said) == 1
+    assert f"rated to {RATED:g} N" in said[0]
+    assert "beyond the rating in 1 of 1 runs" in said[0]
+    row = results.row_of("passive_off")
+    assert row is not None
+    (first, second) = results.demands(row, 0)
+    assert first.outside.names == ("force",)
+    assert first.outside.exceedances[0].rated
+    assert second.outside.names == ()
+    (run,) = (each for each in study_document(results)["results"] if each["kind"] == "passive_off")
+    assert list(run["outside_tested_range"]) == ["force"]
+
+
+def test_a_rating_is_exceeded_only_above_it() -> None:
+    demand = OperatingRange(
+        stroke=0.02, velocity=0.1, frequency=None, command=None, command_unit=None, force=100.0, power=1.0
+    )
+    assert beyond_rating(demand, force=100.0, stroke=None) == ()
+    (one,) = beyond_rating(demand, force=100.0, stroke=0.01)
+    assert (one.quantity, one.times) == ("stroke", 2.0)
+
+
+def test_forces_are_said_by_storey_and_the_base_has_those_of_the_first(results: StudyResults) -> None:
+    (said,) = shares_in_words(results)
+    row = results.row_of("passive_off")
+    assert row is not None
+    forces, bare = results.runs[row, 0].peak_force / 1e3, results.runs[0, 0].peak_base_shear / 1e3
+    assert f"{forces[0]:.3g} kN in storey 1" in said
+    assert f"{forces[1]:.3g} kN in storey 2; on the base {forces[0]:.3g} kN, " in said
+    assert f"{100.0 * forces[0] / bare:.2g} % of the peak base shear" in said
+
+
+def test_dampers_that_stand_in_one_storey_add_there(results: StudyResults) -> None:
+    """Beside each other they share the drift, so that their forces add."""
+    first, second = results.dampers
+    beside = replace(results, dampers=(first, replace(second, storey=0)))
+    row = results.row_of("passive_off")
+    assert row is not None
+    together = float(np.sum(results.runs[row, 0].peak_force[:2])) / 1e3
+    assert f"reach {together:.3g} kN in storey 1, " in shares_in_words(beside)[0]
+
+
+def test_viscous_dampers_of_the_building_are_listed_with_the_other_devices(results: StudyResults) -> None:
+    facts = results.building
+    assert facts is not None
+    assert facts.passive == ("viscous damper in storey 2",)
+    assert facts.passive_storeys == (1,)
+    # Forces and strokes of passive devices stand behind those of the dampers.
+    assert len(results.runs[0, 0].peak_force) == 1
+    assert results.runs[0, 0].peak_force[0] > 0.0
+
+
+def test_energy_of_viscous_dampers_is_that_of_the_dampers(results: StudyResults) -> None:
+    """It is the integral of c v^2 of their storey, and the energies still balance."""
+    uts = mr.buildings.with_viscous_damper(mr.building("uts"), storey=1, damping=1e4)
+    motion = mr.synthetic_motion(rng=0, duration=4.0, peak=2.0)
+    study = mr.study_of(building=uts, motions=[motion])
+    kept = {}
+    run = mr.run_study(study, keep=lambda row, motion, history: kept.update({row: history})).runs[0, 0]
+    history = kept[0]
+    # Trapezoids over the samples of the hardware, 1 ms of a first period of 0.35 s.
+    rate = np.gradient(history.drift[:, 0], history.time)
+    expected = np.trapezoid(1e4 * rate**2, history.time)
+    dampers, structure, moving = energy_parts(run.numbers)
+    assert dampers == pytest.approx(float(expected), rel=2e-3)
+    assert history.energy[-1, 4] == pytest.approx(dampers, rel=1e-3)
+    assert structure == pytest.approx(float(run.damping_energy), rel=1e-3)
+    assert dampers + structure + moving == pytest.approx(float(run.input_energy), rel=1e-9)
+
+
+def test_a_linear_damper_leaves_a_linear_building() -> None:
+    damped = mr.buildings.with_viscous_damper(mr.building("uts"), storey=1, damping=1e4)
+    assert damped.nonlinear == ""
+    assert mr.buildings.system_of(damped).n_states == 10

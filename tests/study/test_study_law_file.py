@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.study.study import digest_of_run
@@ -104,130 +105,62 @@ def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:
     printed("respond", study, "--out", out, "--quiet", "--resume")
     write(tmp_path, slope=6.0)
     assert digest_of_run(mr.read_study(study).arrangements[-1]) != before
-    refused = mrwork("respond", study, "--out", out, "--quiet", "--resume")
-    assert refused.returncode == 2
-    assert "arrangement" in refused.stderr
+    assert "arrangement" in printed("respond", study, "--out", out, "--quiet", "--resume", status=2)
 
 
-def test_a_file_that_is_no_law_is_refused_with_its_line(tmp_path: Path, refused: Refused) -> None:
-    for changes in (
-        {"file": "none.py"},
-        {"file": "study.toml"},
-        {"function": "brakes"},
-        {"function": "number"},
-        {"function": "one"},
-        {"more": "law = 'fuzzy'"},
-        {"more": "settings = { slope = 1 }"},
-    ):
-        refused(mr.read_study, write(tmp_path, **changes))
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"file": "none.py"}, "line 17: .*no such file"),
+        ({"function": "brakes"}, "'brakes', did you mean brake"),
+        ({"function": "number"}, "no function 'number'"),
+        ({"more": "law = 'fuzzy'"}, "line 18: .*has no law; leave it out"),
+    ],
+)
+def test_a_file_that_is_no_law_is_refused_with_its_line(
+    tmp_path: Path, changes: dict[str, str], word: str
+) -> None:
+    refusal(mr.read_study, write(tmp_path, **changes), match=word)
 
 
-def test_a_row_without_any_law_is_refused(tmp_path: Path, refused: Refused) -> None:
-    study = write(tmp_path)
-    study.write_text(study.read_text().replace("user = ", "# "))
-    refused(mr.read_study, study)
-
-
-def test_a_passive_damper_takes_no_law_in_python(tmp_path: Path, refused: Refused) -> None:
+def test_a_passive_damper_takes_no_law_in_python(tmp_path: Path) -> None:
     study = write(tmp_path)
     passive = 'model = "dahl"\nparameters = { k_w = 1e3, rho = 1e3, f0 = 0.0 }\npassive = true'
     study.write_text(study.read_text().replace('preset = "kwok2006"', passive))
-    refused(mr.read_study, study)
+    refusal(mr.read_study, study, match="line 19: .*they are passive")
 
 
-def test_a_law_that_raises_while_running_ends_the_command_with_a_sentence(tmp_path: Path) -> None:
-    ended = mrwork("respond", write(tmp_path, function="broken"), "--out", tmp_path / "run", "--quiet")
-    assert ended.returncode == 2
-    assert f"broken failed at 0 s in {tmp_path / 'my_law.py'}, line 18: AttributeError" in ended.stderr
-    assert "Traceback" not in ended.stderr
-
-
-SHORT_STUDY = """[building]
-published = "uts"
-
-[[damper]]
-storey = 1
-preset = "kwok2006"
-
-[[motion]]
-synthetic = "kanai_tajimi"
-duration = 0.1
-
-[[controller]]
-user = { file = "law.py", function = "law" }
-"""
-NAMED = "mrwork: study.toml, line 13: running law.py as Python, for its function law\n"
-# The text of the file, and how the sentence begins and ends.
+SHORT_STUDY = STUDY.format(file="law.py", function="law", more="").replace("duration = 2", "duration = 0.1")
+NAMED = "mrwork: study.toml, line 17: running law.py as Python, for its function law\n"
 REFUSED = {
     "sys.exit(0) in a call": (
         "import sys\ndef law(sample, memory):\n    sys.exit(0)\n",
-        "law failed at 0 s in law.py, line 3: SystemExit: 0; correct it",
-    ),
-    "sys.exit(0) at import": (
-        "import sys\nsys.exit(0)\n",
-        "study.toml, line 13: law.py, line 2 failed when the file was run: SystemExit: 0; correct it",
+        "law failed at 0 s in law.py, line 3: SystemExit: 0",
     ),
     "an error in a function that it calls": (
         "def speed(sample):\n    return sample.speed\ndef law(sample, memory):\n    return speed(sample)\n",
-        "law failed at 0 s in law.py, line 2: AttributeError: 'LoopSample' object has no attribute 'speed'; correct it",
-    ),
-    "an error in a library that it calls": (
-        "import json\ndef law(sample, memory):\n    return json.loads('')\n",
-        "law failed at 0 s in law.py, line 3: JSONDecodeError: ",
-    ),
-    "a BaseException of its own": (
-        "class Halt(BaseException): pass\ndef law(sample, memory):\n    raise Halt('stop')\n",
-        "law failed at 0 s in law.py, line 3: Halt: stop; correct it",
+        "law.py, line 2: AttributeError: 'LoopSample' object has no attribute 'speed'",
     ),
     "a BaseException at import": (
         "class Halt(BaseException): pass\nraise Halt\n",
-        "study.toml, line 13: law.py, line 2 failed when the file was run: Halt; correct it",
-    ),
-    "an error whose text is an error": (
-        "class Odd(Exception):\n    def __str__(self): return 1\ndef law(sample, memory):\n    raise Odd\n",
-        "law failed at 0 s in law.py, line 4: Odd; correct it",
+        "study.toml, line 17: law.py, line 2 failed when the file was run: Halt",
     ),
     "NaN": (
         "\ndef law(sample, memory):\n    return float('nan') * sample.rate\n",
-        "law (law.py, line 2) returned a command that is not a number (NaN) for device 1 at 0 s",
+        "law.py, line 2.*not a number",
     ),
-    "a coroutine": (
-        "async def law(sample, memory):\n    return 0.0 * sample.rate\n",
-        "study.toml, line 13: law (law.py, line 1) is declared with async def",
-    ),
-    "a coroutine of another function": (
-        "async def wait(): pass\ndef law(sample, memory):\n    return wait()\n",
-        "law (law.py, line 2): what it returned at 0 s is a coroutine; give an array of numbers",
-    ),
-    "a generator": (
-        "def law(sample, memory):\n    yield 0.0\n",
-        "study.toml, line 13: law (law.py, line 1) has a yield",
-    ),
-    "an error at import": (
-        "x = 1\nraise RuntimeError('no licence')\n",
-        "study.toml, line 13: law.py, line 2 failed when the file was run: RuntimeError: no licence; correct it",
-    ),
-    "no Python": (
-        "def law(sample, memory):\n    return (\n",
-        "study.toml, line 13: law.py, line 2 failed when the file was run: SyntaxError: ",
-    ),
-    "too few arguments": (
-        "def law(sample):\n    return 0.0\n",
-        "study.toml, line 13: law (law.py, line 1) does not take two arguments; write it as def law(sample, memory)",
-    ),
+    "a generator": ("def law(sample, memory):\n    yield 0.0\n", "law.py, line 1.*yield"),
+    "no Python": ("def law(sample, memory):\n    return (\n", "line 17: law.py, line 2 .*SyntaxError"),
+    "too few arguments": ("def law(sample):\n    return 0.0\n", "line 17: .*def law\\(sample, memory\\)"),
     "a change of what it is given": (
         "def law(sample, memory):\n    sample.largest[:] = 0.0\n",
-        "law failed at 0 s in law.py, line 2: ValueError: ",
+        "law.py, line 2: ValueError: ",
     ),
 }
 SENT = "def law(sample, memory):\n    {}\n    return 0.0 * sample.rate\n"
 KEPT = {
-    "chdir in a call": "import os\n" + SENT.format("os.chdir('/')"),
     "chdir at import": "import os\nos.chdir('/')\n" + SENT.format(""),
     "print in a call": SENT.format("print('a line of the law')"),
-    "print at import": "print('a line of the law')\n" + SENT.format(""),
-    "write in a call": "import sys\n" + SENT.format("sys.stdout.write('a line of the law\\n')"),
-    "another stdout in a call": "import io, sys\n" + SENT.format("sys.stdout = io.StringIO()"),
     "another stdout at import": "import io, sys\nsys.stdout = sys.stderr = io.StringIO()\n" + SENT.format(""),
 }
 
@@ -247,13 +180,13 @@ def respond(folder: Path, law: str) -> tuple[object, str, str]:
     return ended.returncode, ended.stdout, ended.stderr
 
 
-@pytest.mark.parametrize(("law", "sentence"), REFUSED.values(), ids=REFUSED)
-def test_a_wrong_law_is_one_sentence_with_file_and_line(folder: Path, law: str, sentence: str) -> None:
+@pytest.mark.parametrize(("law", "word"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_law_is_one_sentence_with_file_and_line(folder: Path, law: str, word: str) -> None:
     status, out, err = respond(folder, law)
     assert (status, out) == (2, "")
     named, said = err.splitlines()
     assert f"{named}\n" == NAMED
-    assert said.startswith(f"mrwork: {sentence}")
+    assert re.search(word, said), said
 
 
 @pytest.mark.parametrize("law", KEPT.values(), ids=KEPT)
@@ -277,20 +210,14 @@ def test_files_of_a_study_are_found_after_a_law_has_left_the_folder(folder: Path
     assert len(mr.read_study("study.toml").arrangements) == 5
 
 
-def test_tune_names_the_file_too(folder: Path) -> None:
-    (folder / "law.py").write_text("print('a line of the law')\nraise RuntimeError\n")
-    ended = mrwork("tune", "study.toml", "--law", "clipped_optimal", "--out", "run", "--json", "--quiet")
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.startswith(f"{NAMED}a line of the law\n")
-
-
-def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path, refused: Refused) -> None:
+def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path) -> None:
     (folder / "law.py").write_text("raise RuntimeError\n")
     said: list[str] = []
-    refused(mr.read_study, "study.toml", on_python=said.append)
-    assert said == ["study.toml, line 13: running law.py as Python, for its function law"]
+    refusal(mr.read_study, "study.toml", on_python=said.append, match="RuntimeError")
+    assert said == ["study.toml, line 17: running law.py as Python, for its function law"]
 
 
+@pytest.mark.machine
 def test_what_a_law_writes_by_any_way_is_not_on_the_stdout_of_a_process(folder: Path) -> None:
     """By number, from a child process, on the stream of before, and as the interpreter ends."""
     law = """
@@ -313,16 +240,7 @@ def law(sample, memory):
     assert set(ended.stderr.splitlines()[1:]) == {"child", "number", "before", "end"}
 
 
-def test_a_law_that_closes_stdout_of_the_process_is_a_sentence(folder: Path) -> None:
-    (folder / "law.py").write_text("import sys\n" + SENT.format("sys.__stdout__.close()"))
-    command = [*COMMAND, "respond", "study.toml", "--out", "run", "--json", "--quiet"]
-    ended = ran(*command)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.splitlines()[1:] == [
-        "mrwork: standard output was closed while the command ran; leave sys.__stdout__ open"
-    ]
-
-
+@pytest.mark.machine
 def test_ctrl_c_in_a_law_is_an_interrupt(folder: Path) -> None:
     waits = "import pathlib, time\n" + SENT.format("pathlib.Path('asked').touch(); time.sleep(60.0)")
     (folder / "law.py").write_text(waits)

@@ -1,13 +1,18 @@
-"""Control laws of a study: from settings to finished numbers."""
+"""Control laws of a study: from settings or a finished gain to numbers, dead zone and slope of their commands."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from sentences import Refused
+import scipy
+import tuning_samples
+from refusals import refusal
+from study_texts import study_text
 
+import mrwork as mr
 from mrwork import Device
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
@@ -18,6 +23,7 @@ from mrwork.control import (
     Design,
     DesignProblem,
     LoopModel,
+    RegulatorSettings,
     accelerations,
     control_law,
     control_laws,
@@ -28,8 +34,10 @@ from mrwork.control import (
 from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
+from mrwork.study import StudyResults
 from mrwork.study.arrangements import laws_text
 from mrwork.study.reading import parse
+from mrwork.study.study import fingerprint_of
 
 # What each law is told here; those that need nothing are told nothing.
 TOLD = {
@@ -96,15 +104,12 @@ def test_an_inverse_network_gives_the_force_of_the_whole_group() -> None:
     np.testing.assert_allclose(layers[1][:, [0, 7]], layers[0][:, [0, 7]], rtol=1e-6)
 
 
-def test_every_law_of_the_registry_has_settings() -> None:
-    assert set(SETTINGS) == {spec.name for spec in control_laws()}
-
-
 @pytest.mark.parametrize("law", list(SETTINGS))
-def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
-    found = design(law, TOLD.get(law, ""))
-    curve = design_problem().curve if control_law(law).needs_curve else None
+def test_a_design_has_the_finite_numbers_that_its_law_takes(law: str) -> None:
     on = design_problem()
+    found = design(law, TOLD.get(law, ""), on)
+    assert all(np.isfinite(each).all() for each in (*found.gains.values(), *found.tables.values()))
+    curve = on.curve if control_law(law).needs_curve else None
     model = LoopModel(building=on.building, devices=on.devices) if control_law(law).needs_model else None
     made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve, model=model)
     n_gains = sum(
@@ -113,16 +118,6 @@ def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
     )
     assert made.gain_rows(1, 10).shape == (1, n_gains)
     assert len(made.table_rows()) == len(made.spec.tables)
-
-
-@pytest.mark.parametrize("law", list(SETTINGS))
-def test_every_law_has_finite_numbers_for_each_device(law: str) -> None:
-    found = design(law, TOLD.get(law, ""))
-    for gain in found.gains.values():
-        assert gain.shape in ((1,), (1, 2), (1, 5), (1, 10), (1, 25))
-        assert np.isfinite(gain).all()
-    for table in found.tables.values():
-        assert np.isfinite(table).all()
 
 
 def test_the_weights_of_dyke_are_stated_in_a_table() -> None:
@@ -152,19 +147,155 @@ def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
     assert (found["surface"] @ on.plant.B).item() == pytest.approx(-1.0)
 
 
-def test_a_mistake_is_one_sentence_with_its_line(refused: Refused) -> None:
-    for law, text in (
-        ("clipped_optimal", "drifts = [1, 2]\ncontrol_weight = 1"),
-        ("clipped_optimal", "drifts = 1\nenergy = 1\ncontrol_weight = 1"),
-        ("clipped_optimal", "drifts = -1\ncontrol_weight = 1"),
-        ("passive", "command = 3"),
-        ("sliding_mode", "peak_acceleration = '3 N'\nlargest_force = 1"),
+@pytest.mark.parametrize(
+    ("law", "text", "word"),
+    [
+        ("clipped_optimal", "drifts = [1, 2]\ncontrol_weight = 1", "2 weights.* 5 storeys"),
+        ("clipped_optimal", "drifts = 1\nenergy = 1\ncontrol_weight = 1", "line 2: .*keep one"),
+        ("passive", "command = 3", "1.88 at most"),
+    ],
+)
+def test_a_setting_that_does_not_fit_is_refused_with_its_line(law: str, text: str, word: str) -> None:
+    refusal(design, law, text, match=word)
+
+
+def test_every_law_of_the_registry_has_settings_and_is_printed() -> None:
+    assert set(SETTINGS) == {spec.name for spec in control_laws()}
+    assert all(f"{name}: " in laws_text() for name in SETTINGS)
+
+
+# Finished gains
+
+
+FRAME = mr.building("uts")
+PLANT = mr.control.plant_of(FRAME, FRAME.storeys[:1])
+GAIN = mr.control.regulator_of_outputs(PLANT, mr.control.drifts(PLANT), 1.0, 1e-11).gain
+
+
+def with_gain(folder: Path, law: str) -> mr.Study:
+    file = folder / "study.toml"
+    text = study_text("drifts = 1\ncontrol_weight = 1e-11", damper="differential = true\nlag = 190")
+    file.write_text(f"{text}\n[[controller]]\nlabel = 'given'\n{law}")
+    return mr.read_study(file)
+
+
+def gain_of(read: mr.Study) -> object:
+    law = read.arrangements[-1].law
+    assert law is not None
+    return law.gains["gain"]
+
+
+@pytest.mark.parametrize("name", ["gain.csv", "gain.txt", "gain.npy", "gain.mat", "array", "settings"])
+def test_a_gain_from_anywhere_is_the_gain_of_the_law(tmp_path: Path, name: str) -> None:
+    rows = GAIN.tolist()
+    if name.endswith((".csv", ".txt")):
+        np.savetxt(tmp_path / name, GAIN, fmt="%.17g", delimiter="," if name.endswith("csv") else " ")
+    if name.endswith(".npy"):
+        np.save(tmp_path / name, GAIN)
+    if name.endswith(".mat"):
+        scipy.io.savemat(tmp_path / name, {"K": GAIN})
+    law = f"law = 'clipped_optimal'\ngain = {name!r}"
+    if name == "array":
+        law = f"law = 'clipped_optimal'\ngain = {rows}"
+    if name == "settings":
+        law = f"law = 'modified_clipped_optimal'\ngain = {rows}\nsettings = {{ full_force = 500 }}"
+    np.testing.assert_array_equal(np.asarray(gain_of(with_gain(tmp_path, law))), GAIN)
+
+
+def test_a_given_gain_has_the_responses_of_the_regulator_that_it_is_of(tmp_path: Path) -> None:
+    results = mr.run_study(with_gain(tmp_path, f"law = 'clipped_optimal'\ngain = {GAIN.tolist()}"), threads=1)
+    rows = [row.label for row in results.rows]
+    one, other = (results.criteria(rows.index(label), 0) for label in ("Clipped-optimal", "given"))
+    assert one == pytest.approx(other, rel=1e-9)
+
+
+def test_a_gain_that_cannot_be_is_told_its_shape_and_units(tmp_path: Path) -> None:
+    np.save(tmp_path / "cube.npy", np.zeros((2, 2, 2)))
+    scipy.io.savemat(tmp_path / "two.mat", {"K": GAIN, "L": GAIN})
+    for law, word in (
+        (f"law = 'clipped_optimal'\ngain = {GAIN.T.tolist()}", "10 x 1, and the law takes 1 x 10"),
+        ("law = 'clipped_optimal'\ngain = [[1, 2], [3]]", "different lengths"),
+        ("law = 'clipped_optimal'\ngain = 'absent.csv'", "no such file"),
+        ("law = 'clipped_optimal'\ngain = 'cube.npy'", r"shape \(2, 2, 2\)"),
+        ("law = 'clipped_optimal'\ngain = 'two.mat'", "K, L"),
+        (f"law = 'clipped_optimal'\ngain = {GAIN.tolist()}\nsettings = {{ drifts = 1 }}", "drifts; keep one"),
+        (f"law = 'lyapunov'\ngain = {GAIN.tolist()}", "no gain of a desired force"),
+        (f"law = 'best_passive'\ngain = {GAIN.tolist()}", "no gain; leave it out"),
     ):
-        refused(design, law, text)
+        refusal(with_gain, tmp_path, law, match=word)
 
 
-def test_the_printed_laws_have_every_setting() -> None:
-    text = laws_text()
-    for name in SETTINGS:
-        assert f"{name}: " in text
-    assert "best_passive" in text
+def test_a_given_gain_is_designed_in_a_batch_and_certified() -> None:
+    damper = mr.damper("static_hysteretic").preset("kwok2006")
+    device = mr.Device(
+        name="1", spec=damper.spec, theta=damper.theta, row=FRAME.storeys[0], largest_command=1.88
+    )
+    problem = mr.control.DesignProblem(building=FRAME, devices=[device], sample_time=1e-3)
+    given = RegulatorSettings(gain=GAIN.tolist())
+    many = [given, RegulatorSettings(drifts=1.0, control_weight=1e-11)]
+    for found in RegulatorSettings.designs(problem, many):
+        assert isinstance(found, mr.control.Design)
+        np.testing.assert_allclose(found.gains["gain"], GAIN, rtol=1e-9)
+    assert "is stable" in given.certificate(problem)
+
+
+# Dead zone, slope and accelerometers
+
+
+LAW = '\n[[controller]]\nlaw = "clipped_optimal"\nsettings = {{ control_weight = 1e-12 }}\n{}\n'
+MOTION = tuning_samples.motion("A", 1)
+
+
+def read(folder: Path, more: str) -> mr.Study:
+    return mr.read_study(tuning_samples.study_file(folder, tune="", motions=MOTION, more=more))
+
+
+def ran(folder: Path, more: str) -> StudyResults:
+    return mr.run_study(read(folder, more), threads=1)
+
+
+def test_dead_zone_and_slope_of_a_controller_quiet_its_command(tmp_path: Path) -> None:
+    found = ran(
+        tmp_path,
+        LAW.format('label = "plain"')
+        + LAW.format('label = "shaped"\ndead_zone = "5 mm/s"\ncommand_slope = "20 A/s"'),
+    )
+    plain, shaped = (
+        found.runs[row, 0] for row, each in enumerate(found.rows) if each.label in ("plain", "shaped")
+    )
+    assert shaped.command_travel.max() <= 20.0
+    assert plain.command_travel.max() > 20.0
+    assert shaped.switching_rate.max() < plain.switching_rate.max()
+
+
+def test_a_dead_zone_is_an_input_of_a_run(tmp_path: Path) -> None:
+    """A journal without it is of another study."""
+    plain = read(tmp_path, LAW.format(""))
+    shaped = read(tmp_path, LAW.format('dead_zone = "5 mm/s"'))
+    off = read(tmp_path, LAW.format('dead_zone = "0 m/s"'))
+    assert fingerprint_of(plain) != fingerprint_of(shaped)
+    assert fingerprint_of(plain)["arrangement"] == fingerprint_of(off)["arrangement"]
+
+
+@pytest.mark.parametrize("law", ["acceleration_driven", "mixed_skyhook"])
+def test_laws_of_accelerations_take_no_settings_and_have_noise(law: str, tmp_path: Path) -> None:
+    controller = f'\n[[controller]]\nlaw = "{law}"\n'
+    noise = 'acceleration_noise = "0.05 m/s2"\n'
+    quiet, noisy = ran(tmp_path, controller), ran(tmp_path, noise + controller)
+    assert quiet.runs[3, 0].finished
+    assert quiet.runs[3, 0].switching_rate.max() > 0.0
+    assert np.any(noisy.runs[3, 0].rms_drift != quiet.runs[3, 0].rms_drift)
+    # The others read no accelerations.
+    np.testing.assert_array_equal(noisy.runs[1, 0].rms_drift, quiet.runs[1, 0].rms_drift)
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        ('\n[[controller]]\nlaw = "best_passive"\ndead_zone = "1 mm/s"\n', "dead_zone is for a law"),
+        ('acceleration_noise = "0.05 m/s2"\n' + LAW.format(""), "acceleration_noise.*no effect.*observer"),
+        ('ground_preview = "50 ms"\n' + LAW.format(""), "ground_preview.*no effect.*predictive_rollout"),
+    ],
+)
+def test_what_a_study_cannot_shape_or_read_is_refused(tmp_path: Path, more: str, word: str) -> None:
+    refusal(read, tmp_path, more, match=word)

@@ -7,10 +7,11 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from refusals import refusal
 from sentences import Refused
 
 from mrwork import Journal
-from mrwork.buildings import building, read_building, shear_building
+from mrwork.buildings import building
 from mrwork.dampers import DamperSpec, damper
 from mrwork.errors import RecordError
 from mrwork.motions import synthetic_motion
@@ -144,43 +145,62 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
 def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refused) -> None:
     for old, new in (
         ('"uts"', '"utz"'),
+        ("storey = 1", "story = 1"),
+        ("storey = 1\n", ""),
         ("storey = 1", "storey = 9"),
+        ("differential = true", 'differential = "yes"'),
         ('"passive"', '"pasive"'),
         ("command = 0.6", "comand = 0.6"),
         ('"isolated"', '"0.6 A"'),
         ("command = 0.6", "command = 2"),
         ("settings = { command = 0.6 }", "command = 0.6"),
-        ("mass = 300", "mas = 300"),
         ("mass = 300", "mass = -1"),
+        ('"kanai_tajimi"', '"kanai"'),
+        ("[1.0, 2.0]", '"0.1 furlong"'),
+        ("[1.0, 2.0]", '[0.1, "3 mm"]'),
+        ("pga", 'use = "training"\npga'),
+        ('"1 ms"', '"2"'),
+        ('"1 ms"', "0"),
         ('"1 ms"', '"1 ms"\ndelay = "0.3 ms"'),
-        ("differential = true", "amplitude = 3"),
-        ("differential = true", "amplitude = [3]"),
-        ("[hardware]\n", '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n'),
+        ("[hardware]", "[hardwear]"),
+        ("[[motion]]", "[motion]"),
         ("[hardware]\n", '[report]\nmotion = "x"\n[hardware]\n'),
-        ("[hardware]\n", "[report]\ncontrollers = []\n[hardware]\n"),
-        ("[hardware]\n", "[hardware]\nmeasured_floors = []\n"),
-        ('"0.6 A"', r'"0.6\nA"'),
-        ("duration = 3", 'duration = 3\nname = "a\\u001b[31m"'),
-        ("duration = 3", 'duration = 3\ngroup = "a\\u2028b"'),
-        ("differential = true", "velocity = []"),
-        ("[hardware]\n", "[[tune]]\nlaws = []\n[hardware]\n"),
+        ("[[damper]]", '[[damper]]\nstorey = 2\npreset = "dyke1996"\n[[damper]]'),
     ):
         assert old in STUDY
         refused(study_of, STUDY.replace(old, new, 1), tmp_path)
-
-
-def test_control_without_dampers_is_refused(tmp_path: Path, refused: Refused) -> None:
     start, end = STUDY.index("[[damper]]"), STUDY.index("[[controller]]")
     refused(study_of, STUDY[:start] + STUDY[end:], tmp_path)
-
-
-def test_dampers_of_two_models_are_refused(tmp_path: Path, refused: Refused) -> None:
-    text = STUDY.replace("[[controller]]", '[[damper]]\nstorey = 2\npreset = "dyke1996"\n\n[[controller]]', 1)
-    refused(study_of, text, tmp_path)
-
-
-def test_a_study_that_is_not_there_is_refused(tmp_path: Path, refused: Refused) -> None:
     refused(read_study, tmp_path / "gone.toml", unknown_run)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("differential = true", "amplitude = [3]", "line 7: amplitude takes the smallest and the largest"),
+        (
+            "[hardware]\n",
+            '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',
+            "after its start",
+        ),
+        ("[hardware]\n", "[report]\ncontrollers = []\n[hardware]\n", "controllers is empty"),
+        ("duration = 3", 'duration = 3\nname = "a\\u001b[31m"', "line 24: name has the control character"),
+    ],
+)
+def test_what_no_range_tells_is_refused_with_its_line(old: str, new: str, word: str, tmp_path: Path) -> None:
+    assert old in STUDY
+    refusal(study_of, STUDY.replace(old, new, 1), tmp_path, match=word)
+
+
+def test_what_does_not_fit_into_memory_is_refused_with_its_size(tmp_path: Path) -> None:
+    text = STUDY.replace(
+        'published = "uts"', "masses = [1e3]\nstiffnesses = [1e6]\nn_storeys = 1_000_000_000"
+    )
+    refusal(study_of, text, tmp_path, match="8 EB each; give 1,000 storeys")
+    refusal(synthetic_motion, duration=30.0, dt=1e-12, match="GB; give a shorter duration")
+    path = tmp_path / "candidates.csv"
+    path.write_text("amplitude,frequency\n" + "0.01,1\n" * 20_000)
+    refusal(read_candidates, path, damper("modified_bouc_wen"), match="1.3 GB.*give 7,989 at most")
 
 
 TRAINING = """
@@ -209,39 +229,8 @@ def test_a_study_shows_the_test_motion_of_the_largest_peak(tmp_path: Path) -> No
     assert (study.of_use("training").detailed, study.of_use("training").histories) == (0, (0,))
 
 
-def test_a_study_without_test_motions_is_refused(tmp_path: Path, refused: Refused) -> None:
-    refused(study_of, STUDY.replace("pga", 'use = "training"\npga'), tmp_path)
-
-
-def test_a_motion_of_too_many_samples_is_refused_with_its_size(refused: Refused) -> None:
-    for duration, dt in ((1e12, 0.01), (30.0, 1e-12), (1e100, 1e-100)):
-        refused(synthetic_motion, duration=duration, dt=dt)
-
-
-def test_a_building_of_a_thousand_million_storeys_is_refused_with_its_size(
-    tmp_path: Path, refused: Refused
-) -> None:
-    path = tmp_path / "tower.toml"
-    path.write_text("masses = [1e3]\nstiffnesses = [1e6]\nn_storeys = 1_000_000_000\n")
-    refused(read_building, path)
-    refused(shear_building, name="tower", masses=[1e3] * 5000, stiffnesses=[1e6] * 5000)
-
-
-def test_too_many_candidates_are_refused_with_their_size(tmp_path: Path, refused: Refused) -> None:
-    path = tmp_path / "candidates.csv"
-    path.write_text("amplitude,frequency\n" + "0.01,1\n" * 20_000)
-    refused(read_candidates, path, damper("modified_bouc_wen"))
-
-
 ROOT = measured_data.ROOT
 QUICK_START = ROOT / "studies" / "respond" / "quick_start.toml"
-
-
-def test_the_guide_shows_the_study_as_it_is() -> None:
-    assert (
-        f'text = """\n{QUICK_START.read_text()}"""\n'
-        in (ROOT / "docs" / "guides" / "write_a_study.md").read_text()
-    )
 
 
 def test_the_first_study_runs_without_a_warning_and_its_law_is_worth_it(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.study import compared
-from mrwork.study.comparison import chosen_in_words, judged_in_words, motion_groups, times_better
+from mrwork.study.comparison import judged_in_words, motion_groups, times_better
 from mrwork.study.results import largest_step_changes
 from mrwork.study.run_result import HALF_STEP, NOMINAL
 
@@ -80,9 +80,7 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     assert math.isnan(results.score(4))
     assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
     (said,) = (warning for warning in results.warnings() if "El Centro" in warning)
-    assert said.startswith("Lyapunov <1 A> under El Centro diverged: ")
     assert Outcome.DIVERGED.remedy in said
-    assert said.endswith("A run that does not finish has no criteria.")
 
 
 def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
@@ -98,7 +96,6 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     (change,) = largest_step_changes(checked)
     assert (change.row, change.criterion, change.motion, change.unfinished) == (3, "rms_drift", 1, ())
     assert change.change == pytest.approx(0.02)
-    assert "RMS drift, filtered noise" in change.in_words(checked)
 
 
 def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
@@ -152,16 +149,6 @@ def test_a_law_is_better_where_drift_and_acceleration_are_both_lower() -> None:
     runs = dict(results.runs)
     runs[4, 3] = replace(runs[4, 3], outcome="diverged")
     assert times_better(study_samples.with_runs(results, runs), 4, 1) is None
-
-
-def test_what_the_best_constant_command_is_chosen_on_is_said() -> None:
-    results = study_samples.many_motions()
-    assert chosen_in_words(results) == ""
-    rows = (*results.rows[:2], replace(results.rows[2], kind="best_passive"), *results.rows[3:])
-    split = replace(results, rows=rows)
-    assert chosen_in_words(split) == "The best constant command is chosen on 2 training motions."
-    same = replace(split, chosen_on=tuple(motion.name for motion in results.motions[:10]))
-    assert chosen_in_words(same) == "The best constant command is chosen on the motions that it is judged on."
 
 
 def test_runs_are_those_that_were_labelled_whatever_their_number_of_devices() -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 from pathlib import Path
 
 import measured_data
 import pytest
 
-from mrwork import Journal
-from mrwork.study import Study, StudyResults, read_study, run_study
+from mrwork.study import StudyResults, read_study, run_study
 
 STUDIES = measured_data.ROOT / "studies" / "respond"
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
@@ -18,22 +16,13 @@ if not (RECORDS / "el_centro_1940_ns.csv").is_file():
     pytest.skip(f"no measured records in {RECORDS}; set MRWORK_DATA", allow_module_level=True)
 
 
-def study_of(name: str, folder: Path) -> Study:
-    """The study, its records taken from where they are here."""
-    text = (STUDIES / name).read_text().replace("../../../shared/data/records", str(RECORDS.resolve()))
-    path = folder / name
-    path.write_text(text)
-    return read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
-
-
 @pytest.fixture(scope="module")
 def dyke(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    folder = tmp_path_factory.mktemp("dyke")
-    journal = Journal(folder / "journal")
-    results = run_study(study_of("dyke1996.toml", folder), journal=journal)
-    journal.close()
-    shutil.rmtree(folder)
-    return results
+    """The study, its record taken from where it is here."""
+    text = (STUDIES / "dyke1996.toml").read_text()
+    path = tmp_path_factory.mktemp("dyke") / "study.toml"
+    path.write_text(text.replace("../../../shared/data/records", str(RECORDS.resolve())))
+    return run_study(read_study(path))
 
 
 # Peaks of the paper: displacement and drift [cm], acceleration [cm/s2], force [N].
@@ -56,24 +45,3 @@ def test_the_peaks_of_dyke_are_met(dyke: StudyResults, label: str) -> None:
     assert 100.0 * run.peak_acceleration == pytest.approx(acceleration, rel=in_force)
     assert run.peak_force.max() == pytest.approx(force, rel=in_force)
     assert run.energy_error < 1e-6
-
-
-def test_every_law_stands_in_the_five_storey_study(tmp_path: Path) -> None:
-    study = study_of("five_storeys.toml", tmp_path)
-    assert len(study.arrangements) == 22
-    assert [round(ground.peak / 9.80665, 3) for ground in study.grounds] == [0.1, 0.3] * 4
-
-
-@pytest.mark.skipif(not (RECORDS / "real").is_dir(), reason=f"no folder {RECORDS / 'real'}")
-def test_sixteen_records_are_judged_on_and_four_chosen_on(tmp_path: Path) -> None:
-    study = study_of("test_motions.toml", tmp_path)
-    assert [motion.use for motion in study.motions] == ["test"] * 16 + ["training"] * 4
-    assert [ground.name for ground in study.chosen_on] == [
-        "el_centro_1940_ns",
-        "hachinohe_1968_ns",
-        "kobe_1995_jma_ns",
-        "northridge_1994_sylmar_ns",
-    ]
-    assert {round(ground.peak / 9.80665, 6) for ground in study.grounds} == {0.3}
-    # Each carries its event and station.
-    assert all(motion.ground.source for motion in study.motions)

@@ -410,7 +410,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
     match node:
         case nodes.Either(_, members):
             near = next((member for member in members if _is_near(member, value)), None)
-            if near is None and {getattr(member, "kind", None) for member in members} == {int, str}:
+            if near is None and [getattr(member, "kind", None) for member in members] == [int, str]:
                 _refuse(place, value, "a whole number or a text in quotes")
             return _read_value(near or members[0], value, place, entry)
         case nodes.Record(kind) if keys_of(kind):

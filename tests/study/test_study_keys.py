@@ -1,0 +1,305 @@
+"""Every key of every table of a study file, given wrongly: named in its line, with what to give instead.
+
+Tables and keys are those of the schema. A table is new to the sweep where it needs a document in `documents`.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import random
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import Field, is_dataclass
+from pathlib import Path
+from typing import Any, get_args, get_origin, get_type_hints
+
+import pytest
+
+from mrwork.base.hints import May, node_of
+from mrwork.base.keys import in_words, is_required, keys_of, name_in_file, read_table, tables, toml_text
+from mrwork.base.places import KeyPath, Place
+from mrwork.buildings.from_file import Addition
+from mrwork.control import SETTINGS, WeightWishes
+from mrwork.errors import MistakesError, MrworkError, SettingError
+from mrwork.study import read_study
+from mrwork.study.reading import parse
+from mrwork.study.schema import StudyTable, schema_text
+from mrwork.tuning.space import objective_of
+
+Document = dict[str, Any]
+SOUND: Document = {
+    "building": {"masses": [300.0, 200.0], "stiffnesses": [1e6, 8e5], "rayleigh": {"a0": 0.1, "a1": 1e-4}},
+    "damper": [{"storey": 1, "preset": "kwok2006", "brace": {"stiffness": 1e7}}],
+    "controller": [],
+    "motion": [{"synthetic": "kanai_tajimi", "duration": 1.0, "dt": 0.02, "soil": {"damping": 0.6}}],
+    "hardware": {"feedback": "observer", "fault": [{"signal": "force", "start": 0.1, "end": 0.3}]},
+    "uncertainty": {"realisations": 2, "stiffness": 0.1},
+    "clairvoyant": {"interval": 0.02},
+    "places": {"dampers": 2},
+    "target": {"code": "en_1998", "a_g": 2.0},
+    "report": {},
+    "tune": [{"laws": ["lyapunov"], "risk": "cvar"}],
+    "baseline": [],
+}
+# Everything that may be added to a building, a table each.
+ADDITIONS: Document = {
+    "rayleigh": {"a0": 0.1, "a1": 1e-4},
+    "modal_damping": {"ratios": [0.02]},
+    "isolation": {"mass": 300.0, "period": 2.0, "ratio": 0.1},
+    "lead_rubber": {
+        "mass": 300.0,
+        "period": 2.0,
+        "yield_force": 10.0,
+        "yield_displacement": 0.01,
+        "ratio": 0.1,
+    },
+    "viscous": [{"storey": 1, "damping": 10.0}],
+    "yielding": [{"storey": 1, "yield_force": 10.0, "yield_displacement": 0.01, "post_yield_ratio": 0.1}],
+    "friction": [{"storey": 1, "slip_load": 10.0, "stiffness": 1e5, "sharpness": 2.0}],
+    "brace": [{"storey": 1, "stiffness": 1e7, "mass": 1.0, "damping": 1.0}],
+    "tuned_mass": [{"floor": 1, "mass": 5.0, "frequency": 2.0, "ratio": 0.1}],
+    "liquid_column": [{"floor": 1, "mass": 5.0, "frequency": 0.5, "width_ratio": 0.5, "head_loss": 1.0}],
+    "storeys_that_yield": {"yield_drift": 0.01, "post_yield_ratio": 0.1, "sharpness": 2.0},
+}
+
+
+def essential(**more: Any) -> Document:
+    """The sound study with what every study has, and these tables."""
+    return {**{name: SOUND[name] for name in ("building", "damper", "controller", "motion")}, **more}
+
+
+def with_controller(table: Document) -> Document:
+    """Without the brace, whose stiffness wants small steps: references of a law are simulated at every reading."""
+    return essential(controller=[table], damper=[{"storey": 1, "preset": "kwok2006"}])
+
+
+# Tables that exclude others of the sound study, or that it has not.
+TABLES: dict[str, tuple[Document, KeyPath]] = {
+    "": (SOUND, ()),
+    "[motion.suite]": (essential(motion=[{"suite": {"motions": 8}, "dt": 0.02}]), ("motion", 0, "suite")),
+    "[[building.element]]": (
+        essential(building={**SOUND["building"], "element": [{"name": "e", "row": [1.0, 0.0]}]}),
+        ("building", "element", 0),
+    ),
+    "[[controller]]": (with_controller({"law": "passive_on"}), ("controller", 0)),
+    "[controller.user]": (
+        with_controller({"user": {"file": "law.py", "function": "command"}}),
+        ("controller", 0, "user"),
+    ),
+    "[[baseline]]": ({**SOUND, "baseline": [{"label": "b", "building": {"name": "b"}}]}, ("baseline", 0)),
+}
+
+
+def place_of(heading: str) -> KeyPath:
+    path: list[str | int] = []
+    table: Any = SOUND
+    for name in heading.strip("[]").split("."):
+        path.append(name)
+        table = table[name]
+        if isinstance(table, list):
+            path.append(0)
+            table = table[0]
+    return tuple(path)
+
+
+def documents() -> Iterator[tuple[Document, KeyPath, type]]:
+    """Every table that a study file may have: a document with it, its place, and its declaration."""
+    for heading, kind in tables(StudyTable):
+        _, *inner = heading.strip("[]").split(".")
+        if heading in TABLES:
+            yield (*TABLES[heading], kind)
+        elif inner and issubclass(kind, Addition):
+            building = {"masses": [300.0, 200.0], "stiffnesses": [1e6, 8e5], inner[0]: ADDITIONS[inner[0]]}
+            several = isinstance(ADDITIONS[inner[0]], list)
+            yield essential(building=building), ("building", inner[0], *((0,) if several else ())), kind
+        else:
+            place = place_of(heading)
+            yield essential(**{str(place[0]): SOUND[str(place[0])]}), place, kind
+    for law, kind in SETTINGS.items():
+        yield with_controller({"law": law, "settings": {}}), ("controller", 0, "settings"), kind
+    wishes = {"law": "clipped_optimal", "settings": {"designed": {"budget": 1e3}}}
+    yield with_controller(wishes), ("controller", 0, "settings", "designed"), WeightWishes
+
+
+TABLES_OF_A_STUDY = pytest.mark.parametrize(
+    ("document", "place", "kind"),
+    [pytest.param(*each, id=f"{'.'.join(map(str, each[1]))} {each[2].__name__}") for each in documents()],
+)
+
+
+def members(hint: Any) -> list[Any]:
+    """The types of which a value of a key may be."""
+    return [hint] if get_origin(hint) in (tuple, None) else [*get_args(hint), hint]
+
+
+def numeric(hint: Any) -> type | None:
+    """Kind of the number that a key takes, alone or in an array; none where it takes no number."""
+    inner = [one for each in members(hint) for one in (each, *get_args(each))]
+    return float if float in inner else int if int in inner and bool not in inner else None
+
+
+def wrong_values(entry: Field[Any], hint: Any) -> Iterator[Any]:
+    """Of other kinds, then numbers out of range and in another unit."""
+    is_table = any(is_dataclass(each) or get_origin(each) not in (tuple, None) for each in members(hint))
+    yield 3 if bool in members(hint) else True
+    yield [[True]] if is_table else {}
+    if any(
+        get_origin(each) is get_origin(next(iter(get_args(each)), None)) is tuple for each in members(hint)
+    ):
+        yield [[math.nan]]
+    if (kind := numeric(hint)) is not None and not any(map(is_dataclass, members(hint))):
+        wrong: list[Any] = [*numbers_out_of_range(entry, kind)]
+        if entry.metadata["unit"] and str not in members(hint) and not entry.metadata["matrix"]:
+            wrong.append("2.5 kN" if entry.metadata["unit"] != "N" else "2.5 mm")
+        yield from wrong if kind in members(hint) else ([each] for each in wrong)
+
+
+def numbers_out_of_range(entry: Field[Any], kind: type) -> Iterator[float]:
+    notes, within, first = entry.metadata, entry.metadata["within"], int(entry.metadata["from_one"])
+    if math.isfinite(within.least):
+        yield within.least + first - 1
+    if math.isfinite(within.above):
+        yield within.above if kind is float else int(within.above)
+        if kind is float and within.above == 0.0:
+            yield 1e-200
+    if math.isfinite(within.most):
+        yield within.most + first + 1
+    if math.isfinite(within.below):
+        yield within.below
+    if kind is int:
+        yield from (2**63, -(2**63) - 1)
+    else:
+        if May.BE_NAN not in notes["notes"]:
+            yield math.nan
+        if entry.default != math.inf:
+            yield math.inf
+        yield from (-math.inf, 1e101, -1e101)
+
+
+def with_values(document: Document, place: KeyPath, given: Mapping[str, Any]) -> Document:
+    changed = copy.deepcopy(document)
+    table: Any = changed
+    for name in place:
+        table = table[name]
+    table |= given
+    return changed
+
+
+def mistakes_of(document: Document, folder: Path) -> tuple[Sequence[MrworkError], dict[KeyPath, int]]:
+    """What a study is refused with, and the line of each key; none where it is read."""
+    path, text, told = folder / "study.toml", toml_text(document), tuple[MrworkError, ...]()
+    (folder / "law.py").write_text("def command(sample, memory):\n    return [0.0]\n")
+    path.write_text(text)
+    try:
+        study = read_study(path)
+        for table in study.tunes:
+            objective_of(table, "A")
+    except SettingError as error:
+        told = error.mistakes if isinstance(error, MistakesError) else (error,)
+    assert all(each.document == str(path) and str(each).isprintable() for each in told), told
+    return told, parse(text, "")[1]
+
+
+REMEDY = re.compile(r"; (give|choose|leave|it has|its unit)|, did you mean")
+
+
+@TABLES_OF_A_STUDY
+def test_every_wrong_key_is_named_in_its_line_with_what_to_give(
+    document: Document, place: KeyPath, kind: type, tmp_path: Path
+) -> None:
+    hints = get_type_hints(kind)
+    wrong = {name_in_file(entry): [*wrong_values(entry, hints[entry.name])] for entry in keys_of(kind)}
+    for turn in range(max(map(len, wrong.values()), default=1)):
+        given = {name: values[turn] for name, values in wrong.items() if turn < len(values)}
+        given |= {"surplus_qzx": 1} if turn == 0 else {}
+        told, lines = mistakes_of(with_values(document, place, given), tmp_path)
+        sentences = {each.line: [] for each in told} | {lines[*place, name]: [] for name in given}
+        for each in told:
+            sentences[each.line].append(str(each))
+        for name, value in given.items():
+            about = [each for each in sentences[lines[*place, name]] if re.search(rf"\b{name}\b", each)]
+            assert about, (name, value, list(map(str, told)))
+            assert any(REMEDY.search(each) for each in about), about
+        # Nothing that follows from a mistake is told.
+        assert len(told) == len(given), list(map(str, told))
+
+
+@TABLES_OF_A_STUDY
+def test_an_absurd_number_is_read_or_refused_by_a_line(
+    document: Document, place: KeyPath, kind: type, tmp_path: Path
+) -> None:
+    """Numbers in the range of a key that hardly any study can mean."""
+    hints = get_type_hints(kind)
+    for entry in keys_of(kind):
+        found = numeric(hints[entry.name])
+        if found is None or any(map(is_dataclass, members(hints[entry.name]))):
+            continue
+        for number in (2**62,) if found is int else (1e99, 1e-99):
+            value = number if found in members(hints[entry.name]) else [number]
+            told, _ = mistakes_of(with_values(document, place, {name_in_file(entry): value}), tmp_path)
+            assert all(each.line for each in told), (entry.name, number, list(map(str, told)))
+
+
+def test_mistakes_of_several_tables_are_told_together_and_no_others(tmp_path: Path) -> None:
+    rng = random.Random(1)
+    inner = [(place_of(heading), kind) for heading, kind in tables(StudyTable) if is_sound(heading)]
+    for _ in range(20):
+        document, expected = SOUND, []
+        for name in rng.sample(sorted({str(place[0]) for place, _ in inner}), 4):
+            place, kind = rng.choice([each for each in inner if each[0][0] == name])
+            entry = rng.choice(keys_of(kind))
+            value = rng.choice([*wrong_values(entry, get_type_hints(kind)[entry.name])])
+            document = with_values(document, place, {name_in_file(entry): value})
+            expected.append((*place, name_in_file(entry)))
+        told, lines = mistakes_of(document, tmp_path)
+        found = [each.line for each in told]
+        assert found == sorted(lines[path] for path in expected), (expected, list(map(str, told)))
+
+
+def is_sound(heading: str) -> bool:
+    """Whether the sound study has this table."""
+    try:
+        return bool(place_of(heading))
+    except (IndexError, KeyError):
+        return False
+
+
+# What is printed of the schema, and how it is read.
+
+
+def study_of(text: str) -> StudyTable:
+    document, lines = parse(text, "study.toml")
+    return read_table(StudyTable, document, Place(origin="study.toml", lines=lines))
+
+
+def test_a_study_is_read_with_its_units_and_defaults() -> None:
+    study = study_of(
+        '[building]\npublished = "uts"\n\n[[damper]]\nstorey = 1\npreset = "kwok2006"\n[[controller]]\n'
+        'law = "clipped_optimal"\nsettings = { control_weight = 1e-17 }\n[[motion]]\nsynthetic = "kanai_tajimi"\n'
+        'pga = [0.981, "0.1 g"]\n[hardware]\nsample_time = "2 ms"\n'
+    )
+    assert study.hardware.sample_time == pytest.approx(0.002)
+    assert study.hardware.feedback == "state"
+    assert study.motion[0].pga == (0.981, pytest.approx(0.980665))
+    assert study.damper[0].storey == 1
+    assert str(study.damper[0].place) == "study.toml, line 4"
+    assert study.controller[0].settings == {"control_weight": 1e-17}
+
+
+@pytest.mark.parametrize(("heading", "kind"), list(tables(StudyTable)))
+def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, kind: Any) -> None:
+    block = next(block for block in schema_text().split("\n\n") if block.startswith(heading or "at the top"))
+    words = " ".join(block.split())
+    for entry in keys_of(kind):
+        default = "required" if is_required(entry) else ""
+        found = re.search(rf" {name_in_file(entry)} {default}.*{re.escape(entry.metadata['says'])} \(", words)
+        assert found, entry.name
+
+
+@pytest.mark.parametrize(
+    ("hint", "words"),
+    [(str | None, "text"), (int | str, "whole number or text"), (tuple[float, ...], "array of numbers")],
+)
+def test_types_are_printed_in_words(hint: Any, words: str) -> None:
+    assert in_words(node_of(hint)) == words
