@@ -143,7 +143,7 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
         ('file = "swing.csv"\nduration = 5', "is of synthetic motions"),
         ('file = "swing.csv"\nseed = 2', "is of synthetic motions"),
         ('file = "swing.csv"\nsoil = { intensity = 0.1 }', "is of synthetic motions"),
-        ('file = "swing.csv"\ncolumn = "nonsense"', "no column is 'nonsense'"),
+        ('file = "swing.csv"\ncolumn = "nonsense"', "there is no column 'nonsense'"),
         ('file = "swing.csv"\nchannel = 1', "takes no `channel`"),
         ('file = "swing.csv"\ndt = 0.02', "holds the times"),
         ('file = "swing.csv"\npga = 300.0', "beyond any earthquake"),
@@ -217,15 +217,16 @@ def test_suites_of_other_seeds_may_be_for_training(folder: Path) -> None:
     refusal(tables, *same, folder=folder, match="are one record")
 
 
-def test_a_key_that_has_no_effect_is_refused(folder: Path) -> None:
-    for key in ("duration = 5", "seed = 2", "soil = { intensity = 0.1 }"):
-        with pytest.raises(SettingError, match="is of synthetic motions"):
-            motions(f'file = "swing.csv"\n{key}', folder)
-    for key in ('column = "nonsense"', "channel = 1", "dt = 0.02"):
-        with pytest.raises(
-            MrworkError, match=r"there is no column 'nonsense'|takes no `channel`|holds the times"
-        ):
-            motions(f'file = "swing.csv"\n{key}', folder)
+@pytest.mark.parametrize("key", ["duration = 5", "seed = 2", "soil = { intensity = 0.1 }"])
+def test_a_key_of_synthetic_motions_is_refused_beside_a_file(folder: Path, key: str) -> None:
+    refusal(motions, f'file = "swing.csv"\n{key}', folder, match="is of synthetic motions")
+
+
+@pytest.mark.parametrize(
+    ("key", "word"), [("channel = 1", "takes no `channel`"), ("dt = 0.02", "holds the times")]
+)
+def test_a_key_of_another_format_is_refused(folder: Path, key: str, word: str) -> None:
+    refusal(motions, f'file = "swing.csv"\n{key}', folder, match=word)
 
 
 def test_a_doubtful_record_is_told_and_its_size_only_where_it_is_kept(folder: Path) -> None:
