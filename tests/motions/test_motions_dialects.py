@@ -11,8 +11,8 @@ from examples import examples
 from hypothesis import given
 from motion_files import DT, at2_lines, cosmos_lines, esm_lines, knet_lines, write_lines
 from numpy.typing import NDArray
+from refusals import refusal
 from scipy.io import savemat
-from sentences import Refused
 
 from mrwork.base.units import FACTORS
 from mrwork.closed_loop import STANDARD_GRAVITY
@@ -119,9 +119,9 @@ def test_table(
     np.testing.assert_array_equal(read_motion(file, unit=unit, dt=0.01).acceleration, expected)
 
 
-def test_commas_that_may_be_decimal_are_refused_in_a_series(path: Path, refused: Refused) -> None:
-    for lines in (["0,12", "-0,05", "0,1"], ["3,4", "", "5,6"]):
-        refused(read_motion, write_lines(path.with_suffix(".csv"), lines), unit="m/s2", dt=0.01)
+@pytest.mark.parametrize("lines", [["0,12", "-0,05", "0,1"], ["3,4", "", "5,6"]])
+def test_commas_that_may_be_decimal_are_refused_in_a_series(path: Path, lines: list[str]) -> None:
+    refusal(read_motion, write_lines(path.with_suffix(".csv"), lines), unit="m/s2", dt=0.01, match="decimal")
 
 
 @examples(30)

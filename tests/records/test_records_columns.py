@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from record_files import clean_columns, codes, message, write_text
+from refusals import refusal
 from sentences import Refused
 
 from mrwork.records import parse_column_option, read_damper_test
@@ -40,17 +41,25 @@ def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(test.force, 1e3 * clean_columns()["force_n"], rtol=1e-15)
 
 
-def test_a_mapping_settles_an_ambiguity(tmp_path: Path, refused: Refused) -> None:
+def test_a_mapping_settles_an_ambiguity(tmp_path: Path) -> None:
     path = renamed(tmp_path, "force_n", "Force", "force_kN", "f_lbf")
-    refused(read_damper_test, path)
+    refusal(read_damper_test, path, match="'force_kN' and 'f_lbf' both look like the force")
     np.testing.assert_array_equal(
         read_damper_test(path, columns={"force": "force:N"}).force, clean_columns()["force_n"]
     )
 
 
-def test_a_wrong_mapping_is_refused(tmp_path: Path, refused: Refused) -> None:
-    for columns in ({"force": "G:N"}, {"speed": "G:N"}, {"force": "force_n:"}, {"force": "force_n:mm"}):
-        refused(read_damper_test, write_text(tmp_path / "rig.csv", clean_columns()), columns=columns)
+@pytest.mark.parametrize(
+    ("columns", "word"),
+    [
+        ({"force": "G:N"}, "no column 'G'; the columns are 't_s'"),
+        ({"speed": "G:N"}, "'speed' is not a quantity"),
+        ({"force": "force_n:mm"}, "'mm' is a unit of displacement"),
+    ],
+)
+def test_a_wrong_mapping_is_refused(tmp_path: Path, columns: dict[str, str], word: str) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    refusal(read_damper_test, path, columns=columns, match=word)
 
 
 def test_a_column_option_is_split_once_checked() -> None:
@@ -58,17 +67,18 @@ def test_a_column_option_is_split_once_checked() -> None:
     assert parse_column_option("time= t : ms ") == ("time", "t : ms")
 
 
-def test_a_wrong_column_option_is_refused(refused: Refused) -> None:
-    for option in (
-        "force",
-        "torque=F:N",
-        "force=",
-        "force=:N",
-        "force=F:furlong",
-        "command=-5A",
-        "command=1e9 A",
-    ):
-        refused(parse_column_option, option)
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        ("force", "has no '='"),
+        ("torque=F:N", "'torque' is not a quantity"),
+        ("force=:N", "expected COLUMN:UNIT"),
+        ("force=F:furlong", "'furlong' is no unit of force"),
+        ("command=-5A", "from 0 to 1000 A"),
+    ],
+)
+def test_a_wrong_column_option_is_refused(option: str, word: str) -> None:
+    refusal(parse_column_option, option, match=word)
 
 
 def test_v_is_velocity_or_voltage_by_its_unit(tmp_path: Path) -> None:

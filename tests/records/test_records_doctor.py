@@ -162,12 +162,6 @@ def test_a_channel_that_ran_out_of_range_is_told(limit: float) -> None:
     assert clipped_share(cut) == pytest.approx(np.arccos(limit) / np.pi, abs=0.01)
 
 
-@pytest.mark.parametrize("digit", [1e-5, 1e-3, 1e-2, 0.05])
-def test_rounding_is_not_clipping(digit: float) -> None:
-    sine = np.sin(2.0 * np.pi * np.arange(2000) / 400.0)
-    assert clipped_share(digit * np.round(sine / digit)) == 0.0
-
-
 def test_friction_with_noise_is_not_clipping() -> None:
     sine = np.sin(2.0 * np.pi * np.arange(2000) / 400.0)
     force = 300.0 * np.tanh(20.0 * sine) + np.random.default_rng(4).standard_normal(2000)

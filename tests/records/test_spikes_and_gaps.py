@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
+from record_files import AMPLITUDE, DT, FREQUENCY, Columns, built, clean_columns, codes, message
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Observation, build_damper_test, cut, repair
+from mrwork.records import Observation, cut, repair
 from mrwork.records.damper_test import range_of_test
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 from mrwork.records.window import spikes_of
@@ -19,16 +19,6 @@ from mrwork.records.window import spikes_of
 MODEL = "viscous_dahl"
 # Samples, in the middle of the record.
 PLACES = {"three apart": (150, 210, 300), "three in a row": (200, 201, 202), "one": (250,)}
-
-
-def built(columns: Columns) -> DamperTest:
-    return build_damper_test(
-        name="rig",
-        time=columns["t_s"],
-        displacement=columns["displacement_m"],
-        velocity=columns.get("velocity_mps"),
-        force=columns["force_n"],
-    )
 
 
 def noisy_columns() -> Columns:
