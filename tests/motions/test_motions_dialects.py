@@ -38,7 +38,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("dialects") / "motion"
 
 
-@examples(40)
+@examples(25)
 @given(series=SERIES, dt=st.sampled_from([".0050", "0.01", "1.0E-02", ".02"]), end=ENDS)
 def test_at2(path: Path, series: list[float], dt: str, end: str) -> None:
     in_g = np.array(series) / STANDARD_GRAVITY
@@ -48,7 +48,7 @@ def test_at2(path: Path, series: list[float], dt: str, end: str) -> None:
     np.testing.assert_array_equal(motion.acceleration, STANDARD_GRAVITY * in_file(in_g, "15.7E"))
 
 
-@examples(40)
+@examples(25)
 @given(series=SERIES, end=ENDS)
 def test_esm(path: Path, series: list[float], end: str) -> None:
     in_gal = 100.0 * np.array(series)
@@ -58,7 +58,7 @@ def test_esm(path: Path, series: list[float], end: str) -> None:
     np.testing.assert_array_equal(motion.acceleration, 0.01 * in_file(in_gal, ".6f"))
 
 
-@examples(40)
+@examples(25)
 @given(
     series=SERIES,
     end=ENDS,
@@ -77,7 +77,7 @@ def test_cosmos(path: Path, series: list[float], end: str, layout: str, step: fl
     np.testing.assert_array_equal(motion.acceleration, factor * in_file(numbers, form))
 
 
-@examples(40)
+@examples(25)
 @given(seconds=st.integers(1, 3), offset=st.integers(-10000, 10000), rng=st.integers(0, 1000), end=ENDS)
 def test_knet(path: Path, seconds: int, offset: int, rng: int, end: str) -> None:
     counts = np.random.default_rng(rng).integers(-9_000_00, 9_000_00, size=100 * seconds) + offset
@@ -89,7 +89,7 @@ def test_knet(path: Path, seconds: int, offset: int, rng: int, end: str) -> None
     )
 
 
-@examples(60)
+@examples(30)
 @given(
     series=SERIES,
     unit=st.sampled_from(sorted(FACTORS["acceleration"])),

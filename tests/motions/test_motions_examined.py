@@ -88,7 +88,7 @@ def test_measured_records_are_silent() -> None:
 
 
 def test_planted_faults_are_told_and_honest_records_are_not() -> None:
-    told, alarms = sweep(planted_motions.FAULTS, planted_motions.honest, 24)
+    told, alarms = sweep(planted_motions.FAULTS, planted_motions.honest, 2 * len(planted_motions.FAULTS))
     assert set(told.values()) == {1.0}
     assert alarms == []
 
@@ -117,6 +117,6 @@ def test_copies_in_a_suite_are_told_and_count_once() -> None:
 
 
 def test_levels_of_a_record_and_other_motions_are_no_copies() -> None:
-    motions = suite(("firm", "soft"), 12, rng=1)
+    motions = suite(("firm", "soft"), 4, rng=1)
     levels = [scaled(motions[0], factor) for factor in (0.5, 2.0)]
     assert check_suite([*motions, *levels], TARGET, period=0.8).copies == {}

@@ -7,7 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import StateSpace, lsim
 
-from mrwork.motions import GroundMotion, resampled, response_spectrum, scaled, synthetic_motion, time_scaled
+from mrwork.motions import (
+    GroundMotion,
+    resampled,
+    response_spectrum,
+    scaled,
+    synthetic_motion,
+    time_scaled,
+    trimmed,
+)
 
 PERIODS = np.array([0.03, 0.1, 0.35, 1.0, 2.5, 6.0])
 MOTION = synthetic_motion(duration=12.0)
@@ -36,8 +44,9 @@ def test_resonance_without_damping_grows_as_the_closed_form_says() -> None:
 
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.4])
 def test_peaks_agree_with_scipy_on_a_fine_grid(damping: float) -> None:
-    spectrum = response_spectrum(MOTION, PERIODS, damping=damping)
-    fine = resampled(MOTION, MOTION.dt / 40)
+    motion = trimmed(MOTION, end=4.0)
+    spectrum = response_spectrum(motion, PERIODS, damping=damping)
+    fine = resampled(motion, motion.dt / 40)
     for period, *ours in zip(
         PERIODS, spectrum.displacement, spectrum.velocity, spectrum.acceleration, strict=True
     ):

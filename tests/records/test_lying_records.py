@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import measured_data
 import numpy as np
 import pytest
 from record_files import codes, message
 
-from mrwork.records import read_damper_tests
 from mrwork.records.checks import clipped_share, coarse_step
 from tools.faults.lying_records import (
     LIES,
@@ -26,7 +24,6 @@ from tools.faults.lying_records import (
 
 SINE = MOTIONS[0]
 LAB = RIGS[0]
-DATA = measured_data.DATA / "dampers"
 # What a sine through a hysteretic damper does not tell: a force that is early by less than its hysteresis is late.
 SILENT = {("the force is early", -0.01), ("the force is of another test", 1.0)}
 
@@ -58,12 +55,6 @@ def test_every_model_is_honest_in_a_sine() -> None:
         model: found for model in MODELS if (found := TELLING & set(codes(honest(model, SINE, LAB).test())))
     }
     assert told == {}
-
-
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)")
-def test_measured_records_have_no_warning_of_a_lie() -> None:
-    tests = read_damper_tests([DATA / "utfsm", DATA / "labcontrol"])
-    assert {test.name: found for test in tests if (found := TELLING & set(codes(test)))} == {}
 
 
 def test_a_lie_is_told_with_its_size() -> None:

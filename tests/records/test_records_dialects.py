@@ -96,7 +96,7 @@ def tables(draw: st.DrawFn, dialect: SimpleNamespace) -> tuple[list[str], list[l
     return names, [[in_form(number, dialect) for number in row] for row in rows]
 
 
-@examples(100)
+@examples(60)
 @given(data=st.data(), dialect=DIALECTS)
 def test_a_table_in_any_dialect_gives_its_numbers_or_a_refusal(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, dialect: SimpleNamespace
