@@ -79,10 +79,10 @@ def test_sides_that_no_array_has_are_refused(tmp_path: Path, content: bytes) -> 
 
 
 def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: Path) -> None:
-    time = 1e-3 * np.arange(1_000_000)
+    time = 1e-3 * np.arange(200_000)
     columns = {"t_s": time, "force_n": 300.0 * np.sign(np.cos(2.0 * np.pi * time))}
     path = tmp_path / "rig.mat"
     path.write_bytes(HEAD + b"".join(packed(name, column) for name, column in columns.items()))
-    assert path.stat().st_size < 32e6 / 4
+    assert path.stat().st_size < 2 * time.nbytes / 4
     for name, column in open_table(path, lambda _: True).read(list(columns)).items():
         np.testing.assert_array_equal(column, columns[name])

@@ -28,7 +28,7 @@ LAWS = {"c": "values:0,1", "alpha": "values:0,0.4,1"}
 TRUTH = np.array([1000.0, 2500.0, 500.0, 100.0, 400.0, 800.0, 60.0, 1.5, 1e-4, 20.0])
 
 
-def recorded(name: str, *, rng: int = 0, n_time: int = 3000) -> tuple[NDArray[np.float64], ...]:
+def recorded(*, rng: int = 0, n_time: int = 1500) -> tuple[NDArray[np.float64], ...]:
     """Time, motion, force, and the share of the largest command, which steps through three levels."""
     time = DT * np.arange(n_time)
     omega = 2.0 * np.pi * (2.0 + 0.4 * rng)
@@ -41,8 +41,10 @@ def recorded(name: str, *, rng: int = 0, n_time: int = 3000) -> tuple[NDArray[np
     return time, displacement, velocity, force, share
 
 
-def written(folder: Path, heading: str, scale: float, zero: float, *, rng: int = 0) -> Path:
-    time, displacement, velocity, force, share = recorded(heading, rng=rng)
+def written(
+    folder: Path, heading: str, scale: float, zero: float, *, rng: int = 0, n_time: int = 1500
+) -> Path:
+    time, displacement, velocity, force, share = recorded(rng=rng, n_time=n_time)
     path = folder / f"rig{rng}.csv"
     table = np.column_stack([time, 1e3 * displacement, velocity, force, zero + scale * share])
     np.savetxt(
@@ -138,7 +140,7 @@ def test_a_negative_opening_is_a_warning_and_a_negative_temperature_is_none(tmp_
 
 
 def made(unit: CommandUnit, command: float | NDArray[np.float64], *, rng: int = 0) -> DamperTest:
-    time, displacement, velocity, force, _ = recorded("made", rng=rng)
+    time, displacement, velocity, force, _ = recorded(rng=rng)
     return build_damper_test(
         name=f"{unit} {rng}",
         time=time,
@@ -156,11 +158,11 @@ def test_a_command_and_its_unit_come_together(change: dict[str, str | None]) -> 
 
 
 def test_parts_resampled_times_and_samples_keep_the_command() -> None:
-    share = recorded("made")[-1]
+    share = recorded()[-1]
     test = made("bar", 3.0 * share)
     np.testing.assert_array_equal(test.part(100, 900).command, 3.0 * share[100:900])
     assert mr.records.RecordedMotion.of(test).command == 3.0
-    time = recorded("made")[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
+    time = recorded()[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
     jittered = build_damper_test(
         name="jitter",
         time=time,
@@ -193,7 +195,7 @@ def test_tests_in_two_units_are_refused(tmp_path: Path) -> None:
 
 def test_the_command_line_fits_predicts_and_reports_in_the_unit_of_the_user(tmp_path: Path) -> None:
     """In degrees Celsius, which have no zero where a command ends."""
-    first, second = (written(tmp_path, "command (degC)", 40.0, -10.0, rng=rng) for rng in (0, 1))
+    first, second = (written(tmp_path, "command (degC)", 40.0, -10.0, rng=rng, n_time=3000) for rng in (0, 1))
     checked = json.loads(mrwork("check", first, "--json").stdout)["files"][0]
     assert (checked["command"], checked["command_unit"]) == ({"lowest": -10.0, "highest": 30.0}, "degC")
     out = tmp_path / "run"
