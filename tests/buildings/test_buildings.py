@@ -160,21 +160,6 @@ def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:
     refusal(with_modal_damping, frame, ratios=[2.0, 0.0, 0.0], match="from 0 to 1")
 
 
-def test_effective_masses_and_participation_of_two_storeys_are_those_by_hand() -> None:
-    # k / m = 100: omega^2 = 100 (3 -+ sqrt 5) / 2, shapes (1, (1 +- sqrt 5) / 2).
-    golden = (1.0 + np.sqrt(5.0)) / 2.0
-    frame = shear_building(name="frame", masses=[2.0, 2.0], stiffnesses=[200.0, 200.0])
-    np.testing.assert_allclose(
-        frame.periods, 2.0 * np.pi / (10.0 / np.array([golden, golden - 1.0])), rtol=1e-12
-    )
-    shapes = np.array([[1.0, golden], [1.0, 1.0 - golden]])
-    driven, modal = 2.0 * shapes.sum(axis=1), 2.0 * (shapes**2).sum(axis=1)
-    np.testing.assert_allclose(frame.effective_masses, driven**2 / modal, rtol=1e-12)
-    np.testing.assert_allclose(frame.participation, shapes[:, 1] * driven / modal, rtol=1e-12)
-    assert frame.effective_masses.sum() == pytest.approx(frame.total_mass)
-    assert frame.participation.sum() == pytest.approx(1.0)
-
-
 def test_a_mode_of_a_textbook_frame_has_the_base_shear_of_its_effective_mass() -> None:
     """The shear frame of Chopra's chapters 10 and 13: 2 m on 2 k and m on k, shapes (1/2, 1) and (-1, 1)."""
     m, k = 4e4, 2e7

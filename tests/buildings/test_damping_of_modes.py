@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
@@ -182,18 +181,6 @@ def test_the_quick_check_never_clears_what_the_poles_contradict(n: int, seed: in
     for ratio in (-modes.UNDAMPED, modes.UNDAMPED, 0.01):
         if modes.is_damped(mass, damping, stiffness, ratio):
             assert found.ratio.min() >= ratio - 1e-9
-
-
-def test_a_tall_building_is_cleared_by_factorisations_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without eigenvalues, which take a hundred times as long at 3000 coordinates."""
-    n = 400
-    tall = buildings.with_rayleigh_coefficients(
-        buildings.shear_building(name="tall", masses=n * [3e5], stiffnesses=n * [6e8]), a0=0.05, a1=1e-3
-    )
-    for name in ("eigh", "eig"):
-        monkeypatch.setattr(np.linalg, name, lambda *_: pytest.fail("eigenvalues are computed"))
-    monkeypatch.setattr(scipy.linalg, "eigh", lambda *_: pytest.fail("modes are computed"))
-    assert replace(tall, name="taller").damping_warnings == ()
 
 
 def test_a_tall_building_with_one_undamped_mode_is_found_without_coupling() -> None:

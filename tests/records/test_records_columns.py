@@ -41,14 +41,6 @@ def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(test.force, 1e3 * clean_columns()["force_n"], rtol=1e-15)
 
 
-def test_a_mapping_settles_an_ambiguity(tmp_path: Path) -> None:
-    path = renamed(tmp_path, "force_n", "Force", "force_kN", "f_lbf")
-    refusal(read_damper_test, path, match="'force_kN' and 'f_lbf' both look like the force")
-    np.testing.assert_array_equal(
-        read_damper_test(path, columns={"force": "force:N"}).force, clean_columns()["force_n"]
-    )
-
-
 @pytest.mark.parametrize(
     ("columns", "word"),
     [
@@ -112,6 +104,10 @@ def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, sc
         ("ensaio.A.1", None, None, None),
         ("10mm", None, None, None),
         ("10mm1HzA", None, None, None),
+        ("V01_15mm_4Hz_1000mA", 0.015, 4.0, (1.0, "A")),
+        ("run3_0x5A", None, None, (0.5, "A")),
+        ("1.0A", None, None, (1.0, "A")),
+        ("test 2V", None, None, (2.0, "V")),
     ],
 )
 def test_file_names_give_nominal_values(

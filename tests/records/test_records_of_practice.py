@@ -122,24 +122,6 @@ def test_a_name_is_found_however_its_characters_are_written(tmp_path: Path) -> N
     assert np.allclose(test.force, FORCE, atol=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("stem", "command"),
-    [
-        ("V01_15mm_4Hz_1000mA", 1.0),
-        ("run3_0x5A", 0.5),
-        ("1.0A", 1.0),
-        ("test 2V", 2.0),
-        ("10mm4Hz0.75A", 0.75),
-    ],
-)
-def test_a_command_of_a_name_is_read_by_every_verb(tmp_path: Path, stem: str, command: float) -> None:
-    path = write(tmp_path / f"{stem}.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE))
-    test = read_damper_test(path)
-    assert (test.voltage if "V" in stem[-1] else test.current) == command
-    ended = mrwork("check", path)
-    assert f"{command:g} {stem[-1]}" in ended.stdout.splitlines()[0]
-
-
 def test_a_name_with_two_commands_is_asked_about(tmp_path: Path) -> None:
     path = write(tmp_path / "sweep_0A_to_2A.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE))
     test = read_damper_test(path)

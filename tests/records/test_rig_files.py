@@ -150,14 +150,6 @@ def test_columns_without_names_are_given_by_number(tmp_path: Path, refused: Refu
     )
 
 
-def test_a_name_is_given_without_the_unit_below_it(tmp_path: Path) -> None:
-    path = tmp_path / "rig.txt"
-    path.write_text(text(["Ch 1\tCh 2\tCh 3", "s\tmm\tkN"], seconds_and_loop()))
-    refusal(read_damper_test, path, match="'displacement=Ch 2:mm' --column 'force=Ch 3:kN'")
-    given = {"time": "Ch 1:s", "displacement": "Ch 2:mm", "force": "Ch 3:kN"}
-    assert_is_the_test(read_damper_test(path, columns=given))
-
-
 def test_what_the_header_leaves_open_is_asked_for(tmp_path: Path, refused: Refused) -> None:
     for header in (
         ["Time\tStroke\tForce", "s\tmm\tstone"],

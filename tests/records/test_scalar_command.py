@@ -119,20 +119,6 @@ def test_a_number_in_another_unit_is_the_command(
     assert read_damper_test(path, columns={"command": stated}).commands == (command,)
 
 
-@pytest.mark.parametrize(
-    ("stated", "word"),
-    [
-        ("5 kg", "'kg' is no unit of a command"),
-        ("valve:turns", "'turns' is no unit"),
-        ("-5 psi", "down to -5"),
-        ("1e9 %", "more than 1e.06 %"),
-    ],
-)
-def test_what_is_no_command_is_refused(tmp_path: Path, stated: str, word: str) -> None:
-    path = written(tmp_path, "pressure_bar", 50.0, 0.0)
-    refusal(read_damper_test, path, columns={"command": stated}, match=word)
-
-
 def test_a_negative_opening_is_a_warning_and_a_negative_temperature_is_none(tmp_path: Path) -> None:
     for heading, warned in (("valve_mm", True), ("command (degC)", False)):
         test = read_damper_test(written(tmp_path, heading, 50.0, -20.0))
