@@ -97,13 +97,11 @@ def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, sc
     [
         ("10mm1Hz0x5A", 0.010, 1.0, (0.5, "A")),
         ("25mm0x25Hz_0.75A", 0.025, 0.25, (0.75, "A")),
-        ("unfiltered_5mm3Hz_1.0A", 0.005, 3.0, (1.0, "A")),
         ("2mm_5hz_0a", 0.002, 5.0, (0.0, "A")),
         ("rig3-12.5mm2Hz2x25V", 0.0125, 2.0, (2.25, "V")),
         ("10mm1Hz", 0.010, 1.0, None),
         ("ensaio.A.1", None, None, None),
         ("10mm", None, None, None),
-        ("10mm1HzA", None, None, None),
         ("V01_15mm_4Hz_1000mA", 0.015, 4.0, (1.0, "A")),
         ("run3_0x5A", None, None, (0.5, "A")),
         ("1.0A", None, None, (1.0, "A")),

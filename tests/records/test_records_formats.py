@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, clean_columns, codes, write_text
+from record_files import DT, N_TIME, built, clean_columns, codes, write_text
 from refusals import refusal
 from scipy.io import savemat
 
-from mrwork.records import DamperTest, build_damper_test, read_damper_test, read_damper_tests
+from mrwork.records import DamperTest, read_damper_test, read_damper_tests
 
 
 def assert_is_the_clean_test(test: DamperTest, rtol: float = 1e-15) -> None:
@@ -175,21 +175,9 @@ def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
 
 
 def test_arrays_give_the_same_test_as_a_file() -> None:
-    columns = clean_columns()
-    test = build_damper_test(
-        name="sine",
-        time=columns["t_s"],
-        displacement=columns["displacement_m"],
-        velocity=columns["velocity_mps"],
-        force=columns["force_n"],
-        current=0.5,
-        amplitude=AMPLITUDE,
-        frequency=FREQUENCY,
-        synthetic=True,
-    )
+    test = built(clean_columns(), current=np.full(N_TIME, 0.5))
     assert_is_the_clean_test(test, rtol=0.0)
-    assert codes(test) == []
-    assert (test.path, test.synthetic, test.current) == ("", True, 0.5)
+    assert (codes(test), test.path, test.synthetic, test.current) == ([], "", False, 0.5)
 
 
 def test_the_hash_of_arrays_depends_on_every_value() -> None:
@@ -198,13 +186,7 @@ def test_the_hash_of_arrays_depends_on_every_value() -> None:
     def digest(force_change: float, current: float) -> str:
         force = columns["force_n"].copy()
         force[-1] += force_change
-        return build_damper_test(
-            name="sine",
-            time=columns["t_s"],
-            displacement=columns["displacement_m"],
-            force=force,
-            current=current,
-        ).sha256
+        return built(columns | {"force_n": force}, current=np.full(N_TIME, current)).sha256
 
     assert digest(0.0, 0.5) == digest(0.0, 0.5)
     assert len({digest(0.0, 0.5), digest(1e-9, 0.5), digest(0.0, 0.6)}) == 3

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import mrwork
 from refusals import command_refusal, refusal
 from scipy.io import savemat
 
@@ -140,13 +139,6 @@ def test_characterise_says_which_row_to_set_back(tmp_path: Path) -> None:
     said = command_refusal("characterise", tmp_path, "--out", tmp_path / "out", match=remedy)
     assert "--law" not in said
     assert not (tmp_path / "out").exists()
-
-
-def test_a_sentence_names_the_verb_of_an_option_that_the_verb_at_hand_lacks(tmp_path: Path) -> None:
-    write(tmp_path / "1A.csv", text("t_s,x_mm,F_N,v_mmps", 1e3 * TIME, STROKE, FORCE, SPEED))
-    write(tmp_path / "tests.csv", ["file,use", "1A.csv,fit"])
-    ended = mrwork("characterise", tmp_path, "--out", tmp_path / "out")
-    assert "mrwork characterise has no --column: use mrwork identify" in ended.stderr
 
 
 def test_a_row_that_lost_a_field_marks_no_event_whatever_its_exponent(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from odd_files import MM, NEWTON, TIME, assert_is_the_test, write_table
-from record_files import DT, codes, message
+from record_files import codes, message
 from refusals import refusal
 
 from mrwork.records import ListedTest, guess_tests, read_damper_test
@@ -110,12 +110,6 @@ def test_a_column_of_times_in_seconds_goes_before_stamps(tmp_path: Path) -> None
     assert_is_the_test(read_damper_test(write_table(tmp_path / "rig.txt", columns)))
 
 
-def test_uneven_stamps_are_told_as_any_uneven_times(tmp_path: Path) -> None:
-    uneven = TIME + 1e-3 * np.sin(np.arange(TIME.size) ** 2)
-    columns = {"Timestamp": stamps(STAMPS["ISO"], uneven), "x_mm": MM, "F_N": NEWTON}
-    assert "resampled" in codes(read_damper_test(write_table(tmp_path / "rig.txt", columns)))
-
-
 @pytest.mark.parametrize(
     ("stamp", "word"),
     [
@@ -129,13 +123,6 @@ def test_wrong_stamps_are_refused_by_their_line(tmp_path: Path, stamp: str, word
     times[200] = stamp
     path = write_table(tmp_path / "rig.txt", {"Timestamp": times, "x_mm": MM, "F_N": NEWTON})
     refusal(read_damper_test, path, match=word)
-
-
-def test_two_columns_of_stamps_are_asked_for(tmp_path: Path) -> None:
-    begin, end = (stamps(STAMPS["ISO"], TIME + shift) for shift in (0.0, DT))
-    path = write_table(tmp_path / "rig.txt", {"begin": begin, "end": end, "x_mm": MM, "F_N": NEWTON})
-    refusal(read_damper_test, path, match="'begin' and 'end' both look like the time")
-    assert_is_the_test(read_damper_test(path, columns={"time": "end:s"}))
 
 
 MOTION = {"t_s": TIME, "x_mm": MM, "F_N": NEWTON}
@@ -161,17 +148,13 @@ def test_a_column_goes_before_the_name(tmp_path: Path, name: str, heading: str) 
         assert "says a current of 0 A, the record 2 A" in message(test, "name_disagrees")
 
 
-def test_a_column_of_volts_goes_before_amperes_in_the_name(tmp_path: Path) -> None:
-    test = read_damper_test(write(tmp_path, "10mm2Hz0A.lvm", "Command (V)", 2.0))
-    assert (test.current, test.voltage) == (None, 2.0)
-    assert message(test, "name_not_used") == "the command is 2 V; the 0 A of the file name are not used"
-
-
-def test_a_stated_command_goes_before_the_name(tmp_path: Path) -> None:
+def test_a_column_of_volts_and_a_stated_command_go_before_amperes_in_the_name(tmp_path: Path) -> None:
+    with_column = read_damper_test(write(tmp_path, "10mm2Hz0A.lvm", "Command (V)", 2.0))
     path = write_table(tmp_path / "10mm2Hz0A.lvm", MOTION)
-    test = read_damper_test(path, columns={"command": "2 V"})
-    assert (test.current, test.voltage) == (None, 2.0)
-    assert "name_not_used" in codes(test)
+    stated = read_damper_test(path, columns={"command": "2 V"})
+    for test in (with_column, stated):
+        assert (test.current, test.voltage) == (None, 2.0)
+        assert message(test, "name_not_used") == "the command is 2 V; the 0 A of the file name are not used"
     assert read_damper_test(path).current == 0.0
 
 
@@ -179,21 +162,10 @@ def test_no_command_is_guessed_beside_a_column_of_one_without_its_unit(tmp_path:
     path = write(tmp_path, "10mm2Hz0A.lvm", "I_set", 2.0)
     test = read_damper_test(path)
     assert test.commands == ()
-    assert "give one, as in --column command=I_set:A or --column 'command=0 A'" in message(
-        test, "command_unclear"
-    )
-    row = guess(write(tmp_path, "test_0A.lvm", "Current", 2.0))
+    assert "--column command=I_set:A or --column 'command=0 A'" in message(test, "command_unclear")
+    row = guess(path)
     assert row.columns["command"] == UNKNOWN
-    assert row.doubt == "'Current' may be the command and does not say its unit; give it as Current:A"
-
-
-def test_no_command_is_guessed_beside_two_columns_of_it(tmp_path: Path) -> None:
-    both = {**MOTION, "Coil current (A)": 2.0 + 0 * TIME, "Damper current (A)": 1.0 + 0 * TIME}
-    row = guess(write_table(tmp_path / "test_0A.lvm", both))
-    assert row.columns["command"] == UNKNOWN
-    assert row.doubt.startswith(
-        "columns 'Coil current (A)' and 'Damper current (A)' both look like the current"
-    )
+    assert "give it as I_set:A" in row.doubt
 
 
 def test_a_motor_is_no_command(tmp_path: Path) -> None:

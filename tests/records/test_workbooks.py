@@ -32,7 +32,6 @@ SHEETS: dict[str, Rows] = {
     "a header block": [["Rig 3"], ["Rate", 200.0, "Hz"], ["Limits", -10.0, 10.0], [], *HEAD, *BODY],
     "a row of units": [["Zeit", "Weg", "Kraft"], ["[s]", "[mm]", "[kN]"], *BODY],
     "empty columns before": [[None, None, *row] for row in HEAD + BODY],
-    "inches marked": [["Time (s)", 'Stroke (")', "Force (N)"], *zip(TIME, MM / 25.4, NEWTON, strict=True)],
     "marks below": [["t", "x", "F"], ["s", '"', "N"], *zip(TIME, MM / 25.4, NEWTON, strict=True)],
     "a break in a heading": [["Time\n(s)", "Stroke\t(mm)", "Force\n(kN)"], *BODY],
     "remarks": [[*HEAD[0], "Remark"], [*BODY[0], "start"], *BODY[1:]],
