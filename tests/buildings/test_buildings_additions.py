@@ -162,6 +162,8 @@ def test_sadeks_tuning_damps_both_modes_alike() -> None:
     mu, beta = 0.05, 0.02
     single = shear_building(name="single", masses=[1.0], stiffnesses=[1.0], storey_damping=[2.0 * beta])
     optimum = TUNINGS["sadek"](mu, beta)
+    # By hand, with sqrt(0.05 / 1.05) = 0.21822.
+    assert (optimum.frequency_ratio, optimum.damping_ratio) == pytest.approx((0.94822, 0.23727), rel=1e-4)
     both = with_tuned_mass(
         single,
         floor=1,
