@@ -8,8 +8,9 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from refusals import refusal
 
-from mrwork.errors import MrworkWarning, RecordError
+from mrwork.errors import MrworkWarning
 from mrwork.motions import (
     GroundMotion,
     check_suite,
@@ -94,8 +95,7 @@ def test_planted_faults_are_told_and_honest_records_are_not() -> None:
 
 
 def test_a_motion_is_scaled_no_further_than_files_go() -> None:
-    with pytest.raises(RecordError, match="beyond any earthquake"):
-        scaled_to_peak(HONEST, 300.0)
+    refusal(scaled_to_peak, HONEST, 300.0, match="beyond any earthquake")
 
 
 def copy_of(motion: GroundMotion, name: str, factor: float = 1.0, rest: int = 0) -> GroundMotion:
