@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import printed
 from record_files import clean_columns, codes, message, write_text
 from refusals import refusal
 from sentences import Refused
@@ -133,3 +135,13 @@ def test_a_column_wins_over_the_name_and_the_disagreement_is_told(tmp_path: Path
 def test_a_motion_far_from_its_name_is_told(tmp_path: Path, name: str, quantity: str) -> None:
     test = read_damper_test(write_text(tmp_path / f"{name}.csv", clean_columns()))
     assert quantity in message(test, "name_disagrees")
+
+
+def test_the_amplitude_of_a_name_and_of_check_is_half_the_peak_to_peak(tmp_path: Path) -> None:
+    """About 80 mm instead of zero, as a sensor shows it that was not set to zero."""
+    columns = clean_columns()
+    columns["displacement_m"] = columns["displacement_m"] + 0.08
+    path = write_text(tmp_path / "10mm2Hz0A.csv", columns)
+    assert codes(read_damper_test(path)) == []
+    (facts,) = json.loads(printed("check", path, "--json"))["files"]
+    assert (facts["amplitude_m"], facts["peak_displacement_m"]) == pytest.approx((0.010, 0.090), rel=1e-4)
