@@ -246,7 +246,7 @@ def test_a_matlab_73_file_reads_like_a_plain_table(tmp_path: Path, struct: str) 
     assert test.current == 0.5
 
 
-def test_a_matlab_73_file_that_is_cut_off_or_claims_memory_is_refused(tmp_path: Path) -> None:
+def test_a_matlab_73_file_that_is_cut_off_claims_memory_or_names_another_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "rig.mat"
     write_matlab_73(path, clean_columns())
     path.write_bytes(path.read_bytes()[:9000])
@@ -255,6 +255,11 @@ def test_a_matlab_73_file_that_is_cut_off_or_claims_memory_is_refused(tmp_path: 
         # Chunks that were never written take no room in the file.
         file.create_dataset("force_n", shape=(1 << 34, 1), chunks=(1024, 1), dtype="f8")
     refusal(read_damper_test, path, match="'force_n' claim more than")
+    write_matlab_73(tmp_path / "other.mat", clean_columns())
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name in clean_columns():
+            file[name] = h5py.ExternalLink("other.mat", name)
+    refusal(read_damper_test, path, match="found nothing")
 
 
 def test_a_tdms_file_reads_like_a_plain_table(tmp_path: Path) -> None:
