@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from refusals import refusal
 from scipy.linalg import solve_continuous_lyapunov
-from sentences import Refused
 
 from mrwork.buildings import (
     TUNINGS,
@@ -110,10 +110,6 @@ def test_isolators_as_stiff_as_rock_give_the_fixed_building_back() -> None:
     )
 
 
-def test_isolation_weighs_the_building_and_its_slab() -> None:
-    assert isolated().total_mass == pytest.approx(UTS.total_mass + 400.0)
-
-
 def test_a_shear_frame_on_isolators_is_a_shear_frame_with_one_storey_more() -> None:
     frame = shear_building(name="two", masses=[2.0, 1.0], stiffnesses=[30.0, 20.0], storey_damping=[0.3, 0.2])
     taller = shear_building(
@@ -166,6 +162,8 @@ def test_sadeks_tuning_damps_both_modes_alike() -> None:
     mu, beta = 0.05, 0.02
     single = shear_building(name="single", masses=[1.0], stiffnesses=[1.0], storey_damping=[2.0 * beta])
     optimum = TUNINGS["sadek"](mu, beta)
+    # By hand, with sqrt(0.05 / 1.05) = 0.21822.
+    assert (optimum.frequency_ratio, optimum.damping_ratio) == pytest.approx((0.94822, 0.23727), rel=1e-4)
     both = with_tuned_mass(
         single,
         floor=1,
@@ -226,37 +224,9 @@ def test_a_brace_as_stiff_as_rock_leaves_the_whole_drift_to_its_damper() -> None
     )
 
 
-def test_the_mass_of_a_brace_is_a_small_thing() -> None:
-    omega = 2.0 * np.pi * np.linspace(0.5, 20.0, 50)
-    roof = [
-        response(
-            with_viscous_damper(
-                with_brace(UTS, storey=1, stiffness=2e6, mass=mass), storey="damper in storey 1", damping=2e3
-            ),
-            omega,
-            np.eye(6)[4:5],
-        )
-        for mass in (0.33, 1e-6)
-    ]
-    assert np.abs(roof[0] - roof[1]).max() < 1e-3 * np.abs(roof[1]).max()
-
-
-def test_an_addition_that_cannot_be_is_refused(refused: Refused) -> None:
-    refused(with_base_isolation, UTS, mass=0.0, stiffness=1.0, damping=0.0)
-    refused(with_base_isolation, UTS, mass=1.0, stiffness=-1.0, damping=0.0)
-    refused(with_base_isolation_of_period, UTS, mass=1.0, period=0.0, ratio=0.1)
-    refused(with_base_isolation_of_period, UTS, mass=1.0, period=2.0, ratio=-0.1)
-    refused(with_brace, UTS, storey=1, stiffness=1e6, mass=0.0)
-    refused(lambda: with_brace(UTS, storey=1, stiffness=float("inf"), mass=1.0))
-    refused(with_viscous_damper, UTS, storey=1, damping=-1.0)
-    refused(with_tuned_mass, UTS, floor=5, mass=1.0, frequency=0.0, ratio=0.1)
-    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.0)
-    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=5.0)
-    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, mode=6)
-    refused(lambda: with_brace(braced(), storey=1, stiffness=1e6, mass=1.0))
-
-
-def test_an_unknown_place_or_tuning_is_refused(refused: Refused) -> None:
-    refused(with_viscous_damper, UTS, storey="penthouse", damping=1.0)
-    refused(with_optimal_tuned_mass, UTS, floor=6, mass_ratio=0.02)
-    refused(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, tuning="villaverde")
+def test_an_addition_that_cannot_be_is_refused() -> None:
+    refusal(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=5.0, match="8.94 times that of mode 1")
+    refusal(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, mode=6, match="from 1 to 5")
+    refusal(with_optimal_tuned_mass, UTS, floor=5, mass_ratio=0.02, tuning="villaverde", match="den_hartog")
+    refusal(with_brace, braced(), storey=1, stiffness=1e6, mass=1.0, match="'damper in storey 1'")
+    refusal(with_viscous_damper, UTS, storey="penthouse", damping=1.0, match="no storey 'penthouse'")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 from mrwork.buildings import Building, building, buildings
 
@@ -75,5 +75,5 @@ def test_floors_of_the_sac_building_come_lowest_first() -> None:
     assert (np.diff(sac.floors @ sac.modes[:, 0]) > 0.0).all()
 
 
-def test_a_name_that_is_not_published_is_refused_with_those_that_are(refused: Refused) -> None:
-    refused(building, "dyke")
+def test_a_name_that_is_not_published_is_refused_with_the_one_that_was_meant() -> None:
+    refusal(building, "dyke", match="did you mean dyke1996")

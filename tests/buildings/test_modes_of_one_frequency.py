@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import scipy
 from numpy.testing import assert_allclose
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import buildings
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.state_space import mass_of_forces
-from mrwork.errors import SettingError
 
 STIFFNESS = 2e6
 
@@ -53,8 +53,7 @@ def test_a_tuned_mass_on_one_of_two_equal_towers_is_that_of_the_tower_alone(floo
 def test_a_mode_that_does_not_move_a_floor_is_still_refused() -> None:
     stiffer = tower(2)
     stiffer = replace(stiffer, stiffness=np.diag([1.0, 1.0, 1.5, 1.5]) @ stiffer.stiffness)
-    with pytest.raises(SettingError, match="does not move"):
-        buildings.with_optimal_tuned_mass(stiffer, floor=4, mass_ratio=0.02)
+    refusal(buildings.with_optimal_tuned_mass, stiffer, floor=4, mass_ratio=0.02, match="does not move")
 
 
 def test_the_first_of_equal_modes_has_all_their_participation() -> None:
@@ -83,8 +82,7 @@ def test_equal_modes_with_one_damped_tower_have_the_ratios_of_each_tower() -> No
     ],
 )
 def test_what_cuts_a_space_is_refused(make: Any, word: str) -> None:
-    with pytest.raises(SettingError, match=word):
-        make()
+    refusal(make, match=word)
 
 
 def test_ratios_that_agree_within_a_space_are_taken() -> None:

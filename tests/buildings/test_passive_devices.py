@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
-from sentences import Refused
 
 import mrwork as mr
 from mrwork.buildings.passive_devices import head_loss_of
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.errors import SettingError
 
 FRAME = mr.building("uts")
 of = mr.buildings
@@ -136,35 +134,14 @@ def test_the_head_loss_of_a_damping_ratio_dissipates_as_much() -> None:
     assert lost == pytest.approx(linear, rel=3e-3)
 
 
-def test_numbers_that_no_device_has_are_refused(refused: Refused) -> None:
-    plastic = {"yield_force": 1.0, "yield_displacement": 1.0}
-    refused(of.with_yielding_damper, FRAME, storey=1, **plastic | {"yield_force": 0.0})
-    refused(of.with_yielding_damper, FRAME, storey=1, **plastic, post_yield_ratio=1.0)
-    refused(of.with_friction_damper, FRAME, storey=1, slip_load=-1.0, stiffness=1.0)
-    refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0, yield_force=0.0)
-    refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, yield_force=1.0)
-    refused(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0)
+def test_numbers_that_no_device_has_are_refused() -> None:
+    refusal(of.with_lead_rubber_bearings, FRAME, mass=1.0, yield_force=1.0, match="period")
+    refusal(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0, match="yield_force")
     column = {"mass": 1.0, "frequency": 1.0, "width_ratio": 1.0, "head_loss": 1.0}
-    refused(of.with_liquid_column, FRAME, floor=1, **column)
+    refusal(of.with_liquid_column, FRAME, floor=1, **column, match="width_ratio")
 
 
-@pytest.mark.parametrize(
-    ("call", "key"),
-    [
-        (lambda: of.liquid_column_optimum(0.0, 0.5), "mass_ratio"),
-        (lambda: head_loss_of(0.1, 1.0, 0.0), "rms_velocity"),
-    ],
-)
-def test_ratios_that_no_column_has_are_refused(call: Callable[[], object], key: str) -> None:
-    with pytest.raises(SettingError, match=key):
-        call()
-
-
-def test_a_linear_system_of_what_is_not_linear_is_refused(refused: Refused) -> None:
+def test_a_linear_system_of_what_is_not_linear_is_refused() -> None:
     frame = of.with_friction_damper(FRAME, storey=1, slip_load=1.0, stiffness=1.0)
-    refused(of.system_of, frame)
+    refusal(of.system_of, frame, match="friction damper in storey 1, which is not in its matrices")
     assert of.system_of(replace(frame, elements=())).n_states == 10
-
-
-def test_a_storey_that_does_not_exist_is_refused(refused: Refused) -> None:
-    refused(of.with_friction_damper, FRAME, storey=9, slip_load=1.0, stiffness=1.0)

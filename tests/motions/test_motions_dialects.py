@@ -11,8 +11,8 @@ from examples import examples
 from hypothesis import given
 from motion_files import DT, at2_lines, cosmos_lines, esm_lines, knet_lines, write_lines
 from numpy.typing import NDArray
+from refusals import refusal
 from scipy.io import savemat
-from sentences import Refused
 
 from mrwork.base.units import FACTORS
 from mrwork.closed_loop import STANDARD_GRAVITY
@@ -38,7 +38,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("dialects") / "motion"
 
 
-@examples(40)
+@examples(25)
 @given(series=SERIES, dt=st.sampled_from([".0050", "0.01", "1.0E-02", ".02"]), end=ENDS)
 def test_at2(path: Path, series: list[float], dt: str, end: str) -> None:
     in_g = np.array(series) / STANDARD_GRAVITY
@@ -48,7 +48,7 @@ def test_at2(path: Path, series: list[float], dt: str, end: str) -> None:
     np.testing.assert_array_equal(motion.acceleration, STANDARD_GRAVITY * in_file(in_g, "15.7E"))
 
 
-@examples(40)
+@examples(25)
 @given(series=SERIES, end=ENDS)
 def test_esm(path: Path, series: list[float], end: str) -> None:
     in_gal = 100.0 * np.array(series)
@@ -58,7 +58,7 @@ def test_esm(path: Path, series: list[float], end: str) -> None:
     np.testing.assert_array_equal(motion.acceleration, 0.01 * in_file(in_gal, ".6f"))
 
 
-@examples(40)
+@examples(25)
 @given(
     series=SERIES,
     end=ENDS,
@@ -77,7 +77,7 @@ def test_cosmos(path: Path, series: list[float], end: str, layout: str, step: fl
     np.testing.assert_array_equal(motion.acceleration, factor * in_file(numbers, form))
 
 
-@examples(40)
+@examples(25)
 @given(seconds=st.integers(1, 3), offset=st.integers(-10000, 10000), rng=st.integers(0, 1000), end=ENDS)
 def test_knet(path: Path, seconds: int, offset: int, rng: int, end: str) -> None:
     counts = np.random.default_rng(rng).integers(-9_000_00, 9_000_00, size=100 * seconds) + offset
@@ -89,7 +89,7 @@ def test_knet(path: Path, seconds: int, offset: int, rng: int, end: str) -> None
     )
 
 
-@examples(60)
+@examples(30)
 @given(
     series=SERIES,
     unit=st.sampled_from(sorted(FACTORS["acceleration"])),
@@ -119,9 +119,9 @@ def test_table(
     np.testing.assert_array_equal(read_motion(file, unit=unit, dt=0.01).acceleration, expected)
 
 
-def test_commas_that_may_be_decimal_are_refused_in_a_series(path: Path, refused: Refused) -> None:
-    for lines in (["0,12", "-0,05", "0,1"], ["3,4", "", "5,6"]):
-        refused(read_motion, write_lines(path.with_suffix(".csv"), lines), unit="m/s2", dt=0.01)
+@pytest.mark.parametrize("lines", [["0,12", "-0,05", "0,1"], ["3,4", "", "5,6"]])
+def test_commas_that_may_be_decimal_are_refused_in_a_series(path: Path, lines: list[str]) -> None:
+    refusal(read_motion, write_lines(path.with_suffix(".csv"), lines), unit="m/s2", dt=0.01, match="decimal")
 
 
 @examples(30)

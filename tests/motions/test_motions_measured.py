@@ -7,7 +7,7 @@ import itertools
 import measured_data
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.motions import read_motion, read_motions
@@ -100,11 +100,10 @@ def test_peer_files_found_in_the_wild_are_read(name: str) -> None:
     assert motion.changes == ()
 
 
-def test_what_only_pretends_to_be_a_peer_file_is_refused_in_a_sentence(refused: Refused) -> None:
+def test_what_only_pretends_to_be_a_peer_file_is_refused_and_the_others_are_read() -> None:
     pretenders = sorted((DATA / "at2").glob("not_really_at2_*"))
     assert pretenders
     for path in pretenders:
-        refused(read_motion, path)
-    assert len(read_motions([path for path in (DATA / "at2").iterdir() if path not in pretenders])) == len(
-        AT2
-    )
+        refusal(read_motion, path, match=path.name)
+    others = [path for path in (DATA / "at2").iterdir() if path not in pretenders]
+    assert len(read_motions(others)) == len(AT2)

@@ -17,9 +17,9 @@ from motion_files import (
 )
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
+from refusals import refusal
 from scipy.io import savemat
 
-from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.motions import read_motion
 
 # In gal; four digits before the point, so that numbers of width 8 touch.
@@ -84,20 +84,17 @@ def test_a_volume_is_read_in_its_unit_and_step_though_numbers_touch(tmp_path: Pa
     path = write_lines(tmp_path / "record.v", lines)
     assert_is(path, None, SAMPLES)
     for option in ({"unit": "gal"}, {"dt": 0.01}, {"column": "1"}):
-        with pytest.raises(SettingError, match="leave it out"):
-            read_motion(path, **option)  # type: ignore[arg-type]
+        refusal(read_motion, path, **option, match="leave it out")
     # Velocity and displacement follow the acceleration of a volume 2.
     kept = lines.index("/&") - 1 if "/&" in lines else len(lines) - (5 if "Corrected" in lines[0] else 4)
-    with pytest.raises(RecordError, match="cut off or damaged"):
-        read_motion(write_lines(path, lines[:kept]))
+    refusal(read_motion, write_lines(path, lines[:kept]), match="cut off or damaged")
 
 
 @pytest.mark.parametrize("kind", ["CSMIP V2", "CSMIP V1", "BHRC", "V2A"])
 def test_a_channel_of_a_volume_is_chosen_by_its_number(tmp_path: Path, kind: str) -> None:
     path = write_lines(tmp_path / "record.v", [*VOLUMES[kind], *VOLUMES[kind]])
     assert_is(path, 2, SAMPLES)
-    with pytest.raises(RecordError, match="holds 2 channels"):
-        read_motion(path)
+    refusal(read_motion, path, match="holds 2 channels")
 
 
 @pytest.mark.parametrize(
@@ -109,8 +106,11 @@ def test_a_channel_of_a_volume_is_chosen_by_its_number(tmp_path: Path, kind: str
     ],
 )
 def test_a_known_format_that_is_not_read_is_named(tmp_path: Path, lines: list[str]) -> None:
-    with pytest.raises(RecordError, match=r"SMC file is of the kind|read are volumes 1 and 2 of CSMIP"):
-        read_motion(write_lines(tmp_path / "record.v2", lines))
+    refusal(
+        read_motion,
+        write_lines(tmp_path / "record.v2", lines),
+        match=r"SMC file is of the kind|read are volumes 1 and 2 of CSMIP",
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,21 +125,16 @@ def test_unit_step_and_names_of_a_header_are_taken(
         motion = read_motion(path, column=column, unit="gal")
         assert motion.dt == pytest.approx(dt, rel=1e-9)
         assert_allclose(motion.acceleration, 0.01 * SAMPLES, atol=1e-9)
-    with pytest.raises(RecordError, match=r'which column .* as here: column="\d"$'):
-        read_motion(path)
-    with pytest.raises(SettingError, match="header states gal"):
-        read_motion(path, column=columns[0], unit="g")
-    with pytest.raises(RecordError, match="there is no column 'nonsense'"):
-        read_motion(path, column="nonsense", unit="gal")
-    with pytest.raises(SettingError, match=r"holds the times|header states"):
-        read_motion(path, column=columns[0], dt=0.03)
+    refusal(read_motion, path, match=r'which column .* as here: column="\d"$')
+    refusal(read_motion, path, column=columns[0], unit="g", match="header states gal")
+    refusal(read_motion, path, column="nonsense", unit="gal", match="there is no column 'nonsense'")
+    refusal(read_motion, path, column=columns[0], dt=0.03, match=r"holds the times|header states")
 
 
 def test_what_is_missing_is_asked_at_once(tmp_path: Path) -> None:
     body = [f"{value:.4f} {0.1 * value:.4f} {-value:.4f}" for value in 1e-3 * SAMPLES]
     path = write_lines(tmp_path / "three.txt", ["N-S E-W U-D", *body])
-    with pytest.raises(RecordError, match=r'column="1", unit="g", dt=0.01$'):
-        read_motion(path)
+    refusal(read_motion, path, match=r'column="1", unit="g", dt=0.01$')
     assert_allclose(
         read_motion(path, column="3", unit="m/s2", dt=0.01).acceleration, -1e-3 * SAMPLES, atol=1e-4
     )
@@ -160,16 +155,14 @@ def test_columns_without_names_are_taken_by_number(tmp_path: Path) -> None:
             {"unit": "gal", "column": "4"},
         ):
             # The first column runs in equal steps: the rows are no series, and it is no acceleration.
-            with pytest.raises(MrworkError, match=r"which column|holds the times|no column"):
-                read_motion(path, **options)  # type: ignore[arg-type]
+            refusal(read_motion, path, **options, match=r"which column|holds the times|no column")
 
 
 def test_components_without_times_are_no_series_in_rows(tmp_path: Path) -> None:
     time = 0.01 * np.arange(400)
     parts = np.stack([np.sin(9.0 * time), np.cos(7.0 * time), 0.5 * np.sin(8.0 * time + 1.0)], axis=1)
     path = write_lines(tmp_path / "three.txt", [" ".join(f"{value:.5f}" for value in row) for row in parts])
-    with pytest.raises(RecordError, match='column="1"'):
-        read_motion(path, unit="m/s2", dt=0.01)
+    refusal(read_motion, path, unit="m/s2", dt=0.01, match='column="1"')
     assert_allclose(read_motion(path, unit="m/s2", dt=0.01, column="2").acceleration, parts[:, 1], atol=1e-5)
     series = write_lines(tmp_path / "rows.txt", rows(parts[:, 0], "10.5f", 8))
     assert read_motion(series, unit="m/s2", dt=0.01).n_time == 400
@@ -180,19 +173,15 @@ def test_prose_above_the_numbers_is_no_name(tmp_path: Path) -> None:
     path = write_lines(tmp_path / "step.txt", ["Time Step: 0.005", *numbers])
     for options in ({}, {"dt": 0.005}):
         assert read_motion(path, unit="m/s2", **options).dt == 0.005
-    with pytest.raises(SettingError, match=r"header states 0.005 s"):
-        read_motion(path, unit="m/s2", dt=0.01)
-    with pytest.raises(UnitError, match='unit="g"'):
-        read_motion(path)
+    refusal(read_motion, path, unit="m/s2", dt=0.01, match=r"header states 0.005 s")
+    refusal(read_motion, path, match='unit="g"')
 
 
 def test_a_table_that_contradicts_its_header_or_has_a_gap_is_refused(tmp_path: Path) -> None:
     path = write_lines(tmp_path / "a.csv", ["Sampling rate: 100 Hz", "t_s,a_mps2", "0,1", "0.02,2", "0.04,1"])
-    with pytest.raises(RecordError, match=r"header states a step of 0.01 s"):
-        read_motion(path)
+    refusal(read_motion, path, match=r"header states a step of 0.01 s")
     times = [0.01 * k + (0.5 if k > 99 else 0.0) for k in range(200)]
     path = write_lines(
         tmp_path / "b.csv", ["t_s,a_mps2", *(f"{time:.2f},{time % 0.7:.3f}" for time in times)]
     )
-    with pytest.raises(RecordError, match=r"line 102: a gap of 0.51 s"):
-        read_motion(path)
+    refusal(read_motion, path, match=r"line 102: a gap of 0.51 s")

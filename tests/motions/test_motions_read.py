@@ -18,10 +18,10 @@ from motion_files import (
     write_lines,
 )
 from numpy.testing import assert_allclose
-from sentences import Refused
+from refusals import refusal
+from scipy.io import savemat
 
 from mrwork.closed_loop import STANDARD_GRAVITY
-from mrwork.errors import UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
 
 A = accelerations()
@@ -38,23 +38,16 @@ def assert_is_the_motion(motion: GroundMotion, atol: float) -> None:
 @pytest.mark.parametrize(
     "size",
     [
-        f"NPTS=  {N_TIME}, DT= .01000 SEC",
         f"NPTS=  {N_TIME}, DT= .0100",
         f"npts= {N_TIME}, dt= 0.01",
         f"{N_TIME}    0.0100    NPTS, DT",
         f"NPTS=   {N_TIME}, DT=   .0100 SEC, HP= 0.1 Hz",
     ],
 )
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n", "\r"])
-def test_every_header_of_at2_is_read(tmp_path: Path, size: str, end: str) -> None:
-    motion = read_motion(write_lines(tmp_path / "a.AT2", at2_lines(IN_G, size), end))
+def test_every_header_of_at2_is_read_whatever_the_extension(tmp_path: Path, size: str) -> None:
+    motion = read_motion(write_lines(tmp_path / "peer.csv", at2_lines(IN_G, size), "\r\r\n"))
     assert_is_the_motion(motion, 1e-6 * STANDARD_GRAVITY)
     assert "EL CENTRO ARRAY #1" in motion.source
-
-
-def test_content_counts_before_extension(tmp_path: Path) -> None:
-    path = write_lines(tmp_path / "peer.csv", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
-    assert_is_the_motion(read_motion(path), 1e-5)
 
 
 def test_counts_of_knet_are_scaled_and_freed_of_their_offset(tmp_path: Path) -> None:
@@ -76,22 +69,6 @@ def test_esm_is_read_in_its_unit(tmp_path: Path) -> None:
     assert_is_the_motion(read_motion(write_lines(tmp_path / "old.ASC", old)), 1e-8)
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor", "series_format"),
-    [
-        ("cm/sec2(04)", 100.0, "(1E15.6)"),
-        ("cm/s^2 (4)", 100.0, "(10F8.3)"),
-        ("cm/s^2", 100.0, "(6F13.8)"),
-        ("g", 1.0 / STANDARD_GRAVITY, "(8F10.5)"),
-    ],
-)
-def test_cosmos_is_read_in_its_unit_and_format(
-    tmp_path: Path, unit: str, factor: float, series_format: str
-) -> None:
-    lines = cosmos_lines(factor * A, unit=unit, series_format=series_format)
-    assert_is_the_motion(read_motion(write_lines(tmp_path / "a.v2c", lines)), 1e-4)
-
-
 def test_cosmos_is_read_where_columns_touch(tmp_path: Path) -> None:
     lines = cosmos_lines(IN_GAL - 1000.0, series_format="(8F10.4)")
     assert " " not in lines[-3]
@@ -104,7 +81,7 @@ def test_the_recorder_s_step_of_cosmos_stands_in(tmp_path: Path) -> None:
     assert_is_the_motion(read_motion(write_lines(tmp_path / "c.v1", lines)), 1e-6)
 
 
-def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path, refused: Refused) -> None:
+def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path) -> None:
     lines = [
         *cosmos_lines(IN_GAL, title="Corrected velocity"),
         *cosmos_lines(IN_GAL),
@@ -113,8 +90,8 @@ def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path, refused: Refuse
     path = write_lines(tmp_path / "three.v2", lines)
     assert_is_the_motion(read_motion(path, channel=2), 1e-5)
     assert read_motion(path, channel=3).peak == pytest.approx(2.0 * np.abs(A).max(), rel=1e-5)
-    for channel in (None, 4, 1):
-        refused(read_motion, path, channel=channel)
+    refusal(read_motion, path, match="holds 3 channels")
+    refusal(read_motion, path, channel=1, match="line 1: the series is 'Corrected velocity'")
 
 
 @pytest.mark.parametrize(
@@ -126,90 +103,75 @@ def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path, refused: Refuse
         ("t_ms,ground_accel_mm/s2", ",", 1000.0),
         ("# t_s,a_gal", ",", 100.0),
         ("time a_mps2", "  ", 1.0),
+        ("t_s,a_m_per_s2", ",", 1.0),
+        ("t_s,Acc [g]", ",", 1.0 / STANDARD_GRAVITY),
         ("% record of a shaking table\nt_s a_mps2", " ", 1.0),
     ],
 )
 def test_columns_are_known_by_their_names(tmp_path: Path, head: str, delimiter: str, factor: float) -> None:
     scale = 1e3 if "t_ms" in head else 1.0
     body = [f"{scale * DT * k:.6f}{delimiter}{factor * value:.12g}" for k, value in enumerate(A)]
-    for name in ("a.csv", "a.txt"):
-        assert_is_the_motion(read_motion(write_lines(tmp_path / name, [head, *body])), 1e-9)
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "a.txt", [head, *body])), 1e-9)
 
 
-def test_two_columns_without_names_need_a_unit(tmp_path: Path, refused: Refused) -> None:
-    for delimiter in (",", " ", "\t", ";", "   "):
-        body = [f"  {DT * k:.4f}{delimiter}{value:.12g}" for k, value in enumerate(IN_G)]
-        path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
-        assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
-        refused(read_motion, path)
-        refused(read_motion, path, unit="g", dt=DT)
+def test_two_columns_without_names_need_a_unit(tmp_path: Path) -> None:
+    body = [f"  {DT * k:.4f}   {value:.12g}" for k, value in enumerate(IN_G)]
+    path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
+    assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
+    refusal(read_motion, path, match='unit="g"')
+    refusal(read_motion, path, unit="g", dt=DT, match="column '1' holds the times")
 
 
-def test_numbers_alone_need_unit_and_step(tmp_path: Path, refused: Refused) -> None:
+def test_numbers_alone_need_unit_and_step(tmp_path: Path) -> None:
     path = write_lines(tmp_path / "a.txt", rows(IN_G, "15.7E", 8))
     assert_is_the_motion(read_motion(path, unit="g", dt=DT), 1e-5)
-    refused(read_motion, path, unit="g")
-    refused(read_motion, path, dt=DT)
+    refusal(read_motion, path, unit="g", match="dt=0.01")
+    refusal(read_motion, path, dt=DT, match='unit="g"')
 
 
-def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path, refused: Refused) -> None:
+def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:
     body = [f"{DT * k:.4f},{value:.12g},{-value:.12g}" for k, value in enumerate(A)]
     path = write_lines(tmp_path / "a.csv", ["t_s,EW (m/s2),NS (m/s2)", *body])
     assert_is_the_motion(read_motion(path, column="ew (m/s2)"), 1e-9)
     assert_allclose(read_motion(path, column="NS (m/s2)").acceleration, -A, atol=1e-9)
-    refused(read_motion, path)
+    refusal(read_motion, path, match='column="2"')
 
 
-def test_a_g_is_no_acceleration_in_g(tmp_path: Path, refused: Refused) -> None:
+def test_a_g_is_no_acceleration_in_g(tmp_path: Path) -> None:
     body = [f"{DT * k:.4f},{value:.12g}" for k, value in enumerate(A)]
     path = write_lines(tmp_path / "a.csv", ["t,a_g", *body])
-    refused(read_motion, path)
+    refusal(read_motion, path, match='unit="g"')
     assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-9)
 
 
-@pytest.mark.parametrize("version", ["4", "5"])
-@pytest.mark.parametrize("shape", ["rows", "columns", "vectors"])
-def test_mat_files_hold_rows_columns_or_vectors(tmp_path: Path, version: str, shape: str) -> None:
-    from scipy.io import savemat
-
-    time = DT * np.arange(N_TIME)
-    pair = np.array([time, A])
-    variables = {"rows": {"e": pair}, "columns": {"e": pair.T}, "vectors": {"t_s": time, "a_mps2": A}}[shape]
-    path = tmp_path / "a.mat"
-    savemat(path, variables, format=version)
-    assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-12)
+def test_vectors_of_a_mat_file_are_known_by_their_names(tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"t_s": DT * np.arange(N_TIME), "a_mps2": A})
+    assert_is_the_motion(read_motion(tmp_path / "a.mat", unit="m/s2"), 1e-12)
 
 
-def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path, refused: Refused) -> None:
-    from scipy.io import savemat
-
+def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
     time = DT * np.arange(N_TIME)
     path = tmp_path / "a.mat"
     savemat(path, {"ns_gal": [time, IN_GAL], "ew_gal": [time, -IN_GAL]}, format="4")
     assert_is_the_motion(read_motion(path, column="ns_gal"), 1e-9)
-    refused(read_motion, path)
+    refusal(read_motion, path, match="'ns_gal', 'ew_gal'.*`column`")
 
 
-def test_what_a_file_says_is_not_stated_again(tmp_path: Path, refused: Refused) -> None:
+def test_what_a_file_says_is_not_stated_again(tmp_path: Path) -> None:
     peer = write_lines(tmp_path / "a.AT2", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
-    refused(read_motion, peer, unit="g")
+    refusal(read_motion, peer, unit="g", match="takes no `unit`")
     table = write_lines(tmp_path / "a.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
-    for options in ({"unit": "g"}, {"dt": 0.01}, {"channel": 1}):
-        refused(read_motion, table, **options)
+    for options, word in (
+        ({"unit": "g"}, "states mps2"),
+        ({"dt": 0.01}, "`dt`"),
+        ({"channel": 1}, "`channel`"),
+    ):
+        refusal(read_motion, table, **options, match=word)
 
 
-def test_several_are_read_in_the_order_of_their_names(tmp_path: Path, refused: Refused) -> None:
+def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
     for name in ("b", "a"):
         write_lines(tmp_path / f"{name}.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
     assert [motion.name for motion in read_motions(tmp_path / "*.csv")] == ["a", "b"]
     assert [motion.name for motion in read_motions([tmp_path / "b.csv"])] == ["b"]
-    for nothing in (tmp_path / "*.at2", []):
-        refused(read_motions, nothing)
-
-
-@pytest.mark.parametrize(("name", "factor"), [("a_m_per_s2", 1.0), ("Acc [g]", STANDARD_GRAVITY)])
-def test_the_unit_of_a_column_ends_its_name(tmp_path: Path, name: str, factor: float) -> None:
-    path = write_lines(tmp_path / "a.csv", [f"t_s,{name}", "0,1", "0.01,2"])
-    assert_allclose(read_motion(path).acceleration, [factor, 2.0 * factor])
-    with pytest.raises(UnitError, match='unit="g"'):
-        read_motion(write_lines(path, ["t_s,a", "0,1", "0.01,2"]))
+    refusal(read_motions, tmp_path / "*.at2", match="no file matches")

@@ -6,21 +6,25 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import StateSpace, lsim
-from sentences import Refused
 
-from mrwork.motions import GroundMotion, resampled, response_spectrum, scaled, synthetic_motion, time_scaled
+from mrwork.motions import (
+    GroundMotion,
+    resampled,
+    response_spectrum,
+    scaled,
+    synthetic_motion,
+    time_scaled,
+    trimmed,
+)
 
 PERIODS = np.array([0.03, 0.1, 0.35, 1.0, 2.5, 6.0])
 MOTION = synthetic_motion(duration=12.0)
 
 
-def constant(n_time: int = 4001) -> GroundMotion:
-    return GroundMotion(name="step", dt=0.005, acceleration=np.ones(n_time))
-
-
 @pytest.mark.parametrize("damping", [0.0, 0.02, 0.2, 0.7])
 def test_a_step_of_acceleration_overshoots_as_the_closed_form_says(damping: float) -> None:
-    spectrum = response_spectrum(constant(), PERIODS, damping=damping)
+    step = GroundMotion(name="step", dt=0.005, acceleration=np.ones(4001))
+    spectrum = response_spectrum(step, PERIODS, damping=damping)
     overshoot = 1.0 + np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
     # The peak is between samples: 64 points per period find it within 1 - cos(pi / 64).
     assert_allclose(spectrum.pseudo_acceleration, overshoot, rtol=1.3e-3)
@@ -40,8 +44,9 @@ def test_resonance_without_damping_grows_as_the_closed_form_says() -> None:
 
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.4])
 def test_peaks_agree_with_scipy_on_a_fine_grid(damping: float) -> None:
-    spectrum = response_spectrum(MOTION, PERIODS, damping=damping)
-    fine = resampled(MOTION, MOTION.dt / 40)
+    motion = trimmed(MOTION, end=4.0)
+    spectrum = response_spectrum(motion, PERIODS, damping=damping)
+    fine = resampled(motion, motion.dt / 40)
     for period, *ours in zip(
         PERIODS, spectrum.displacement, spectrum.velocity, spectrum.acceleration, strict=True
     ):
@@ -89,8 +94,3 @@ def test_periods_do_not_influence_each_other() -> None:
     together = response_spectrum(MOTION, PERIODS)
     alone = [response_spectrum(MOTION, period).displacement[0] for period in PERIODS]
     assert_allclose(together.displacement, alone, rtol=1e-13)
-
-
-def test_impossible_oscillators_are_refused(refused: Refused) -> None:
-    for periods, damping in (([], 0.05), ([0.0], 0.05), ([1.0], 1.0), ([1.0], -0.1)):
-        refused(response_spectrum, MOTION, periods, damping=damping)

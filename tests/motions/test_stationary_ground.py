@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning
@@ -74,13 +74,14 @@ def test_a_harmonic_motion_is_narrow_and_keeps_its_strength() -> None:
     assert not stationary_ground([noise(KanaiTajimi(), 1)]).narrow
 
 
-def test_zero_and_short_motions_count_for_nothing(refused: Refused) -> None:
+def test_zero_motions_count_for_nothing() -> None:
     still = mr.GroundMotion(name="still", dt=0.01, acceleration=np.zeros(500))
     sound = noise(KanaiTajimi(), 1)
     with_others, alone = stationary_ground([still, sound]), stationary_ground([sound])
     assert (with_others.spectrum, with_others.n_motions) == (alone.spectrum, 1)
-    refused(stationary_ground, [still])
-    refused(stationary_ground, [])
+    refusal(stationary_ground, [still], match="is zero")
+    short = GroundMotion(name="short", dt=0.01, acceleration=np.ones(20))
+    refusal(fitted_spectrum, short, match="has 19 samples, a spectrum needs 50")
 
 
 # Without rise and decay, so that the motion is stationary.
@@ -108,14 +109,6 @@ def test_the_variance_is_that_of_the_strong_part() -> None:
     for kind in ("kanai_tajimi", "clough_penzien"):
         density = fitted_spectrum(motion, kind).density(w)
         assert 2.0 * np.trapezoid(density, w) == pytest.approx(strong.var(), rel=0.15)
-
-
-def test_what_has_no_spectrum_is_refused(refused: Refused) -> None:
-    still = GroundMotion(name="still", dt=0.01, acceleration=np.zeros(1000))
-    refused(fitted_spectrum, still)
-    short = GroundMotion(name="short", dt=0.01, acceleration=np.ones(20))
-    refused(fitted_spectrum, short)
-    refused(fitted_spectrum, mr.synthetic_motion(), "white")
 
 
 def test_a_spectrum_that_the_record_does_not_determine_is_warned_of() -> None:

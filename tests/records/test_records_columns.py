@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import printed
 from record_files import clean_columns, codes, message, write_text
+from refusals import refusal
 from sentences import Refused
 
 from mrwork.records import parse_column_option, read_damper_test
@@ -40,17 +43,17 @@ def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(test.force, 1e3 * clean_columns()["force_n"], rtol=1e-15)
 
 
-def test_a_mapping_settles_an_ambiguity(tmp_path: Path, refused: Refused) -> None:
-    path = renamed(tmp_path, "force_n", "Force", "force_kN", "f_lbf")
-    refused(read_damper_test, path)
-    np.testing.assert_array_equal(
-        read_damper_test(path, columns={"force": "force:N"}).force, clean_columns()["force_n"]
-    )
-
-
-def test_a_wrong_mapping_is_refused(tmp_path: Path, refused: Refused) -> None:
-    for columns in ({"force": "G:N"}, {"speed": "G:N"}, {"force": "force_n:"}, {"force": "force_n:mm"}):
-        refused(read_damper_test, write_text(tmp_path / "rig.csv", clean_columns()), columns=columns)
+@pytest.mark.parametrize(
+    ("columns", "word"),
+    [
+        ({"force": "G:N"}, "no column 'G'; the columns are 't_s'"),
+        ({"speed": "G:N"}, "'speed' is not a quantity"),
+        ({"force": "force_n:mm"}, "'mm' is a unit of displacement"),
+    ],
+)
+def test_a_wrong_mapping_is_refused(tmp_path: Path, columns: dict[str, str], word: str) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    refusal(read_damper_test, path, columns=columns, match=word)
 
 
 def test_a_column_option_is_split_once_checked() -> None:
@@ -58,17 +61,18 @@ def test_a_column_option_is_split_once_checked() -> None:
     assert parse_column_option("time= t : ms ") == ("time", "t : ms")
 
 
-def test_a_wrong_column_option_is_refused(refused: Refused) -> None:
-    for option in (
-        "force",
-        "torque=F:N",
-        "force=",
-        "force=:N",
-        "force=F:furlong",
-        "command=-5A",
-        "command=1e9 A",
-    ):
-        refused(parse_column_option, option)
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        ("force", "has no '='"),
+        ("torque=F:N", "'torque' is not a quantity"),
+        ("force=:N", "expected COLUMN:UNIT"),
+        ("force=F:furlong", "'furlong' is no unit of force"),
+        ("command=-5A", "from 0 to 1000 A"),
+    ],
+)
+def test_a_wrong_column_option_is_refused(option: str, word: str) -> None:
+    refusal(parse_column_option, option, match=word)
 
 
 def test_v_is_velocity_or_voltage_by_its_unit(tmp_path: Path) -> None:
@@ -95,13 +99,15 @@ def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, sc
     [
         ("10mm1Hz0x5A", 0.010, 1.0, (0.5, "A")),
         ("25mm0x25Hz_0.75A", 0.025, 0.25, (0.75, "A")),
-        ("unfiltered_5mm3Hz_1.0A", 0.005, 3.0, (1.0, "A")),
         ("2mm_5hz_0a", 0.002, 5.0, (0.0, "A")),
         ("rig3-12.5mm2Hz2x25V", 0.0125, 2.0, (2.25, "V")),
         ("10mm1Hz", 0.010, 1.0, None),
         ("ensaio.A.1", None, None, None),
         ("10mm", None, None, None),
-        ("10mm1HzA", None, None, None),
+        ("V01_15mm_4Hz_1000mA", 0.015, 4.0, (1.0, "A")),
+        ("run3_0x5A", None, None, (0.5, "A")),
+        ("1.0A", None, None, (1.0, "A")),
+        ("test 2V", None, None, (2.0, "V")),
     ],
 )
 def test_file_names_give_nominal_values(
@@ -129,3 +135,13 @@ def test_a_column_wins_over_the_name_and_the_disagreement_is_told(tmp_path: Path
 def test_a_motion_far_from_its_name_is_told(tmp_path: Path, name: str, quantity: str) -> None:
     test = read_damper_test(write_text(tmp_path / f"{name}.csv", clean_columns()))
     assert quantity in message(test, "name_disagrees")
+
+
+def test_the_amplitude_of_a_name_and_of_check_is_half_the_peak_to_peak(tmp_path: Path) -> None:
+    """About 80 mm instead of zero, as a sensor shows it that was not set to zero."""
+    columns = clean_columns()
+    columns["displacement_m"] = columns["displacement_m"] + 0.08
+    path = write_text(tmp_path / "10mm2Hz0A.csv", columns)
+    assert codes(read_damper_test(path)) == []
+    (facts,) = json.loads(printed("check", path, "--json"))["files"]
+    assert (facts["amplitude_m"], facts["peak_displacement_m"]) == pytest.approx((0.010, 0.090), rel=1e-4)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import struct
+import sys
 from pathlib import Path
 
-import hypothesis.strategies as st
 import numpy as np
 import pytest
-from examples import examples
-from hypothesis import given
-from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, clean_columns, codes, write_text
+from numpy.typing import NDArray
+from record_files import DT, N_TIME, built, clean_columns, codes, write_text
+from refusals import refusal
 from scipy.io import savemat
-from sentences import Refused
 
-from mrwork.records import DamperTest, build_damper_test, read_damper_test, read_damper_tests
+from mrwork.records import DamperTest, read_damper_test, read_damper_tests
 
 
 def assert_is_the_clean_test(test: DamperTest, rtol: float = 1e-15) -> None:
@@ -46,40 +45,16 @@ def test_the_arrays_of_a_test_cannot_be_changed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "delimiter"), [(".csv", ","), (".csv", ";"), (".csv", "\t"), (".tsv", "\t"), (".CSV", ",")]
-)
-def test_delimiters_are_understood(tmp_path: Path, suffix: str, delimiter: str) -> None:
-    assert_is_the_clean_test(
-        read_damper_test(write_text(tmp_path / f"rig{suffix}", clean_columns(), delimiter))
-    )
-
-
-@pytest.mark.parametrize(
     ("before", "after"),
     [
-        pytest.param("t_s,", "\N{ZERO WIDTH NO-BREAK SPACE}t_s,", id="byte order mark"),
-        pytest.param("t_s,", "# rig 3, oil at 25 C\n#\n\nt_s,", id="comments on top"),
         pytest.param("t_s,", "# t_s,", id="header as a comment"),
-        pytest.param("\n", "\r\n", id="CR LF"),
-        pytest.param("\n", "\r", id="CR"),
-        pytest.param("\n", "\n\n", id="blank lines"),
-        pytest.param("\n", " \n  \n", id="blanks"),
         pytest.param("e-05,", "E-05,", id="capital exponent"),
-        pytest.param("\n", ",\n", id="trailing delimiter"),
-        pytest.param(",", " , ", id="blanks around delimiters"),
         pytest.param("displacement_m", '"Displacement (m)"', id="quoted name"),
     ],
 )
 def test_harmless_variants_of_text_do_not_matter(tmp_path: Path, before: str, after: str) -> None:
-    path = write_text(tmp_path / "rig.csv", clean_columns())
-    path.write_bytes(path.read_text().replace(before, after).encode())
-    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
-
-
-def test_remarks_behind_rows_do_not_matter(tmp_path: Path) -> None:
-    path = write_text(tmp_path / "rig.csv", clean_columns())
-    header, *rows = path.read_text().splitlines()
-    path.write_text("\n".join([header, *(f"{row} # seen" for row in rows)]))
+    path = write_text(tmp_path / "rig.CSV", clean_columns())
+    path.write_text(path.read_text().replace(before, after))
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
 
 
@@ -90,26 +65,10 @@ def test_text_in_a_column_that_is_not_asked_for_does_not_matter(tmp_path: Path) 
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
 
 
-@examples(20)
-@given(order=st.permutations(list(clean_columns())))
-def test_the_order_of_columns_does_not_matter(
-    tmp_path_factory: pytest.TempPathFactory, order: list[str]
-) -> None:
-    columns = clean_columns()
-    path = tmp_path_factory.mktemp("order") / "rig.csv"
-    assert_is_the_clean_test(read_damper_test(write_text(path, {name: columns[name] for name in order})), 0.0)
-
-
 UNITS = {
     "t_s": {"t_ms": 1e3, "Time (s)": 1.0, "time_us": 1e6, "time_min": 1.0 / 60.0},
     "displacement_m": {"disp_mm": 1e3, "x_cm": 1e2, "Stroke [um]": 1e6, "displacement_in": 1.0 / 0.0254},
-    "velocity_mps": {
-        "velocity_mm_s": 1e3,
-        "v_m_s": 1.0,
-        "Velocity, cm/s": 1e2,
-        "v_mmps": 1e3,
-        "vel_m/s": 1.0,
-    },
+    "velocity_mps": {"velocity_mm_s": 1e3, "v_m_s": 1.0, "Velocity, cm/s": 1e2, "v_mmps": 1e3},
     "force_n": {"force_kN": 1e-3, "F_LBF": 1.0 / 4.4482216152605, "Force [kgf]": 1.0 / 9.80665, "f_n": 1.0},
 }
 
@@ -130,8 +89,7 @@ def test_units_do_not_matter(tmp_path: Path, column: str, other: str, factor: fl
 
 
 @pytest.mark.parametrize(
-    ("version", "compressed", "in_struct"),
-    [("4", False, False), ("5", False, False), ("5", True, False), ("5", False, True), ("5", True, True)],
+    ("version", "compressed", "in_struct"), [("4", False, False), ("5", False, False), ("5", True, True)]
 )
 def test_mat_files_read_like_text(tmp_path: Path, version: str, compressed: bool, in_struct: bool) -> None:
     path = tmp_path / "rig.mat"
@@ -176,36 +134,35 @@ def test_mat_vectors_may_be_columns_integers_and_single_precision(tmp_path: Path
     np.testing.assert_array_equal(test.displacement, columns["displacement_m"].astype(np.float32))
 
 
-def test_mat_variables_that_are_no_columns_are_told(tmp_path: Path, refused: Refused) -> None:
-    for content in (
-        {"data": np.ones((400, 3))},
-        {**clean_columns(), "force_n": np.ones(7)},
-        {**clean_columns(), "force_n": 1j * np.ones(400)},
-    ):
-        path = tmp_path / "rig.mat"
-        savemat(path, content)
-        refused(read_damper_test, path)
+@pytest.mark.parametrize(
+    ("force", "word"),
+    [(np.ones(7), "'force_n' has 7"), (1j * np.ones(400), "no column for the force among")],
+)
+def test_mat_variables_that_are_no_columns_are_told(
+    tmp_path: Path, force: NDArray[np.generic], word: str
+) -> None:
+    path = tmp_path / "rig.mat"
+    savemat(path, {**clean_columns(), "force_n": force})
+    refusal(read_damper_test, path, match=word)
 
 
-def test_parquet_reads_like_text(tmp_path: Path, refused: Refused) -> None:
+def test_parquet_reads_like_text(tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "rig.parquet"
     parquet.write_table(pyarrow.table(clean_columns()), path)
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
     path.write_bytes(path.read_bytes()[:-100])
-    refused(read_damper_test, path)
+    refusal(read_damper_test, path, match="not a readable Parquet file")
     parquet.write_table(pyarrow.table({**clean_columns(), "force_n": ["1"] * N_TIME}), path)
-    refused(read_damper_test, path)
+    refusal(read_damper_test, path, match="'force_n' holds object values")
 
 
-def test_without_pyarrow_the_remedy_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
-) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+def test_without_pyarrow_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     path = tmp_path / "rig.parquet"
     path.write_bytes(b"PAR1")
-    refused(read_damper_test, path)
+    refusal(read_damper_test, path, match=r"pip install 'mrwork\[parquet\]'")
 
 
 def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
@@ -218,21 +175,9 @@ def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
 
 
 def test_arrays_give_the_same_test_as_a_file() -> None:
-    columns = clean_columns()
-    test = build_damper_test(
-        name="sine",
-        time=columns["t_s"],
-        displacement=columns["displacement_m"],
-        velocity=columns["velocity_mps"],
-        force=columns["force_n"],
-        current=0.5,
-        amplitude=AMPLITUDE,
-        frequency=FREQUENCY,
-        synthetic=True,
-    )
+    test = built(clean_columns(), current=np.full(N_TIME, 0.5))
     assert_is_the_clean_test(test, rtol=0.0)
-    assert codes(test) == []
-    assert (test.path, test.synthetic, test.current) == ("", True, 0.5)
+    assert (codes(test), test.path, test.synthetic, test.current) == ([], "", False, 0.5)
 
 
 def test_the_hash_of_arrays_depends_on_every_value() -> None:
@@ -241,13 +186,7 @@ def test_the_hash_of_arrays_depends_on_every_value() -> None:
     def digest(force_change: float, current: float) -> str:
         force = columns["force_n"].copy()
         force[-1] += force_change
-        return build_damper_test(
-            name="sine",
-            time=columns["t_s"],
-            displacement=columns["displacement_m"],
-            force=force,
-            current=current,
-        ).sha256
+        return built(columns | {"force_n": force}, current=np.full(N_TIME, current)).sha256
 
     assert digest(0.0, 0.5) == digest(0.0, 0.5)
     assert len({digest(0.0, 0.5), digest(1e-9, 0.5), digest(0.0, 0.6)}) == 3

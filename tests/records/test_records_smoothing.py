@@ -93,6 +93,14 @@ def test_a_record_too_short_to_tell_is_left_alone() -> None:
     assert detect_average(np.random.default_rng(0).standard_normal(12)) is None
 
 
+def test_an_arc_without_noise_has_no_moving_average() -> None:
+    time = 0.01 * np.arange(150)
+    test = build_damper_test(
+        name="line", time=time, displacement=0.01 * np.sin(6.0 * time), force=np.arange(150.0)
+    )
+    assert test.smoothing is None
+
+
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 @pytest.mark.parametrize("window", [5, 7, 21, 101, 301])
 def test_it_is_the_filter_of_scipy(window: int, derivative: int) -> None:

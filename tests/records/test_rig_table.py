@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import mrwork
-from counted_calls import calls_of
 from record_files import clean_columns, write_text
+from refusals import command_refusal, refusal
 from sentences import Refused
 
 import mrwork as mr
@@ -94,59 +94,52 @@ def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(t
     assert parse_column_option("command=0.5A") == ("command", "0.5A")
 
 
-def test_a_command_against_the_name_of_the_file_is_a_finding(rig: Path) -> None:
-    test = read_damper_test(rig / "10mm2Hz0x5A.csv", columns={"command": "1 A"})
-    assert test.current == 1.0
-    assert "name_disagrees" in [finding.code for finding in test.findings]
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("half", "no column 'half'"),
+        ("force_n", "'force_n' of the command does not say its unit"),
+        ("0.5", "such as 0.5 A, or COLUMN:UNIT"),
+        ("0.5 N", "'N' is no unit of a command"),
+        ("valve:turns", "'turns' is no unit of a command"),
+        ("-5 psi", "down to -5"),
+        ("1e9 %", r"more than 1e\+06 %"),
+        ("nan A", "'nan A'"),
+    ],
+)
+def test_a_wrong_command_is_refused(rig: Path, text: str, word: str) -> None:
+    refusal(read_damper_test, rig / "10mm2Hz0x5A.csv", columns={"command": text}, match=word)
 
 
-def test_a_wrong_command_is_refused(rig: Path, refused: Refused) -> None:
-    for text in (
-        "half",
-        "force_n",
-        "0.5 A per channel",
-        "0.5",
-        "0.5 N",
-        "drive:kg",
-        "drive:mm",
-        "nan A",
-        "absent:A",
-    ):
-        refused(read_damper_test, rig / "10mm2Hz0x5A.csv", columns={"command": text})
-
-
-def test_a_folder_without_a_table_stands_for_its_records(rig: Path, refused: Refused) -> None:
+def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
     (rig / "z.csv").unlink()
     (rig / "notes.md").write_text("not a record")
     (rig / ".hidden.csv").write_text("x")
     assert [test.name for test in mr.read_damper_tests(rig)] == ["10mm2Hz0x5A", "run_7_500mA"]
-    alone = rig / "10mm2Hz0x5A.csv"
-    refused(listed_tests, [rig, alone], use="fit")
-    refused.command("check", alone, rig / "." / alone.name)
+    refusal(listed_tests, [rig, rig / "10mm2Hz0x5A.csv"], use="fit", match="10mm2Hz0x5A.csv is given 2 times")
 
 
-def test_a_wrong_table_is_refused_by_its_line(tmp_path: Path, refused: Refused) -> None:
-    for lines in (
-        (),
-        ("a.csv,fit,t:s,,,,",),
-        ("a.csv,fitting,,,,,,",),
-        (",fit,,,,,,",),
-        ("a.csv,fit,,,?,,,",),
-        ("a.csv,fit,,,F:?,,,",),
-        ("a.csv,fit,,,F:,,,",),
-        ("a.csv,fit,,,F:mm,,,",),
-        ("a.csv,fit,,,,,1.5,",),
-        ("a.csv,fit,,,,,,", "# later", "a.csv,test,,,,,,"),
-        ("a.csv,unused,,,,,,",),
-        ("absent.csv,fit,,,,,,",),
-    ):
-        path = table(tmp_path, *lines)
-        refused(read_damper_tests, path)
+@pytest.mark.parametrize(
+    ("lines", "word"),
+    [
+        ((), "no tests"),
+        (("a.csv,fit,t:s,,,,",), "line 2: has 7 entries where the header names 8"),
+        (("a.csv,fitting,,,,,,",), "did you mean fit"),
+        (("a.csv,fit,,,F:?,,,",), "line 2: the force of 'a.csv' is 'F:[?]'"),
+        (("a.csv,fit,,,F:mm,,,",), "'mm' is a unit of displacement"),
+        (("a.csv,fit,,,,,1.5,",), "the command is '1.5'"),
+        (("a.csv,fit,,,,,,", "# later", "a.csv,test,,,,,,"), "line 4: 'a.csv' is in the table twice"),
+        (("a.csv,unused,,,,,,",), "no row has a use"),
+        (("absent.csv,fit,,,,,,",), "absent.csv: there is no such file"),
+    ],
+)
+def test_a_wrong_table_is_refused_by_its_line(tmp_path: Path, lines: tuple[str, ...], word: str) -> None:
+    refusal(read_damper_tests, table(tmp_path, *lines), match=word)
 
 
-def test_a_wrong_header_of_a_table_is_refused(tmp_path: Path, refused: Refused) -> None:
-    for header in ("file,use,colour", "file,use,use"):
-        refused(read_damper_tests, table(tmp_path, "a.csv,fit,x", header=header))
+def test_a_wrong_header_of_a_table_is_refused(tmp_path: Path) -> None:
+    wrong = table(tmp_path, "a.csv,fit,x", header="file,use,colour")
+    refusal(read_damper_tests, wrong, match="line 1: .*'colour'")
 
 
 def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(
@@ -158,10 +151,9 @@ def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(
     refused(read_damper_tests, rig, use="calibration")
 
 
-def test_a_pattern_that_takes_in_table_and_records_is_refused(rig: Path, refused: Refused) -> None:
+def test_a_pattern_that_takes_in_table_and_records_is_refused(rig: Path) -> None:
     table(rig, *FULL)
-    refused(read_damper_tests, str(rig / "*.csv"))
-    refused.command("check", *sorted(rig.glob("*.csv")))
+    refusal(read_damper_tests, str(rig / "*.csv"), match="is given twice, by a table of tests and once more")
 
 
 def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
@@ -189,13 +181,13 @@ def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
     assert "binary" in broken.doubt
 
 
-def test_a_guess_is_written_once_and_read_back(rig: Path, refused: Refused) -> None:
+def test_a_guess_is_written_once_and_read_back(rig: Path) -> None:
     rows = guess_tests([rig / "10mm2Hz0x5A.csv"])
     path = rig / "tests.csv"
     write_test_table(path, rows)
     assert read_test_table(path) == rows
     assert "10mm2Hz0x5A.csv,fit" in path.read_text()
-    refused(write_test_table, path, rows)
+    refusal(write_test_table, path, rows, match="there already")
 
 
 def test_a_name_with_delimiters_survives_the_table(tmp_path: Path) -> None:
@@ -209,15 +201,14 @@ def test_a_name_with_delimiters_survives_the_table(tmp_path: Path) -> None:
     np.testing.assert_array_equal(test.displacement, columns["displacement_m"])
 
 
-def test_the_command_line_goes_from_a_folder_to_a_table_to_a_fit_that_opens_again(
-    rig: Path, refused: Refused
-) -> None:
+def test_the_command_line_goes_from_a_folder_to_a_table_to_a_fit_that_opens_again(rig: Path) -> None:
     guessed = mrwork("check", rig, "--table", "--json")
     document = json.loads(guessed.stdout)
     assert document["table"] == str(rig / "tests.csv")
     assert [bool(row["doubt"]) for row in document["tests"]] == [False, True, True]
     # What is not known stays a question until it is answered.
-    refused.command("identify", rig, "--model", "bingham", "--out", rig / "run")
+    question = "line 4: the time of 'z.csv' is '[?]'"
+    command_refusal("identify", rig, "--model", "bingham", "--out", rig / "run", match=question)
     table(rig, *FULL)
     place = rig.parent / "run"
     fitted = mrwork("identify", rig, "--model", "bingham", "--out", place, "--json", "--every", "2")
@@ -243,28 +234,26 @@ def test_a_fit_keeps_the_columns_that_a_table_gave(rig: Path) -> None:
     assert reopen(place).tests[0].current == 0.2
 
 
-def test_a_table_that_exists_is_not_overwritten(rig: Path, refused: Refused) -> None:
+def test_a_table_that_exists_is_not_overwritten(rig: Path) -> None:
     path = table(rig, *FULL)
-    refused.command("check", rig, "--table")
+    command_refusal("check", rig, "--table", match="there already")
     assert "z.csv,test" in path.read_text()
     assert mrwork("check", rig, "--table", rig / "guess.csv").returncode == 0
 
 
-def test_the_work_of_a_table_grows_with_its_rows_and_not_with_their_square(tmp_path: Path) -> None:
-    """Four times the rows take four times the calls; comparing each row with each took ten times."""
-
-    def calls(count: int) -> int:
-        (tmp_path / str(count)).mkdir()
-        path = table(tmp_path / str(count), *(f"r{n}.csv,fit,t:s,x:mm,F:kN,,0.5 A," for n in range(count)))
-        return calls_of(lambda: listed_tests([path], use="fit"))
-
-    calls(2)  # Modules and annotations are loaded once.
-    assert calls(1200) < 4.2 * calls(300)
+def test_check_reads_a_folder_and_says_each_refusal_once(rig: Path) -> None:
+    (rig / "damaged.mat").write_bytes(b"MATLAB 5.0")
+    ended = mrwork("check", rig, "--json")
+    errors = {Path(row["file"]).name: row.get("error", "") for row in json.loads(ended.stdout)["files"]}
+    assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 2)
+    assert {name for name, error in errors.items() if error} == {"damaged.mat", "z.csv"}
+    # The options of one file are for every file, and the others have other columns.
+    assert "into its row of a table of tests, as mrwork check FILES --table begins it" in ended.stderr
 
 
 @pytest.mark.parametrize("paths", ["", [""]])
 def test_an_empty_name_is_not_the_current_folder(
-    rig: Path, monkeypatch: pytest.MonkeyPatch, paths: str | list[str], refused: Refused
+    rig: Path, monkeypatch: pytest.MonkeyPatch, paths: str | list[str]
 ) -> None:
     monkeypatch.chdir(rig)
-    refused(read_damper_tests, paths)
+    refusal(read_damper_tests, paths, match="no path of a file")

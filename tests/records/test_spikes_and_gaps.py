@@ -6,29 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
+from record_files import AMPLITUDE, DT, FREQUENCY, Columns, built, clean_columns, codes, message
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Observation, build_damper_test, cut, repair
+from mrwork.records import Observation, cut, repair
 from mrwork.records.damper_test import range_of_test
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 from mrwork.records.window import spikes_of
 
 MODEL = "viscous_dahl"
-# Samples, in the middle of the record.
-PLACES = {"three apart": (150, 210, 300), "three in a row": (200, 201, 202), "one": (250,)}
-
-
-def built(columns: Columns) -> DamperTest:
-    return build_damper_test(
-        name="rig",
-        time=columns["t_s"],
-        displacement=columns["displacement_m"],
-        velocity=columns.get("velocity_mps"),
-        force=columns["force_n"],
-    )
+# Samples, in the middle of the record, and their height by the largest one.
+PLACES = {
+    "three apart": ((150, 210, 300), 12.0),
+    "three in a row": ((200, 201, 202), -2.5),
+    "one": ((250,), 12.0),
+}
 
 
 def noisy_columns() -> Columns:
@@ -62,8 +56,7 @@ def within_errors(fit: mr.Fit) -> bool:
 
 
 @pytest.mark.parametrize("channel", ["force_n", "displacement_m", "velocity_mps"])
-@pytest.mark.parametrize("places", PLACES.values(), ids=PLACES)
-@pytest.mark.parametrize("times", [12.0, -2.5])
+@pytest.mark.parametrize(("places", "times"), PLACES.values(), ids=PLACES)
 def test_spikes_change_neither_fit_nor_tested_ranges(
     channel: str, places: tuple[int, ...], times: float
 ) -> None:
@@ -124,7 +117,9 @@ def test_the_spans_move_with_a_part_of_the_record() -> None:
     assert test.uncompared == ((200, 203), (250, 251))
     assert test.part(190, 240).uncompared == ((10, 13),)
     assert test.part(201, 400, 2).uncompared == ((0, 1),)
-    assert test.part(200, 400, 2).uncompared == ((0, 2), (25, 26))
+    part = test.part(200, 400, 2)
+    assert (part.uncompared, part.dt) == (((0, 2), (25, 26)), 2.0 * test.dt)
+    assert part.start_time == pytest.approx(200 * DT)
     assert test.part(203, 250).uncompared == ()
     shorter = cut(test, start=190 * DT)
     assert shorter.uncompared == ((10, 13), (60, 61))

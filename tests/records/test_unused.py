@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from command_line import mrwork, printed
+from command_line import mrwork
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import clean_columns, codes, message, write_text
 from scipy.io import savemat
@@ -35,14 +35,6 @@ def test_a_column_is_not_used_where_a_number_is_given_for_it(tmp_path: Path) -> 
     path = write_text(tmp_path / "rig.csv", {**clean_columns(), "current_a": 0.5 + 0 * TIME})
     test = read_damper_test(path, columns={"command": "1 A"})
     assert (test.current, message(test, "not_used")) == (1.0, "not used: column 'current_a'")
-
-
-def test_many_columns_are_counted(tmp_path: Path) -> None:
-    others = {f"gauge {number}": MM for number in range(1, 13)}
-    test = read_damper_test(
-        write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": MM, "F_N": NEWTON, **others})
-    )
-    assert message(test, "not_used").endswith("'gauge 8' and 4 more")
 
 
 def test_variables_without_a_vector_of_numbers_are_named(tmp_path: Path) -> None:
@@ -87,13 +79,3 @@ def test_check_says_it_once_for_the_folder_and_once_for_what_its_files_share(tmp
     assert ended.stderr == f"mrwork: of the folder {rig}, not read: old/, photo.jpg\n"
     assert ended.stdout.count("not used") == 1
     assert f"note in all 2 tests: {NOTE}" in ended.stdout
-
-
-def test_identify_and_predict_say_what_they_did_not_use(tmp_path: Path) -> None:
-    rig = folder_of_two(tmp_path)
-    run = tmp_path / "run"
-    text = printed("identify", rig / "a.txt", "--model", "bingham", "--out", run)
-    assert f"note: {NOTE}" in text
-    predicted = mrwork("predict", run, rig / "b.txt")
-    assert predicted.returncode == 0, predicted.stderr
-    assert f"mrwork: note in b: {NOTE}\n" in predicted.stderr

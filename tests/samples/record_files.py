@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, build_damper_test
 
 Columns = dict[str, NDArray[np.float64]]
 
@@ -52,6 +52,24 @@ def write_test(path: Path, test: DamperTest) -> Path:
 def codes(test: DamperTest) -> list[str]:
     """Findings of the checks, by code."""
     return [finding.code for finding in test.findings]
+
+
+def built(
+    columns: Mapping[str, NDArray[np.float64]],
+    current: NDArray[np.float64] | None = None,
+    *,
+    keep_velocity: bool = False,
+) -> DamperTest:
+    """The test of columns, without a file."""
+    return build_damper_test(
+        name="rig",
+        time=columns["t_s"],
+        displacement=columns["displacement_m"],
+        velocity=columns.get("velocity_mps"),
+        force=columns["force_n"],
+        current=current,
+        keep_velocity=keep_velocity,
+    )
 
 
 def message(test: DamperTest, code: str) -> str:
