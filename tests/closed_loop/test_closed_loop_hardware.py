@@ -22,7 +22,7 @@ from loop_samples import (
     still,
     sweep,
 )
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
@@ -100,7 +100,6 @@ def test_the_coil_follows_the_command_by_its_lag_from_the_instant_it_arrives(
         histories=True,
         step_factor=factor,
     )
-    assert response.histories is not None
     run = response.histories[0]
     current = run.command[0].copy()
     whole, rest = divmod(round(delay / 5e-4), 2)
@@ -154,7 +153,6 @@ def test_seeds_and_motions_have_noise_of_their_own_and_candidates_the_same() -> 
     law = gauge(0.01)
     three = replace(law, gains={name: np.tile(gain, (3, 1)) for name, gain in law.gains.items()})
     batch = simulate_loop(five_storeys(), onlookers(), three, [still(0.5), still(0.5)], of(1), histories=True)
-    assert batch.histories is not None
     seen = [read(run.command[:-1], 0.01) for run in batch.histories]
     for candidate in (0, 1, 2):
         np.testing.assert_array_equal(seen[2 * candidate], first[:500])
@@ -302,7 +300,7 @@ def test_a_broken_sensor_of_force_reads_what_its_fault_says() -> None:
     loop = devices(rd1005())
     law = law_with_gains("clipped_optimal", plant_with(loop))
     for value in ("hold", 0.0, -500.0):
-        fault = Fault(channel="force", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type] # a word or a number of a fault
+        fault = Fault(channel="force", index=0, start=0.2, end=0.4, value=value)
         run = run_of(loop, law, Hardware(faults=(fault,)))
         seen = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
         read_force = run.force.copy()
@@ -314,7 +312,7 @@ def test_a_stuck_current_stays_where_it_is_told() -> None:
     loop = devices(rd1005())
     law = law_with_gains("proportional_direct", plant_with(loop))
     for value in ("hold", 0.0, 1.2):
-        fault = Fault(channel="command", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type] # a word or a number of a fault
+        fault = Fault(channel="command", index=0, start=0.2, end=0.4, value=value)
         run = run_of(loop, law, Hardware(faults=(fault,)))
         expected = run.command[199, 0] if value == "hold" else value
         np.testing.assert_array_equal(run.command[BROKEN, 0], expected)
@@ -344,7 +342,7 @@ def test_the_observer_comes_to_the_state() -> None:
     # A weak ideal force, which tells what the law takes for the state and hardly moves the building.
     law = ControlLaw(name="active", gains={"gain": 1e-3 * np.asarray(K)})
     run = run_of(loop, law, Hardware(feedback="observer"), motion)
-    wanted = -run.state @ law.gains["gain"].T  # type: ignore[union-attr] # a law of gains
+    wanted = -run.state @ law.gains["gain"].T
     error = np.abs(run.command - wanted)
     size = np.abs(wanted[2000:]).max(axis=0)
     # An error of the shaking dies out in free vibration, down to that of forces held over a sample.
@@ -364,71 +362,36 @@ def test_fewer_accelerometers_see_less() -> None:
     assert 0.0 < error(None) < error((4,))
 
 
-def test_a_floor_that_is_none_cannot_be_measured(refused: Refused) -> None:
-    loop = devices(rd1005())
-    law = law_with_gains("clipped_optimal", plant_with(loop))
-    refused(
-        simulate_loop,
-        five_storeys(),
-        loop,
-        law,
-        [sweep(0.1)],
-        Hardware(feedback="observer", measured_floors=(5,)),
-    )
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"delay": 3e-4}, "whole number of integration steps"),
+        ({"step": 1e-12}, "at most 10000 steps"),
+        ({"measured_floors": (0, 1, 0)}, "give each once"),
+        ({"measured_floors": (0,)}, "no effect with feedback of the state"),
+        ({"seed": 2**32}, r"2\^32 - 1"),
+    ],
+)
+def test_hardware_that_cannot_be_is_told(settings: dict[str, object], words: str) -> None:
+    refusal(Hardware, **settings, match=words)
 
 
-def test_hardware_that_cannot_be_is_refused(refused: Refused) -> None:
-    for settings in (
-        {"sample_time": 0.0},
-        {"sample_time": np.inf},
-        {"step": np.nan},
-        {"command_rate": 0.0},
-        {"delay": 3e-4},
-        {"delay": -1e-3},
-        {"delay": np.inf},
-        {"delay": 1e9},
-        {"step": 1e-12},
-        {"force_noise": -1.0},
-        {"deformation_resolution": np.nan},
-        {"measured_floors": (0, 1, 0)},
-        {"measured_floors": (0,)},
-        {"seed": -1},
-        {"seed": 2**32},
-    ):
-        refused(Hardware, **settings)
+def test_sensors_and_forecasts_that_nothing_reads_are_refused() -> None:
+    for settings in ({"acceleration_noise": 0.1}, {"faults": (Fault(channel="acceleration"),)}):
+        hardware = Hardware(**settings)
+        refusal(refuse_unread, hardware, accelerations=False, forecasts=True, match="has no effect")
+        refuse_unread(replace(hardware, feedback="observer"), accelerations=False, forecasts=False)
+    preview = Hardware(ground_preview=0.05)
+    refusal(refuse_unread, preview, accelerations=True, forecasts=False, match="add a predictive_rollout")
+    refuse_unread(preview, accelerations=False, forecasts=True)
 
 
-def test_accelerometers_that_nothing_reads_are_refused(refused: Refused) -> None:
-    for settings in (
-        {"acceleration_noise": 0.1},
-        {"faults": (Fault(channel="acceleration"),)},
-        {"acceleration_resolution": 0.1},
-    ):
-        refused(refuse_unread, Hardware(**settings), accelerations=False, forecasts=True)
-        refuse_unread(Hardware(**settings, feedback="observer"), accelerations=False, forecasts=False)
-
-
-def test_a_preview_that_nothing_forecasts_with_is_refused(refused: Refused) -> None:
-    hardware = Hardware(ground_preview=0.05)
-    refused(refuse_unread, hardware, accelerations=True, forecasts=False)
-    refuse_unread(hardware, accelerations=False, forecasts=True)
-    refused(Hardware, ground_preview=-0.05)
-    refused(Hardware, ground_preview=3.0)
-
-
-def test_a_fault_that_cannot_be_is_refused(refused: Refused) -> None:
-    for settings in (
-        {"channel": "voltage"},
-        {"channel": "force", "index": -1},
-        {"channel": "force", "start": 2.0, "end": 1.0},
-        {"channel": "force", "start": np.nan},
-        {"channel": "force", "value": "holt"},
-        {"channel": "ground_acceleration", "index": 1},
-    ):
-        refused(Fault, **settings)
-
-
-def test_a_fault_of_a_device_that_is_none_is_refused(refused: Refused) -> None:
-    for channel in ("force", "acceleration"):
-        fault = Fault(channel=channel, index=9)  # type: ignore[arg-type] # a word or a number of a fault
-        refused(run_of, onlookers(), gauge(0.02), Hardware(feedback="observer", faults=(fault,)))
+def test_floors_and_channels_that_are_none_are_refused() -> None:
+    floor = Hardware(feedback="observer", measured_floors=(5,))
+    refusal(run_of, onlookers(), gauge(0.02), floor, match=r"5 floors, counted from 0; \[5\]")
+    for channel, count in (("force", 2), ("acceleration", 5)):
+        fault = Fault(channel=channel, index=9)
+        observing = Hardware(feedback="observer", faults=(fault,))
+        refusal(run_of, onlookers(), gauge(0.02), observing, match=f"channel 9, there are {count}")
+    refusal(Fault, channel="force", start=2.0, end=1.0, match="an end after its start")
+    refusal(Fault, channel="ground_acceleration", index=1, match="one sensor")

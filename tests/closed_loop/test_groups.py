@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, sweep
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
@@ -97,20 +97,21 @@ def test_equal_laws_stay_as_they_are() -> None:
     assert all(one is other for one, other in zip(with_common_laws(loop), loop, strict=True))
 
 
-def test_groups_without_a_common_form_are_refused(refused: Refused) -> None:
+def test_groups_without_a_common_form_are_refused() -> None:
     building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
-    for one, other in (
-        (group("quadratic"), group("exponential")),
-        (group("quadratic"), group("values:0,1,2")),
-        (group("quadratic:0.5,1,1.5"), group("cubic")),
-        (group("linear"), group("quadratic", unit="V")),
-        (group("linear"), group("quadratic", lagged=True)),
-        (group("linear"), passive),
-        (group("linear"), devices(rd1005())[1]),
-        (replace(group("constant"), theta=[1e12, 0.02, 200.0, 500.0, 0.0]), group("linear")),
+    beyond = replace(group("constant"), theta=[1e12, 0.02, 200.0, 500.0, 0.0])
+    for one, other, word in (
+        (group("quadratic"), group("exponential"), "no form in common"),
+        (group("quadratic"), group("values:0,1,2"), "no form in common"),
+        (group("quadratic:0.5,1,1.5"), group("cubic"), "no form in common"),
+        (beyond, group("linear"), "no form in common within its range"),
+        (group("linear"), group("quadratic", unit="V"), "in V"),
+        (group("linear"), group("quadratic", lagged=True), "with a lag"),
+        (group("linear"), passive, "follows no command"),
     ):
-        refused(simulate_loop, building, [one, replace(other, row=building.storeys[1])], law, [sweep()])
+        loop = [one, replace(other, row=building.storeys[1])]
+        refusal(simulate_loop, building, loop, law, [sweep()], match=word)
 
 
 def test_a_device_gets_no_more_than_its_own_largest_command() -> None:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, rd1005, still, sweep
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw
 from mrwork.control import lyapunov_function, plant_of
 from mrwork.dampers.simulation import Outcome
-from mrwork.errors import SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 CASES = {
@@ -87,7 +84,6 @@ def test_memory_is_of_a_run_and_begins_at_zero() -> None:
     for model in (rd1005(), friction()):
         loop = devices(model, second=False)
         found = mr.simulate_loop(five_storeys(), loop, law, [still(1.0)], histories=True)
-        assert found.histories is not None
         ramp = 1e-3 * np.arange(1, len(found.histories[0].time))
         np.testing.assert_allclose(found.histories[0].command[:, 0], [*ramp, ramp[-1]])
 
@@ -107,13 +103,8 @@ def test_a_law_that_makes_no_number_of_numbers_is_named_with_its_line() -> None:
             command[:, 1] = np.nan
         return command
 
-    line = broken.__code__.co_firstlineno
-    words = (
-        rf"^broken \({re.escape(__file__)}, line {line}\) returned a command that is not a number \(NaN\) for "
-        r"device 2 at 0\.101 s, and its readings are numbers; correct the law$"
-    )
-    with pytest.raises(SettingError, match=words):
-        run(UserLaw(name="broken", command=broken))
+    words = r"^broken \(.*test_user_law.py, line \d+\) .* \(NaN\) for device 2 at 0\.101 s"
+    refusal(run, UserLaw(name="broken", command=broken), match=words)
 
 
 class MuteError(Exception):
@@ -123,39 +114,30 @@ class MuteError(Exception):
         raise ValueError("no text")
 
 
-def mute(sample: LoopSample, memory: Floats) -> Floats:
-    raise MuteError
+class Mute:
+    """A law that is no function."""
+
+    def __call__(self, sample: LoopSample, memory: Floats) -> Floats:
+        raise MuteError
 
 
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (lambda sample, memory: np.zeros(3), r"returned commands of shape \(3,\) at 0 s; give \(1, 2\)"),
+        (lambda sample, memory: np.zeros(3), r"shape \(3,\) at 0 s; give \(1, 2\)"),
         (
             lambda sample, memory: sample.speed,
-            rf"failed at 0 s in {re.escape(__file__)}, line \d+: AttributeError",
+            r"failed at 0 s in .*test_user_law.py, line \d+: AttributeError",
         ),
-        (mute, rf"failed at 0 s in {re.escape(__file__)}, line \d+: MuteError"),
-        (
-            lambda sample, memory: [["a", "b"]],
-            "what it returned at 0 s has values of type <U1; give an array",
-        ),
-        (lambda sample, memory: None, "what it returned at 0 s is None; give an array"),
-        (lambda sample, memory: sample.rate > 0.0, "what it returned at 0 s has values of type bool"),
-        (lambda sample, memory: 1j * sample.rate, "what it returned at 0 s has values of type complex128"),
-        (
-            lambda sample, memory: np.ma.masked_less(sample.rate, 1.0),
-            "what it returned at 0 s has masked values; fill them in or cut them out",
-        ),
-        (
-            lambda sample, memory: np.full(sample.rate.shape, "2020-01-01", dtype="M8[D]"),
-            r"what it returned at 0 s has values of type datetime64\[D\]",
-        ),
+        (Mute(), r"failed at 0 s in .*, line \d+: MuteError"),
+        (partial(Mute.__call__, Mute()), r"failed at 0 s in .*, line \d+: MuteError"),
+        (lambda sample, memory: None, "None; give an array"),
+        (lambda sample, memory: 1j * sample.rate, "complex128"),
+        (lambda sample, memory: np.ma.masked_less(sample.rate, 1.0), "masked values"),
     ],
 )
-def test_a_mistake_in_a_law_is_a_sentence(command: object, words: str) -> None:
-    with pytest.raises(SettingError, match=rf"^mine(?: \(.*, line \d+\):?)? {words}"):
-        run(UserLaw(name="mine", command=command))  # type: ignore[arg-type] # of a wrong kind on purpose
+def test_a_mistake_in_a_law_is_told_with_its_place(command: object, words: str) -> None:
+    refusal(run, UserLaw(name="mine", command=command), match=rf"^mine.*{words}")
 
 
 def test_ctrl_c_in_a_law_ends_the_run() -> None:
@@ -168,28 +150,9 @@ def test_ctrl_c_in_a_law_ends_the_run() -> None:
         run(UserLaw(name="stopped", command=command))
 
 
-class Proportional:
-    """A law that is no function."""
-
-    def __call__(self, sample: LoopSample, memory: Floats) -> Floats:
-        raise SystemExit(0)
-
-
-def test_a_law_of_any_callable_has_its_line() -> None:
-    line = Proportional.__call__.__code__.co_firstlineno + 1
-    for command in (Proportional(), partial(Proportional.__call__, Proportional())):
-        with pytest.raises(
-            SettingError, match=rf"^mine failed at 0 s in .*, line {line}: SystemExit: 0; correct it"
-        ):
-            run(UserLaw(name="mine", command=command))
-
-
-def test_a_law_that_cannot_be_is_refused_when_it_is_made(refused: Refused) -> None:
-    refused(UserLaw, name="mine", command=1.0)
-    refused(replace, friction_law(), name="mine", n_candidates=0)
-    refused(replace, friction_law(), name="mine", n_memory=1.5)  # type: ignore[arg-type] # wrong on purpose
+def test_a_law_for_dampers_that_follow_none_is_refused() -> None:
     spec = mr.damper("dahl")
     dahl = mr.Device(
         name="dahl", spec=spec, theta=spec.nominal, row=five_storeys().storeys[0], largest_command=1.0
     )
-    refused(mr.simulate_loop, five_storeys(), [dahl], friction_law(), [still(0.1)])
+    refusal(mr.simulate_loop, five_storeys(), [dahl], friction_law(), [still(0.1)], match="have no effect")

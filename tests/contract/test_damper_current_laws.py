@@ -8,11 +8,11 @@ import jax
 import numpy as np
 import pytest
 from damper_samples import DT, N_TIME, noise, sine
+from refusals import refusal
 
 from mrwork.dampers import damper
 from mrwork.dampers.parameters import current_laws, polynomial_laws
 from mrwork.dampers.simulation import Outcome, simulate_force, simulate_forces
-from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.twins.models import parameters_at, simulate
 
 LAWS = ("linear", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")
@@ -137,23 +137,14 @@ def test_parameters_stay_admissible_at_any_command(spec):
     assert getattr(at_one, name) == next(p.lower for p in spec.plain if p.name == name)
 
 
-def test_a_command_in_the_other_unit_is_refused(spec):
+def test_a_command_in_the_other_unit_and_laws_that_are_none_are_refused(spec):
     name = followed(spec)[0]
     model = spec.with_current_laws({name: "linear"}, unit="V")
-    with pytest.raises(SettingError, match=r"takes its command in V, the loading's is in A"):
-        simulate_force(model, model.nominal, replace(sine(), command=1.0, command_unit="A"))
-    with pytest.raises(SettingError, match="no stated unit"):
-        simulate_force(model, model.nominal, sine())
-
-
-def test_laws_that_do_not_exist_are_refused(spec):
-    name = followed(spec)[0]
-    with pytest.raises(UnknownNameError, match="no parameter 'nothing'"):
-        spec.with_current_laws({"nothing": "linear"})
-    with pytest.raises(UnknownNameError, match=r"'parabolic'.*quadratic"):
-        spec.with_current_laws({name: "parabolic"})
-    with pytest.raises(MrworkError, match="has current laws already"):
-        with_laws(spec).with_current_laws({})
+    other = replace(sine(), command=1.0, command_unit="A")
+    refusal(simulate_force, model, model.nominal, other, match="its command in V, the loading's is in A")
+    refusal(simulate_force, model, model.nominal, sine(), match="no stated unit")
+    refusal(spec.with_current_laws, {"nothing": "linear"}, match="no parameter 'nothing'")
+    refusal(model.with_current_laws, {}, match="has current laws already")
 
 
 def test_polynomial_laws_are_those_of_the_core_in_the_order_of_their_degree():

@@ -5,7 +5,6 @@ Its numbers stand in `loop_samples.law_with_gains`, its formula again, in NumPy,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,12 +22,14 @@ from loop_samples import (
     still,
     sweep,
 )
+from refusals import refusal
 
+import mrwork as mr
 from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.dampers.simulation import Outcome
-from mrwork.errors import ArgumentError, SettingError
+from mrwork.motions import GroundMotion, trimmed
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -56,8 +57,10 @@ def law_of(spec: ControlLawSpec, loop: list[Device], *, strength: float = 1.0) -
     return law_with_gains(spec.name, plant_with(loop), strength=strength)
 
 
-def run_of(law: ControlLaw, loop: list[Device], hardware: Hardware | None = None) -> History:
-    response = simulate_loop(five_storeys(), loop, law, [sweep()], hardware, histories=True)
+def run_of(
+    law: ControlLaw, loop: list[Device], hardware: Hardware | None = None, motion: GroundMotion | None = None
+) -> History:
+    response = simulate_loop(five_storeys(), loop, law, [motion or sweep()], hardware, histories=True)
     assert response.outcome[0] == Outcome.FINISHED
     return at_samples(response)
 
@@ -80,8 +83,8 @@ def bits(response: Responses) -> Floats:
     return np.hstack([np.reshape(array, (len(response.outcome), -1)) for array in arrays])
 
 
-def assert_same_bits(left: Responses, right: Responses) -> None:
-    np.testing.assert_array_equal(bits(left).view(np.uint64), bits(right).view(np.uint64))
+def assert_same_numbers(left: Floats, right: Floats) -> None:
+    np.testing.assert_array_equal(left.view(np.uint64), right.view(np.uint64))
 
 
 def test_every_law_has_its_formula_in_the_tests() -> None:
@@ -103,8 +106,10 @@ def test_a_law_says_what_it_is(spec: ControlLawSpec) -> None:
 def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: float) -> None:
     loop = devices(rd1005())
     law = law_of(spec, loop)
-    run = run_of(law, loop, Hardware(sample_time=sample_time))
-    seen = Recorded.of(law, five_storeys(), loop, sweep(), run, sample_time)
+    # The rollout in NumPy takes milliseconds for a decision.
+    motion = trimmed(sweep(), end=0.4 if spec.needs_model else 1.5)
+    run = run_of(law, loop, Hardware(sample_time=sample_time), motion)
+    seen = Recorded.of(law, five_storeys(), loop, motion, run, sample_time)
     expected = commands(seen)
     if spec.name in SEARCHED:
         force = seen.believed(expected)
@@ -118,6 +123,22 @@ def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: fl
         largest = np.abs(expected).max()
         np.testing.assert_allclose(run.command[1:], expected[1:], rtol=1e-9, atol=1e-9 * largest)
     assert np.ptp(run.command) > 0.0 or spec.name == "passive"
+
+
+def test_a_current_inside_the_tanh_is_inverted_and_the_parabola_does_not() -> None:
+    """The force of such a curve saturates early, and no parabola has its shape."""
+    spec = mr.damper("static_hysteretic").with_current_laws({"beta": "quadratic", "delta": "quadratic"})
+    curve = spec, np.array([1232.0, 5100.0, 700.0, 0.5, 10.0, 100.0, 0.0, 0.3, 1.0, 1e-4, 57.0])
+    loop, missed = devices(rd1005()), []
+    for name in ("inverse_direct", "inverse_parabola"):
+        law = replace(law_with_gains(name, plant_with(loop)), curve=curve)
+        run = run_of(law, loop, motion=SHORT)
+        seen = Recorded.of(law, five_storeys(), loop, SHORT, run, 1e-3)
+        found, best = (seen.believed(each) for each in (run.command, FORMULAS["inverse_direct"](seen)))
+        apart = np.abs(found - seen.wanted) - np.abs(best - seen.wanted)
+        missed.append(apart.max() / np.abs(best).max())
+    assert missed[0] < 1e-5
+    assert missed[1] > 1e-2
 
 
 @pytest.mark.parametrize("spec", SEMI_ACTIVE, ids=name_of)
@@ -180,44 +201,27 @@ def test_a_hysteretic_device_gives_back_no_more_than_it_may_hold(spec: ControlLa
     assert np.all(run.device_energy[-1] > 0.0)
 
 
-def test_batch_is_the_loop_over_its_candidates(spec: ControlLawSpec, instruction_set: str) -> None:
+# Of the first instruction set in which a law has run.
+OF_BATCH: dict[str, Floats] = {}
+
+
+def test_batch_is_the_loop_over_its_candidates_with_the_bits_of_every_instruction_set(
+    spec: ControlLawSpec, instruction_set: str
+) -> None:
     # Twice 17 runs leave blocks of every width partly empty.
     loop = devices(rd1005())
     law = candidates(spec, loop, 17)
-    motions = [SHORT, sweep(0.2, peak=0.7)]
-    batch = simulate_loop(five_storeys(), loop, law, motions)
+    motions = [sweep(0.1), sweep(0.1, peak=0.7)]
+    batch = simulate_loop(five_storeys(), loop, law, motions, histories=True)
     for candidate in (0, 7, len(batch.outcome) // 2 - 1):
-        chosen = law if not law.gains else only(law, slice(candidate, candidate + 1))
+        chosen = only(law, slice(candidate, candidate + 1)) if law.gains else law
         for number, motion in enumerate(motions):
-            alone = simulate_loop(five_storeys(), loop, chosen, [motion])
-            row = 0 if not law.gains else 2 * candidate
-            np.testing.assert_array_equal(
-                bits(batch)[row + number].view(np.uint64), bits(alone)[0].view(np.uint64)
-            )
-
-
-def test_histories_are_those_of_the_run_alone(spec: ControlLawSpec, instruction_set: str) -> None:
-    loop = devices(rd1005())
-    law = candidates(spec, loop, 5)
-    batch = simulate_loop(five_storeys(), loop, law, [SHORT], histories=True)
-    chosen = only(law, slice(2, 3)) if law.gains else law
-    alone = simulate_loop(five_storeys(), loop, chosen, [SHORT], histories=True)
-    assert batch.histories is not None
-    assert alone.histories is not None
-    run = batch.histories[2 if law.gains else 0]
-    for name, signal in run.numbers.items():
-        np.testing.assert_array_equal(signal, alone.histories[0].numbers[name])
-
-
-def test_instruction_sets_give_the_same_bits(
-    spec: ControlLawSpec, of_instruction_sets: Callable[[Callable[[], Responses]], list[Responses]]
-) -> None:
-    loop = devices(rd1005())
-    *others, plain = of_instruction_sets(
-        lambda: simulate_loop(five_storeys(), loop, candidates(spec, loop, 9), [SHORT])
-    )
-    for other in others:
-        assert_same_bits(other, plain)
+            alone = simulate_loop(five_storeys(), loop, chosen, [motion], histories=True)
+            row = number + (2 * candidate if law.gains else 0)
+            assert_same_numbers(bits(batch)[row], bits(alone)[0])
+            for name, signal in batch.histories[row].numbers.items():
+                np.testing.assert_array_equal(signal, alone.histories[0].numbers[name])
+    assert_same_numbers(bits(batch), OF_BATCH.setdefault(spec.name, bits(batch)))
 
 
 def test_threads_give_the_same_bits(spec: ControlLawSpec) -> None:
@@ -226,71 +230,28 @@ def test_threads_give_the_same_bits(spec: ControlLawSpec) -> None:
         simulate_loop(five_storeys(), loop, candidates(spec, loop, 70), [SHORT], threads=threads)
         for threads in (1, 2)
     )
-    assert_same_bits(one, two)
+    assert_same_numbers(bits(one), bits(two))
 
 
 @pytest.mark.parametrize("spec", WITH_GAINS, ids=name_of)
-def test_gains_that_are_no_numbers_are_refused(spec: ControlLawSpec) -> None:
-    law = candidates(spec, devices(rd1005()), 9)
-    for name in law.gains:
-        broken = np.array(law.gains[name])
-        broken[4] = np.nan
-        with pytest.raises(SettingError, match=rf"`gains\['{name}'\]` of ControlLaw is nan"):
-            replace(law, gains={**law.gains, name: broken})
-
-
-@pytest.mark.parametrize("spec", WITH_GAINS, ids=name_of)
-@pytest.mark.parametrize("bad", [np.inf, -np.inf])
-def test_infinite_gains_have_a_named_end_and_spare_their_neighbours(spec: ControlLawSpec, bad: float) -> None:
+def test_infinite_gains_have_a_named_end_and_spare_their_neighbours(spec: ControlLawSpec) -> None:
     # With heights nothing of a run is unknown.
     loop, tall = devices(rd1005()), replace(five_storeys(), heights=np.full(5, 3.0))
     law = candidates(spec, loop, 9)
     clean = simulate_loop(tall, loop, law, [SHORT])
     for name in law.gains:
         broken = np.array(law.gains[name])
-        broken[4] = bad
+        broken[4], broken[6] = np.inf, -np.inf
         run = simulate_loop(tall, loop, replace(law, gains={**law.gains, name: broken}), [SHORT])
-        others = np.arange(9) != 4
-        np.testing.assert_array_equal(bits(run)[others].view(np.uint64), bits(clean)[others].view(np.uint64))
-        numbers = bits(run)[4]
-        assert not np.any(np.isnan(numbers))
-        if run.outcome[4] in (Outcome.FINISHED, Outcome.FAILED_SAFE):
-            assert np.all(np.isfinite(numbers))
-        else:
-            assert np.isposinf(run.peak_drift[4]).all()
-
-
-# What a law measures besides the state, which an observer keeps clear of such readings.
-MEASURED = {
-    "force": {
-        "clipped_optimal",
-        "modified_clipped_optimal",
-        "proportional_clipped_optimal",
-        "lyapunov",
-        "decentralised_bang_bang",
-        "maximum_energy_dissipation",
-        "modulated_homogeneous_friction",
-        "sliding_mode",
-        "adaptive_sliding_mode",
-        "signal_network",
-        "signal_polynomial",
-        "predictive_rollout",
-    },
-    "deformation": {
-        "super_twisting",
-        "fuzzy",
-        "lyapunov_direct",
-        "lyapunov_parabola",
-        "lyapunov_direct_bang_bang",
-        "proportional_direct",
-        "inverse_direct",
-        "inverse_parabola",
-        "inverse_network",
-        "signal_network",
-        "signal_polynomial",
-        "predictive_rollout",
-    },
-}
+        others = np.isin(np.arange(9), (4, 6), invert=True)
+        assert_same_numbers(bits(run)[others], bits(clean)[others])
+        for place in (4, 6):
+            numbers = bits(run)[place]
+            assert not np.any(np.isnan(numbers))
+            if run.outcome[place] in (Outcome.FINISHED, Outcome.FAILED_SAFE):
+                assert np.all(np.isfinite(numbers))
+            else:
+                assert np.isposinf(run.peak_drift[place]).all()
 
 
 @pytest.mark.parametrize("channel", ["force", "deformation"])
@@ -300,52 +261,39 @@ def test_a_reading_that_is_no_number_sends_no_current(spec: ControlLawSpec, chan
     run = simulate_loop(
         five_storeys(), loop, law_of(spec, loop), [SHORT], Hardware(faults=(fault,)), histories=True
     )
-    assert run.histories is not None
     command = run.histories[0].command
-    if spec.name in MEASURED[channel]:
-        assert run.outcome[0] == Outcome.FAILED_SAFE
+    if run.outcome[0] == Outcome.FAILED_SAFE:
         np.testing.assert_array_equal(command[50:100, 1], 0.0)
     elif spec.name != "modulated_homogeneous_friction":
+        # It reads nothing of the channel, or an observer keeps the state clear of such readings.
         without = simulate_loop(five_storeys(), loop, law_of(spec, loop), [SHORT], histories=True)
-        assert without.histories is not None
         np.testing.assert_array_equal(command, without.histories[0].command)
         assert run.outcome[0] == Outcome.FINISHED
 
 
 @pytest.mark.parametrize("name", ["fuzzy", "inverse_network", "signal_polynomial"])
-@pytest.mark.parametrize("size", [0, 1, 2, 5])
-def test_tables_that_a_law_cannot_read_are_refused(name: str, size: int) -> None:
+def test_tables_that_a_law_cannot_read_are_refused(name: str) -> None:
     loop = devices(rd1005())
     law = law_with_gains(name, plant_with(loop))
     for table in law.tables:
-        if (table, size) not in {("output", 1), ("terms", 5)}:
-            broken = replace(law, tables={**law.tables, table: np.ones(size)})
-            with pytest.raises(SettingError, match=f"table `(terms|reach|{table})` of the law `{name}`"):
-                simulate_loop(five_storeys(), loop, broken, [SHORT])
+        broken = replace(law, tables={**law.tables, table: np.ones(2)})
+        refusal(
+            simulate_loop, five_storeys(), loop, broken, [SHORT], match=f"table `(terms|reach|{table})` of"
+        )
 
 
-def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
+def test_gains_of_another_shape_or_name_are_refused(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
     law = law_of(spec, loop)
+    refusal(replace, law, gains={**law.gains, "more": 1.0}, match="has no gain 'more'")
     for name, gain in law.gains.items():
         for wrong in (np.asarray(gain)[..., :-1], np.zeros((2, 3, *np.shape(gain)))):
-            with pytest.raises(SettingError, match=f"^`{name}` of {spec.name} has shape"):
-                simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, name: wrong}), [SHORT])
-    with pytest.raises(SettingError, match="has no gain 'more'"):
-        replace(law, gains={**law.gains, "more": 1.0})
-    for name in law.gains:
-        with pytest.raises(SettingError, match=f"has no gain '{name}s', did you mean {name}"):
-            replace(law, gains={**law.gains, f"{name}s": 1.0})
-        with pytest.raises(SettingError, match=f"{spec.name} lacks the gain '{name}'"):
-            replace(law, gains={key: gain for key, gain in law.gains.items() if key != name})
-        with pytest.raises(
-            ArgumentError, match=rf"`gains\['{name}'\]` of ControlLaw is 'large'; give an array"
-        ):
-            replace(law, gains={**law.gains, name: "large"})
+            other = replace(law, gains={**law.gains, name: wrong})
+            refusal(simulate_loop, five_storeys(), loop, other, [SHORT], match=f"^`{name}` of {spec.name}")
+        left = {key: gain for key, gain in law.gains.items() if key != name}
+        refusal(replace, law, gains=left, match=f"lacks the gain '{name}'")
 
 
 @pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)
 def test_a_law_without_its_curve_is_refused(spec: ControlLawSpec) -> None:
-    loop = devices(rd1005())
-    with pytest.raises(SettingError, match="give it a `curve`"):
-        replace(law_of(spec, loop), curve=None)
+    refusal(replace, law_of(spec, devices(rd1005())), curve=None, match="give it a `curve`")

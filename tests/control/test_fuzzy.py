@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sentences import Refused
 
 from mrwork.control.laws.fuzzy import INPUT_SETS, OUTPUT_SETS, RULES, fuzzy_table, infer, memberships
 
@@ -69,7 +68,3 @@ def test_the_table_stands_for_the_inference_between_its_points() -> None:
     assert np.sqrt(np.mean((between - infer(x, v)) ** 2)) < 0.01
     assert share.min() >= 0.0
     assert share.max() <= 1.0
-
-
-def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
-    refused(fuzzy_table, n_points=20)

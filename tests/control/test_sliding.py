@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from control_samples import five_storeys, plant
-from sentences import Refused
+from refusals import refusal
 
 from mrwork.control import Plant, optimal_surface, placed_surface, plant_of
 from mrwork.control.laws.sliding import SlidingGains, SlidingSurface, sliding_gains
@@ -129,14 +129,9 @@ def test_gains_follow_their_formulas() -> None:
     np.testing.assert_allclose(gains.proportional**2, 2.25 * slope)
 
 
-def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
-    system = plant()
-    refused(placed_surface, system, [-1.0] * 6)
-    refused(placed_surface, system, [-1.0, -2.0, -3.0, -4.0, 5.0])
-    refused(optimal_surface, system, np.zeros((6, 6)))
-
-
-def test_two_devices_at_one_place_have_no_surface(refused: Refused) -> None:
-    building = five_storeys()
+def test_what_has_no_surface_is_refused() -> None:
+    system, building = plant(), five_storeys()
+    refusal(placed_surface, system, [-1.0, -2.0, -3.0, -4.0, 5.0], match="a negative real part")
+    refusal(optimal_surface, system, np.zeros((6, 6)), match="weigh every direction")
     twice = plant_of(building, building.storeys[[0, 0]])
-    refused(optimal_surface, twice)
+    refusal(optimal_surface, twice, match="act on the building in the same way")

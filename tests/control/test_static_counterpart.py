@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sentences import Refused
 
 from mrwork.control.laws.counterpart import StaticCounterpart, static_counterpart
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.errors import SettingError
 
 RD1005 = damper("static_hysteretic").preset("kwok2006")
 PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")
@@ -41,14 +39,6 @@ def test_a_static_damper_is_its_own_counterpart() -> None:
     assert (own.spec, own.theta, own.fit_percent) == (RD1005.spec, RD1005.theta, 100.0)
 
 
-def test_a_static_damper_with_other_laws_is_its_own_counterpart() -> None:
-    """The laws of the core evaluate its force with any current laws."""
-    spec = damper("static_hysteretic").with_current_laws({"alpha": "cubic", "beta": "linear"})
-    theta = tuple(1.0 + 0.1 * number for number in range(len(spec.names)))
-    found = static_counterpart(spec, theta, largest_command=1.0, amplitude=AMPLITUDE, velocity=VELOCITY)
-    assert (found.spec, found.theta, found.fit_percent) == (spec, theta, 100.0)
-
-
 def test_the_prototype_of_dyke_is_stood_for(prototype: StaticCounterpart) -> None:
     """The least misfit of 30 random starts is 85.17 %, so this is the best that the static model can do."""
     assert prototype.fit_percent == pytest.approx(85.17, abs=0.01)
@@ -76,15 +66,3 @@ def test_force_grows_with_the_command(prototype: StaticCounterpart) -> None:
         for command in np.linspace(0.0, 2.25, 7)
     ]
     assert np.all(np.diff(forces) > 0.0)
-
-
-def test_settings_that_cannot_be_are_refused(refused: Refused) -> None:
-    def call(spec=PROTOTYPE.spec, theta=PROTOTYPE.theta, amplitude=AMPLITUDE, largest=2.25) -> None:
-        static_counterpart(spec, theta, largest_command=largest, amplitude=amplitude, velocity=VELOCITY)
-
-    plain = damper("bouc_wen")
-    refused(call, spec=plain, theta=plain.nominal)
-    refused(call, theta=[1.0, 2.0, 3.0])
-    refused(call, amplitude=(0.01, 0.001))
-    with pytest.raises(SettingError, match="is nan"):
-        call(largest=np.nan)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 from control_samples import shear_frame
-from sentences import Refused
+from loop_samples import design_problem
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.buildings import Building
@@ -23,7 +24,7 @@ from mrwork.control import (
     plant_of,
     stack_outputs,
 )
-from mrwork.motions import CloughPenzien, KanaiTajimi
+from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
 BUDGET = 900.0
@@ -74,7 +75,6 @@ def limits_of(building: Building) -> np.ndarray:
 @pytest.mark.parametrize(("name", "budget"), [("dyke1996", 60.0), ("uts", 500.0), ("uts", 3000.0)])
 def test_the_program_agrees_with_riccati_equations_to_four_digits(name: str, budget: float) -> None:
     check = design(mr.building(name), limits=LIMITS, budget=budget).certificate
-    assert check.program_ratio is not None
     assert check.program_ratio == pytest.approx(check.ratio, rel=1e-5)
     assert check.violation <= 1e-8
     # The noise that the design adds to the states counts for as much.
@@ -144,13 +144,6 @@ def test_the_bound_is_of_the_ground_alone(building: Building, budget: float) -> 
     assert attained <= min(check.ratio, 1.005 * check.bound)
 
 
-def test_a_ratio_near_one_is_not_said_to_be_out_of_reach() -> None:
-    check = designed().certificate
-    level = np.sqrt(check.ratio * check.bound)
-    found = design(frame(), limits={name: level * limit for name, limit in LIMITS.items()}, budget=BUDGET)
-    assert found.in_words[0].startswith("Whether all limits can be met with this budget is not determined")
-
-
 def test_no_other_regulator_within_the_budget_does_better() -> None:
     """Of random weights, with R such that the force is that of the budget."""
     A, B, _, C, D = in_si(frame())
@@ -171,13 +164,8 @@ def test_no_other_regulator_within_the_budget_does_better() -> None:
 def test_the_gain_is_that_of_the_weights_in_the_settings_of_a_law() -> None:
     found, plant = designed(), plant_of(frame(), frame().storeys[:1])
     for scale in (1.0, 1e-3):
-        settings = RegulatorSettings(**found.settings(scale))  # type: ignore[arg-type] # settings of several kinds by name
-        damper = mr.damper("static_hysteretic").preset("kwok2006")
-        device = mr.Device(
-            name="1", spec=damper.spec, theta=damper.theta, row=frame().storeys[0], largest_command=1.88
-        )
-        problem = mr.control.DesignProblem(building=frame(), devices=[device], sample_time=1e-3)
-        expected = settings.regulator(problem).gain
+        settings = RegulatorSettings(**found.settings(scale))
+        expected = settings.regulator(design_problem()).gain
         error = np.linalg.norm((found.gain_with(scale) - expected) @ plant.scaling)
         assert error <= 1e-7 * np.linalg.norm(expected @ plant.scaling)
     np.testing.assert_array_equal(found.gain_with(1.0), found.gain)
@@ -210,20 +198,19 @@ def test_only_ratios_matter() -> None:
         np.testing.assert_allclose(other.gain, found.gain, rtol=1e-4, atol=1e-4 * np.abs(found.gain).max())
 
 
-def test_a_designer_solves_again_what_a_new_one_finds(refused: Refused) -> None:
+def test_a_designer_solves_again_what_a_new_one_finds() -> None:
     designer = WeightDesigner(frame(), frame().storeys[:1], limits=LIMITS, budget=BUDGET)
     other = {"rms_drift": 3e-3, "rms_acceleration": 5.0}
     again = designer.design(other, 700.0)
     fresh = design(frame(), limits=other, budget=700.0)
     assert again.certificate.program_ratio == pytest.approx(again.certificate.ratio, rel=1e-5)
     assert again.reachable_ratio == pytest.approx(fresh.reachable_ratio, rel=1e-8)
-    refused(designer.design, {"rms_drift": 1e-3})
+    refusal(designer.design, {"rms_drift": 1e-3}, match="another designer")
 
 
 def test_limits_out_of_reach_are_explained_with_a_budget_that_reaches_them() -> None:
     found = design(frame(), limits={"rms_drift": 4e-3}, budget=100.0)
     assert found.reachable_ratio > 1.0
-    assert found.budget_factor is not None
     assert "cannot be met with this budget" in found.in_words[0]
     enough = design(frame(), limits={"rms_drift": 4e-3}, budget=100.0 * found.budget_factor)
     assert 0.985 < enough.reachable_ratio <= 1.0 + 1e-6
@@ -246,52 +233,27 @@ def test_a_force_may_be_limited_with_the_others() -> None:
     assert check.forces[0] < 5e3
 
 
-def test_another_spectrum_is_another_design() -> None:
-    found = design(frame(), limits=LIMITS, budget=BUDGET, spectrum=CloughPenzien())
-    assert found.certificate.violation <= 1e-8
-    assert found.reachable_ratio != designed().reachable_ratio
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"limits": {"peak_drift": 1e-3}}, "give rms_drift"),
+        ({"limits": {"rms_drift": [1e-3, 2e-3]}}, "2 limits, .* 5 storeys"),
+        ({"limits": {"rms_drift": "4 kN"}}, "its unit may be m"),
+        ({"limits": {"rms_force": 10.0}}, "no response is limited"),
+        ({"budget": 0.0}, "positive rms force"),
+        ({"budget": [1.0, 2.0]}, "2 forces"),
+    ],
+)
+def test_a_wish_that_cannot_be_is_told(given: dict[str, object], words: str) -> None:
+    refusal(design, frame(), **{"limits": LIMITS, "budget": BUDGET, **given}, match=words)
 
 
-def test_designed_weights_say_what_they_are_for() -> None:
-    text = repr(designed())
-    assert "scanned in the" in text
-    assert "Binds: rms drift" in text
-    for shown in (text, repr(designed().certificate)):
-        assert len(shown.splitlines()) <= 30
-        assert max(map(len, shown.splitlines())) <= 100
-
-
-def test_a_wish_that_cannot_be_is_refused(refused: Refused) -> None:
-    for given in (
-        {"limits": {"peak_drift": 1e-3}},
-        {"limits": {"rms_dirft": 1e-3}},
-        {"limits": {"rms_drift": [1e-3, 2e-3]}},
-        {"limits": {"rms_drift": -1e-3}},
-        {"limits": {"rms_force": 10.0}},
-        {"limits": {}},
-        {"budget": 0.0},
-        {"budget": [1.0, 2.0]},
-    ):
-        refused(design, frame(), **{"limits": LIMITS, "budget": BUDGET, **given})
-
-
-def test_an_undamped_mode_is_refused(refused: Refused) -> None:
+def test_an_undamped_mode_is_refused() -> None:
     undamped = mr.buildings.shear_building(name="undamped", masses=[1.0, 1.0], stiffnesses=[10.0, 10.0])
-    refused(design, undamped, limits=LIMITS, budget=1.0)
+    refusal(design, undamped, limits=LIMITS, budget=1.0, match="give every mode damping")
 
 
-def test_limits_and_budgets_may_have_units(refused: Refused) -> None:
+def test_limits_and_budgets_may_have_units() -> None:
     limits = {"rms_drift": "4 mm", "rms_acceleration": ["5.2 m/s2"] * 5}
     found = design(frame(), limits=limits, budget=["0.9 kN"])
     assert found.reachable_ratio == designed().reachable_ratio
-    for wrong in ({"rms_drift": "4 kN"}, [("rms_drift", 4e-3)]):
-        refused(design, frame(), limits=wrong, budget=BUDGET)
-
-
-def test_a_gain_that_falls_short_of_the_ratio_is_said() -> None:
-    found = design(frame(), limits={"rms_drift": 4e-3, "rms_acceleration": 5.2}, budget=5e4)
-    assert found.certificate.law_ratio > 1.5 * found.reachable_ratio
-    assert found.in_words[1].startswith("The gain of the law reaches ratio 0.63")
-    small = design(frame(), limits=LIMITS, budget=60.0)
-    assert small.certificate.law_ratio < 1.01 * small.reachable_ratio
-    assert not any("gain of the law" in each for each in small.in_words)

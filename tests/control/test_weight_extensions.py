@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
-from sentences import Refused
+from loop_samples import design_problem
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.control import (
@@ -19,7 +20,6 @@ from mrwork.control import (
     design_weights,
     stiffness_cases,
 )
-from mrwork.errors import MrworkError
 from mrwork.motions import KanaiTajimi
 from studies.controller_weights.designs import damper_cases, soil_cases
 
@@ -73,12 +73,11 @@ def test_soils_and_draws_of_dampers_are_cases() -> None:
     assert design(cases=cases).reachable_ratio < design().reachable_ratio
 
 
-def test_a_spectrum_beside_cases_is_refused(refused: Refused) -> None:
-    refused(design, cases=stiffness_cases(FRAME), spectrum=KanaiTajimi(frequency=25.0))
-
-
-def test_a_building_of_other_storeys_is_no_case(refused: Refused) -> None:
-    refused(design, cases=[DesignCase(name="other", building=mr.building("dyke1996"))])
+def test_cases_that_do_not_go_together_are_refused() -> None:
+    soil = KanaiTajimi(frequency=25.0)
+    refusal(design, cases=stiffness_cases(FRAME), spectrum=soil, match="a spectrum of its own")
+    other = DesignCase(name="other", building=mr.building("dyke1996"))
+    refusal(design, cases=[other], match="other coordinates, floors or storeys")
 
 
 def test_a_short_sample_without_driver_is_the_continuous_design() -> None:
@@ -86,7 +85,7 @@ def test_a_short_sample_without_driver_is_the_continuous_design() -> None:
     assert found.reachable_ratio == pytest.approx(design().reachable_ratio, rel=1e-4)
 
 
-def test_driver_and_delay_cost_and_are_designed_for(refused: Refused) -> None:
+def test_driver_and_delay_cost_and_are_designed_for() -> None:
     ratios = [
         design(timing=timing).reachable_ratio
         for timing in (
@@ -103,7 +102,7 @@ def test_driver_and_delay_cost_and_are_designed_for(refused: Refused) -> None:
     # Fed back without regard to the delay, the gain of the continuous design does worse than the one designed for it.
     case = found.certificate.cases[0]
     assert case.law_ratio < 1.1 * found.reachable_ratio
-    refused(found.settings)
+    refusal(found.settings, match="the key designed")
 
 
 def test_a_sampled_design_is_a_discrete_riccati_equation() -> None:
@@ -127,7 +126,7 @@ def test_gain_of_a_sampled_law_is_a_minimum() -> None:
     np.testing.assert_allclose(again, found.gain, atol=0.05 * np.abs(found.gain).max())
 
 
-def test_the_semi_active_condition_is_met(refused: Refused) -> None:
+def test_the_semi_active_condition_is_met() -> None:
     for share in (0.2, 0.1):
         free = design()
         found = design(semi_active=SemiActiveCondition(share=share))
@@ -136,7 +135,7 @@ def test_the_semi_active_condition_is_met(refused: Refused) -> None:
         for each, binds in ((found, True), (free, False)):
             correlation = force_and_rate(each)
             assert (correlation >= np.sqrt(1.0 - share**2) - 1e-4) == binds
-        refused(found.settings)
+        refusal(found.settings, match="the key designed")
         P = scipy.linalg.solve_continuous_are(found.plant.A, found.plant.B, found.Q, found.R, s=found.N)
         gain = np.linalg.solve(found.R, found.plant.B.T @ P + found.N.T)
         np.testing.assert_allclose(
@@ -165,26 +164,17 @@ def test_a_given_damping_of_the_condition_is_kept() -> None:
     assert found.reachable_ratio >= free.reachable_ratio * (1.0 - 1e-6)
 
 
-def test_an_extension_that_cannot_be_is_refused(refused: Refused) -> None:
-    refused(SemiActiveCondition, share=1.5)
-    refused(SemiActiveCondition, share=0.5, damping=-1.0)
-    refused(SemiActiveCondition, share="0.5")
-    refused(design, semi_active=0.1)
-    refused(design, timing={"sample_time": 1e-3})
-    refused(lambda: design(semi_active=SemiActiveCondition(share=0.2, damping=(1e3, 1e3))))
-    refused(LoopTiming, sample_time="1 ms")
-    refused(LoopTiming, sample_time=0.0)
-    refused(LoopTiming, delay=1.5e-3)
-    refused(LoopTiming, delay=0.1)
+def test_an_extension_that_cannot_be_is_refused() -> None:
+    two = SemiActiveCondition(share=0.2, damping=(1e3, 1e3))
+    refusal(lambda: design(semi_active=two), match="2 dampings")
+    refusal(LoopTiming, delay=1.5e-3, match="whole number of samples")
+    refusal(LoopTiming, delay=0.1, match="100 samples")
+    refusal(stiffness_cases, FRAME, [0.0], match="above 0")
 
 
-def test_a_stiffness_without_size_is_refused() -> None:
-    with pytest.raises(MrworkError, match="give a number above 0"):
-        stiffness_cases(FRAME, [0.0])
-
-
-def test_a_budget_beyond_all_use_is_said_to_be_too_large(refused: Refused) -> None:
-    refused(design, limits={"rms_drift": 4e-3}, budget=1e12, timing=LoopTiming(delay=1e-3, driver_rate=190.0))
+def test_a_budget_beyond_all_use_is_said_to_be_too_large() -> None:
+    timing = LoopTiming(delay=1e-3, driver_rate=190.0)
+    refusal(design, limits={"rms_drift": 4e-3}, budget=1e12, timing=timing, match="no use for more")
 
 
 def test_a_sampled_design_leaves_a_budget_unused_that_accelerations_have_no_use_for() -> None:
@@ -203,20 +193,5 @@ def test_the_weights_of_a_record_follow_its_content(tmp_path: Path) -> None:
         swing = np.sin(2.0 * np.pi * frequency * time) + 0.3 * np.sin(7.0 * time)
         rows = [f"{t:.2f},{a:.6f}" for t, a in zip(time, swing, strict=True)]
         record.write_text("\n".join(["time [s],acceleration [m/s2]", *rows]), encoding="utf-8")
-        damper = mr.damper("static_hysteretic").preset("kwok2006")
-        pair = mr.Device(
-            name="pair", spec=damper.spec, theta=damper.theta, row=FRAME.storeys[0], largest_command=1.88
-        )
-        problem = mr.control.DesignProblem(building=FRAME, devices=[pair], sample_time=1e-3)
-        found.append(wishes.of_problem(problem).reachable_ratio)
+        found.append(wishes.of_problem(design_problem()).reachable_ratio)
     assert abs(found[0] / found[1] - 1.0) > 0.1
-
-
-def test_a_problem_of_another_largest_command_is_designed_once() -> None:
-    spec = mr.damper("static_hysteretic").preset("kwok2006")
-    damper = mr.Device(
-        name="pair", spec=spec.spec, theta=spec.theta, row=FRAME.storeys[0], largest_command=1.88
-    )
-    problem = mr.control.DesignProblem(building=FRAME, devices=[damper], sample_time=1e-3)
-    wishes = mr.control.WeightWishes(rms_drift=2e-3, budget=500.0)
-    assert wishes.of_problem(problem.limited_to(1.0)) is wishes.of_problem(problem)

@@ -9,8 +9,8 @@ import jax
 import numpy as np
 import pytest
 from opensees_bouc_wen import force_in_opensees
+from refusals import refusal
 from scipy.integrate import solve_ivp
-from sentences import Refused
 
 import mrwork.twins.models  # noqa: F401  (sets double precision)
 from mrwork.dampers import (
@@ -54,9 +54,6 @@ def spencer(count: int) -> np.ndarray:
 
 
 def test_there_and_back_is_the_identity() -> None:
-    theta = normalised(300)
-    back = normalised_from_bouc_wen(bouc_wen_from_normalised(theta, A=120.0))
-    np.testing.assert_allclose(back, theta, rtol=1e-11, atol=1e-14)
     for row in spencer(300):
         there = bouc_wen_from_normalised(normalised_from_bouc_wen(row), A=row[6])
         # beta is a difference, with the error of gamma + beta.
@@ -72,15 +69,14 @@ def test_opensees_there_and_back_is_the_identity() -> None:
         np.testing.assert_allclose(astuple(again), astuple(material), rtol=1e-13)
 
 
-def test_all_forms_give_the_same_force() -> None:
-    theta = normalised(200)
-    history = LOADING.history()
-    expected = simulate_forces(damper("normalised_bouc_wen"), theta, history).force
-    peak = np.abs(expected).max(axis=1, keepdims=True)
-    equal = bouc_wen_from_normalised(theta, A=35.0)
-    for form in (equal, rescaled_bouc_wen(equal, 0.2)):
-        force = simulate_forces(damper("bouc_wen"), form, history).force
-        assert np.max(np.abs(force - expected) / peak) < 1e-10
+def test_a_scale_of_the_state_does_not_change_the_force() -> None:
+    theta = bouc_wen_from_normalised(normalised(200), A=35.0)
+    forces = [
+        simulate_forces(damper("bouc_wen"), form, LOADING.history()).force
+        for form in (theta, rescaled_bouc_wen(theta, 0.2))
+    ]
+    peak = np.abs(forces[0]).max(axis=1, keepdims=True)
+    assert np.max(np.abs(forces[1] - forces[0]) / peak) < 1e-10
 
 
 def opensees_force(material: OpenSeesBoucWen, path: np.ndarray) -> np.ndarray:
@@ -113,7 +109,7 @@ def test_the_opensees_material_gives_the_same_force() -> None:
     # simulation crosses the kink of |v|.
     path = 0.01 * np.sin(2.0 * np.pi * 2.0 * TIME)
     loading = Loading(dt=1e-3, displacement=path)
-    for row in spencer(40):
+    for row in spencer(12):
         material, c0 = opensees_from_bouc_wen(row)
         without_dashpot = np.append(0.0, row[1:])
         force = simulate_force(damper("bouc_wen"), without_dashpot, loading, substep_factor=64)
@@ -139,47 +135,41 @@ def test_with_ao_one_ko_is_the_initial_stiffness() -> None:
     assert material.alpha * material.ko == pytest.approx(k0, rel=1e-14)
 
 
-def test_the_nominal_sets_are_one_published_set() -> None:
-    np.testing.assert_allclose(
-        normalised_from_bouc_wen(NOMINAL), damper("normalised_bouc_wen").nominal, rtol=1e-14
-    )
-
-
 def replace_parameter(theta: np.ndarray, name: str, value: float) -> np.ndarray:
     changed = theta.copy()
     changed[damper("bouc_wen").names.index(name)] = value
     return changed
 
 
-def test_what_opensees_cannot_hold_is_refused(refused: Refused) -> None:
-    for name, value in (("x0", 0.038), ("k0", -10.0), ("alpha", -1.0), ("A", 0.0), ("n", np.inf)):
-        theta = replace_parameter(NOMINAL, "x0", 0.0)
-        opensees_from_bouc_wen(theta)
-        refused(opensees_from_bouc_wen, replace_parameter(theta, name, value))
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("x0", 0.038, "convert with x0=0"),
+        ("k0", -10.0, "post-yield ratio"),
+        ("A", 0.0, "only where A is positive"),
+    ],
+)
+def test_what_opensees_cannot_hold_is_told(name: str, value: float, words: str) -> None:
+    theta = replace_parameter(NOMINAL, "x0", 0.0)
+    refusal(opensees_from_bouc_wen, replace_parameter(theta, name, value), match=words)
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("deltaA", 0.1),
-        ("deltaNu", 0.1),
-        ("deltaEta", -0.1),
-        ("alpha", 1.0),
-        ("alpha", -0.1),
-        ("ko", 0.0),
-        ("gamma", np.nan),
-    ],
+    ("name", "value", "words"),
+    [("deltaA", 0.1, "degrades"), ("alpha", 1.0, "post-yield"), ("ko", 0.0, "must be positive")],
 )
-def test_what_a_bouc_wen_cannot_hold_is_refused(name: str, value: float, refused: Refused) -> None:
+def test_what_a_bouc_wen_cannot_hold_is_told(name: str, value: float, words: str) -> None:
     material = OpenSeesBoucWen(alpha=0.1, ko=1e4, n=1.0, gamma=0.2, beta=0.3, Ao=1.0)
-    bouc_wen_from_opensees(material)
-    refused(lambda: bouc_wen_from_opensees(replace(material, **{name: value})))
+    refusal(lambda: bouc_wen_from_opensees(replace(material, **{name: value})), match=words)
 
 
-def test_an_unbounded_loop_has_no_normalised_form(refused: Refused) -> None:
-    for name, value in (("beta", -1e6), ("beta", -2e6), ("gamma", -1e5), ("A", -1.0), ("n", 0.5)):
-        require_bounded_loop(NOMINAL)
-        refused(require_bounded_loop, replace_parameter(NOMINAL, name, value))
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [("beta", -1e6, r"gamma \+ beta is 0"), ("gamma", -1e5, "swap gamma and beta"), ("n", 0.5, "n >= 1")],
+)
+def test_an_unbounded_loop_has_no_normalised_form(name: str, value: float, words: str) -> None:
+    require_bounded_loop(NOMINAL)
+    refusal(require_bounded_loop, replace_parameter(NOMINAL, name, value), match=words)
 
 
 def test_a_set_that_reads_both_ways_is_remarked() -> None:
@@ -233,24 +223,6 @@ def test_where_the_iteration_of_opensees_may_fail_a_scale_is_remarked_that_mends
     assert np.abs(force_in_opensees(mended, path)).max() < 700.0
 
 
-def test_the_strain_step_of_opensees_keeps_the_error_of_irregular_motions() -> None:
-    rho, k_w = 15_000.0, 700.0
-    time = np.linspace(0.0, 1.0, 3001)
-    rng = np.random.default_rng(3)
-    for sigma in (0.3, 0.5, 0.9):
-        theta = np.array([0.0, 0.0, 0.0, k_w, rho, sigma, 2.0])
-        material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(theta, A=120.0), Ao=rho)
-        for peak in (0.3, 1.0, 3.0):
-            phases = rng.uniform(0.0, 2.0 * np.pi, 3)
-            sines = (np.sin(2.0 * np.pi * f * time + p) for f, p in zip((3, 7, 11), phases, strict=True))
-            path = sum(sines, np.zeros_like(time))
-            path = (path - path[0]) * peak / rho / np.abs(path - path[0]).max()
-            step = float(np.abs(np.diff(path)).max())
-            error = 0.01 * step / material.strain_step(0.01)
-            missed = np.abs(force_in_opensees(material, path) - opensees_force(material, path)).max() / k_w
-            assert missed < error
-
-
 def test_the_error_of_opensees_is_of_first_order_and_not_of_its_tolerance() -> None:
     material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
     step = material.strain_step(0.02)
@@ -265,18 +237,10 @@ def test_the_error_of_opensees_is_of_first_order_and_not_of_its_tolerance() -> N
     assert missed[1] / missed[2] == pytest.approx(2.0, rel=0.08)
 
 
-def test_the_remark_states_the_step_of_the_wanted_error() -> None:
+def test_the_strain_step_of_a_loop_that_degrades_is_refused() -> None:
     material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
-    (remark,) = solver_remarks(material, 0.005)
-    assert f"{material.strain_step(0.005):.3g} m" in remark
-    assert "0.5 %" in remark
-    assert solver_remarks(replace(material, beta=-material.gamma), 0.005) == ()
-
-
-def test_the_strain_step_of_a_loop_that_degrades_is_refused(refused: Refused) -> None:
-    material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
-    refused(lambda: replace(material, deltaA=0.1).strain_step(0.01))
-    refused(lambda: replace(material, beta=-1.0, gamma=2.0).strain_step(0.01))
+    for changed in ({"deltaA": 0.1}, {"beta": -1.0, "gamma": 2.0}):
+        refusal(replace(material, **changed).strain_step, 0.01, match="bounded and does not degrade")
 
 
 PAIRS = {
@@ -289,7 +253,7 @@ PAIRS = {
 def test_the_jacobian_of_every_conversion_between_models_is_its_derivative(name: str, to_model: bool) -> None:
     forth, back = PAIRS[name]
     conversion = back.at(3.7) if to_model else forth
-    theta = normalised(1000)
+    theta = normalised(100)
     if not to_model:
         scales = np.exp(np.random.default_rng(8).uniform(np.log(0.1), np.log(1e3), len(theta)))
         theta = np.stack([bouc_wen_from_normalised(row, A=A) for row, A in zip(theta, scales, strict=True)])
@@ -309,13 +273,10 @@ def name(request) -> str:
 
 def samples(name: str, count: int) -> np.ndarray:
     """Parameters of the normalised form: c, k, x0, k_w, rho, sigma, n, and c1, k1 if there is a series dashpot."""
-    rng = np.random.default_rng(7)
-    lower = np.array([1e2, -1e3, -0.05, 50.0, 50.0, 0.5, 1.0])
-    upper = np.array([1e4, 1e4, 0.05, 2e3, 2e3, 50.0, 4.0])
-    plain = lower + rng.random((count, 7)) * (upper - lower)
+    plain = normalised(count)
     if name == "bouc_wen":
         return plain
-    series = [5e3, -1e3] + rng.random((count, 2)) * [5e4, 2e3]
+    series = [5e3, -1e3] + np.random.default_rng(8).random((count, 2)) * [5e4, 2e3]
     return np.hstack([np.abs(plain[:, :2]), series, plain[:, 2:]])
 
 

@@ -57,15 +57,6 @@ def test_viscous_dahl_is_a_normalised_bouc_wen():
     assert_same_force(force("viscous_dahl", f0=0.0), parent)
 
 
-def test_backlash_without_play_is_a_normalised_bouc_wen():
-    play, width = 1e-6, 2e-4
-    parent = force(
-        "normalised_bouc_wen", **{n: v for n, v in nominal("backlash_bouc_wen").items() if n != "g"}
-    )
-    # The velocity behind the dead zone is v (1 - tanh(g/s)) at x = 0, and more elsewhere.
-    assert np.max(np.abs(force("backlash_bouc_wen", g=play) - parent)) < play / width * np.max(np.abs(parent))
-
-
 def test_lugre_without_bristle_damping_is_viscous_dahl():
     p = nominal("lugre")
     parent = force("viscous_dahl", k_x=p["sigma_2"], k_w=p["sigma_0"] / p["a0"], rho=p["a0"], f0=p["f0"])

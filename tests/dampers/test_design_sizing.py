@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import signal
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from counted_calls import Calls
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
-from sentences import Refused
+from refusals import refusal
 
 from mrwork.dampers.design import DamperWishes, fluid, size_damper, size_front, steel, twenty_ton_damper
 from mrwork.dampers.design.sizing import (
@@ -25,7 +25,6 @@ from mrwork.dampers.design.sizing import (
     rated_forces,
 )
 from mrwork.errors import Interrupted
-from mrwork.search import run_search
 
 WISHES = DamperWishes(
     force=2e3,
@@ -44,7 +43,7 @@ FLUID, STEEL = fluid("MRF-132DG"), steel("AISI 1010")
 @pytest.fixture(scope="module")
 def sized() -> SizedDamper:
     """A damper for the wishes."""
-    return size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600)
+    return size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=400)
 
 
 def test_sized_damper_meets_every_wish(sized: SizedDamper) -> None:
@@ -61,7 +60,7 @@ def test_sized_damper_meets_every_wish(sized: SizedDamper) -> None:
     assert (design.stroke, design.velocity, design.friction) == (0.025, 0.1, 30.0)
     # The rod carries the desired force.
     assert WISHES.force / (math.pi / 4.0 * design.rod**2) == pytest.approx(WISHES.stress)
-    assert sized.evaluations <= 600
+    assert sized.evaluations <= 400
 
 
 def test_sizing_finds_a_small_damper(sized: SizedDamper) -> None:
@@ -75,7 +74,7 @@ def test_sizing_finds_a_small_damper(sized: SizedDamper) -> None:
     assert sized.design.envelope_volume < 0.7 * min(good)
 
 
-@pytest.mark.parametrize("search", ["genetic", "particle_swarm"])
+@pytest.mark.parametrize("search", ["particle_swarm"])
 def test_any_search_of_the_registry_sizes(search: str) -> None:
     found = size_damper(WISHES, fluid=FLUID, steel=STEEL, search=search, budget=400)
     assert WISHES.missed(found.design) == {}
@@ -84,7 +83,7 @@ def test_any_search_of_the_registry_sizes(search: str) -> None:
 def test_a_faster_damper_can_be_asked_for(sized: SizedDamper) -> None:
     limit = 0.5 * sized.design.response_time(WISHES.voltage)
     faster = replace(WISHES, response_time=limit)
-    found = size_damper(faster, fluid=FLUID, steel=STEEL, budget=600)
+    found = size_damper(faster, fluid=FLUID, steel=STEEL, budget=400)
     assert found.design.response_time(WISHES.voltage) <= limit
 
 
@@ -96,57 +95,31 @@ def test_missed_names_what_is_missed() -> None:
     assert not {"force", "least_gap"} & set(missed)
 
 
-def test_impossible_wishes_are_refused_with_what_is_missed(refused: Refused) -> None:
+def test_impossible_wishes_are_refused_with_what_is_missed() -> None:
     wishes = replace(WISHES, force=1e5, stress=1e10)
-    refused(size_damper, wishes, fluid=FLUID, steel=STEEL, budget=120)
-
-
-def test_unknown_search_is_refused(refused: Refused) -> None:
-    refused(size_damper, WISHES, fluid=FLUID, steel=STEEL, search="annealing")
-
-
-def test_interrupted_sizing_keeps_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    generations = []
-
-    def stopping(optimiser: object, objective: object, **given: object) -> object:
-        def counted(units: np.ndarray) -> np.ndarray:
-            generations.append(len(units))
-            if len(generations) > 8:
-                raise KeyboardInterrupt
-            return objective(units)  # type: ignore[operator, no-any-return] # an objective of any kind
-
-        return run_search(optimiser, counted, **given)  # type: ignore[arg-type] # an optimiser of any kind
-
-    monkeypatch.setattr("mrwork.dampers.design.sizing.run_search", stopping)
-    with pytest.raises(Interrupted) as interrupt:
-        size_damper(WISHES, fluid=FLUID, steel=STEEL)
-    result = interrupt.value.result
-    assert isinstance(result, SizedDamper)
-    assert result.evaluations == sum(generations[:-1])
-    assert WISHES.missed(result.design) == {}
+    refusal(size_damper, wishes, fluid=FLUID, steel=STEEL, budget=120, match="best misses force by")
 
 
 def test_sizing_repeats_itself_and_progress_tells_candidates_and_the_smallest_volume(
     sized: SizedDamper,
 ) -> None:
     seen: list[SizingProgress] = []
-    told = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600, on_progress=seen.append)
+    told = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=400, on_progress=seen.append)
     assert told == sized
     assert [each.stage for each in seen] == ["smallest"] * len(seen)
     assert [each.evaluations for each in seen] == sorted(each.evaluations for each in seen)
-    assert (seen[-1].evaluations, seen[-1].share) == (told.evaluations, told.evaluations / 600)
+    assert (seen[-1].evaluations, seen[-1].share) == (told.evaluations, told.evaluations / 400)
     assert seen[-1].volume == pytest.approx(told.design.envelope_volume)
     found = [each.volume for each in seen if not math.isnan(each.volume)]
     assert found == sorted(found, reverse=True)
 
 
-def test_a_callback_ends_the_sizing_with_what_it_has_found(refused: Refused) -> None:
+def test_a_callback_ends_the_sizing_with_what_it_has_found() -> None:
     ended = size_damper(
         WISHES, fluid=FLUID, steel=STEEL, on_progress=lambda progress: not math.isnan(progress.volume)
     )
     assert WISHES.missed(ended.design) == {}
     assert ended.evaluations < 4000
-    refused(size_damper, replace(WISHES, force=1e7), fluid=FLUID, steel=STEEL, on_progress=lambda _: True)
 
 
 @pytest.mark.parametrize("stage", ["smallest", "front"])
@@ -165,7 +138,7 @@ def test_a_callback_ends_the_front_in_either_search(stage: str) -> None:
     assert front.designs[0].envelope_volume == pytest.approx(seen[-1].volume)
 
 
-@pytest.mark.parametrize("generation", [0, 12, 30])
+@pytest.mark.parametrize("generation", [0, 12])
 def test_an_interrupted_front_keeps_the_smallest_damper(generation: int) -> None:
     pytest.importorskip("pymoo")
     seen: list[SizingProgress] = []
@@ -208,7 +181,7 @@ def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
 
 
 @given(unit=st.lists(st.floats(0.0, 1.0), min_size=N_FREE, max_size=N_FREE))
-@examples(60)
+@examples(25)
 def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: list[float]) -> None:
     design = candidate(np.array(unit), WISHES, FLUID, STEEL)
     if design is not None:
@@ -220,7 +193,7 @@ def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: lis
 
 def test_front_trades_size_for_range_and_power() -> None:
     pytest.importorskip("pymoo")
-    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=320)
+    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=12, budget=240)
     assert len(front.designs) > 3
     assert all(not WISHES.missed(design) for design in front.designs)
     values = np.array([(each.envelope_volume, -each.dynamic_range, each.power) for each in front.designs])
@@ -231,8 +204,3 @@ def test_front_trades_size_for_range_and_power() -> None:
     # None is best in everything.
     assert len(set(values.argmin(axis=0))) > 1
     assert len(repr(front).splitlines()) <= 30
-
-
-def test_wishes_have_units_where_they_have_dimensions() -> None:
-    plain = {each.name for each in fields(DamperWishes)} - set(DamperWishes._units)
-    assert plain == {"dynamic_range"}

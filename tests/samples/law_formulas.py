@@ -80,7 +80,6 @@ class Recorded:
 
     def believed(self, command: Floats) -> Floats:
         """Force of the law's static model at these commands, one for each device."""
-        assert self.law.curve is not None
         spec, theta = self.law.curve
         columns = dict(zip(spec.names, np.asarray(theta), strict=True))
         p = {

@@ -13,6 +13,7 @@ from mrwork.buildings import Building, building
 from mrwork.closed_loop import History, Responses
 from mrwork.control import (
     ControlLaw,
+    DesignProblem,
     LoopModel,
     Plant,
     control_law,
@@ -43,7 +44,6 @@ def rd1005(*, lagged: bool = True) -> tuple[DamperSpec, Floats]:
     (published,) = (entry for entry in PUBLISHED_SETS if entry.name == "kwok2006")
     preset = mr.damper("static_hysteretic").preset("kwok2006")
     current = preset.spec.current
-    assert current is not None
     laws = dict(zip(published.values, current.laws, strict=True))
     spec = mr.damper("static_hysteretic").with_current_laws(laws, lagged=lagged)
     return spec, np.array([*preset.theta, LAG] if lagged else preset.theta)
@@ -69,6 +69,12 @@ def devices(
     return [pair, replace(pair, name="two", row=rows[1], differential=False, count=2.0)][: 1 + second]
 
 
+def design_problem(**others: object) -> DesignProblem:
+    """The design of a law for the pair alone."""
+    pair = devices(rd1005(), second=False)
+    return DesignProblem(building=five_storeys(), devices=pair, sample_time=1e-3, **others)
+
+
 def sweep(duration: float = 2.0, *, peak: float = 2.0, dt: float = 0.01) -> GroundMotion:
     """A sinusoid that sweeps from 1 to 8 Hz, under a half sine: from rest to rest."""
     time = dt * np.arange(round(duration / dt) + 1)
@@ -90,7 +96,6 @@ def pushed(acceleration: float, duration: float) -> GroundMotion:
 
 def at_samples(found: Responses) -> History:
     """The history of the first run at its control samples, without its end, where no command is computed."""
-    assert found.histories is not None
     numbers = {name: each[:-1] for name, each in found.histories[0].numbers.items()}
     return History(time=found.histories[0].time[:-1], numbers=numbers)
 

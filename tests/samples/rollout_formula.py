@@ -80,7 +80,6 @@ class RolloutInNumPy:
     ) -> None:
         """`steps` of the model in a decision; for `preview` seconds `shaking`, the ground acceleration, is known."""
         self.preview, self.shaking = preview, shaking
-        assert law.model is not None
         building, devices = law.model.building, law.model.devices
         self.mass, self.damping, self.stiffness = building.mass, building.damping, building.stiffness
         self.inverse_mass = np.linalg.inv(self.mass)

@@ -50,11 +50,8 @@ def damper_calls(_: Path) -> Calls:
     """Models, boxes and conversions."""
     box = small_sampling().target.form.box
     bouc_wen = mr.damper("bouc_wen").nominal
-    yield call(mr.damper, name="bingham")
     yield call(_BINGHAM.with_current_laws, laws={"f_c": "linear"}, unit="A", lagged=True)
-    yield call(mr.damper("modified_bouc_wen").preset, name="dyke1996")
     yield call(mr.Box, names=("c", "f0"), lower=(1.0, -5.0), upper=(9.0, 5.0), log=(True, False))
-    yield call(mr.Box.of, spec=_BINGHAM)
     yield call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)})
     yield call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5))
     yield call(box.unit_slope, theta=np.array(box.lower))
@@ -93,7 +90,6 @@ def simulation_calls(_: Path) -> Calls:
         **{"limits": np.full(3, 1e9), "substep_factor": 1, "columns": [0, 1], "threads": 1},
     }
     yield from calls_with(values, simulate_misfits, simulate_forces, stiffness_shares, simulate_sensitivities)
-    yield call(mr.synthetic_test, name="spencer1997")
 
 
 def record_calls(files: Path) -> Calls:
@@ -142,28 +138,17 @@ def record_calls(files: Path) -> Calls:
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
     yield call(records.observed, test=test, observe=["average=0.02", "gain=1.1"])
     yield call(
-        records.Observation,
-        delay_seconds=0.01,
-        lowpass_hz=20.0,
-        average_seconds=0.02,
-        gain=1.1,
-        offset=3.0,
-        lag_seconds=0.003,
-    )
-    yield call(
         records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0).observe,
         force=test.force,
         dt=test.dt,
     )
     yield call(records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt)
     yield call(records.guess_tests, files=[record()])
-    yield call(records.ListedTest, file="rig.csv", use="fit", columns={"force": "F:kN"}, doubt="none")
     yield call(
         records.write_test_table,
         path=files / "tests.csv",
         rows=[records.ListedTest(file=str(record()), use="fit")],
     )
-    yield call(records.read_test_table, path=files / "none.csv")
 
 
 def motion_calls(files: Path) -> Calls:
@@ -215,12 +200,7 @@ def motion_calls(files: Path) -> Calls:
     yield call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01)
     yield call(motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01)
     yield call(motions.near_fault_pulse, amplitude=1.0, period=1.0, cycles=1.5, phase=0.3, dt=0.02)
-    yield call(motions.KanaiTajimi, frequency=10.0, damping=0.5, intensity=0.01)
     yield call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5))
-    yield call(motions.CloughPenzien, soil=motions.KanaiTajimi(), frequency=1.5, damping=0.6)
-    yield call(motions.Envelope, rise=1.0, plateau_end=2.0, decay=0.1)
-    yield call(motions.GammaEnvelope, significant_duration=5.0, shape=5.0)
-    yield call(motions.ShakeTable, stroke=0.1, velocity=0.5, acceleration=9.0, bandwidth=20.0, damping=0.7)
     yield call(motions.ShakeTable().gain, frequency=[1.0, 10.0])
     yield call(motions.ShakeTable().demand, motion=motion)
     yield call(motions.ShakeTable().driven, motion=motion, beyond="scale")

@@ -29,11 +29,8 @@ def _circuit() -> design.MagneticCircuit:
 def material_calls(_: Path) -> Calls:
     """Fluids, steels, slots and circuits."""
     flow = {"flow": np.array([0.0, 1e-4]), "yield_stress": 1e4, "viscosity": 0.3, "flow_index": 0.9}
-    yield call(design.fluid, name="MRF-132DG")
     yield call(design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9)
-    yield call(design.steel, name="AISI 1010")
     yield call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5))
-    yield call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03)
     yield call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1)
     yield call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1)
     yield call(
@@ -75,7 +72,7 @@ def damper_design_calls(_: Path) -> Calls:
     yield call(_WISHES.missed, design=large)
     values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
     yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)
-    yield from calls_with({**values, "population": 12, "budget": 100}, design.size_front)
+    yield call(design.size_front, wishes=_WISHES, fluid=_FLUID, steel=_STEEL, population=12, budget=60)
 
 
 ROOMS = (material_calls, damper_design_calls)

@@ -69,12 +69,14 @@ def identification_calls(_: Path) -> Calls:
         **{"nuisances": ("level",), "observe": ("gain=1.1",), "starts": ({"c0": 1000.0},), "threads": 1},
         **{"ties": {"f0": "0.01*c0"}, "power": 2.0, "force_exponent": 1.0, "engine": "lanes"},
     }
-    yield from calls_with(values, mr.identify, identification.FitSettings)
+    yield from calls_with(values, identification.FitSettings)
+    quick = small_test(n_time=50)
+    rest = {name: values[name] for name in ("model", "search", "bounds", "starts", "ties", "engine")}
+    yield call(mr.identify, tests=(quick,), **rest)
     # Of one candidate, whose nuisances are none.
     weighed = {"weights": [np.linspace(0.0, 1.0, test.n_time)], "masks": [np.arange(test.n_time) > 3]}
     huber = {"loss": "huber", "loss_scale": 100.0, "coordinates": "unit", "tests": (test,), "nuisances": ()}
     yield from calls_with(values | weighed | huber, mr.objective)
-    yield call(identification.FitSettings.of_record, record=identification.FitSettings().as_record())
     yield call(Multistart, samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, closeness=0.1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
     still = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
@@ -83,8 +85,6 @@ def identification_calls(_: Path) -> Calls:
     yield call(fit.seen, test=test)
     yield call(fit.other_condition, test=test)
     yield call(fit.outside, test=test, force=test.force)
-    yield call(fit.verdict_on, name=fit.estimates[0].name)
-    yield call(fit.reading, origin="a")
     yield call(
         identification.Objective.of,
         spec=_BINGHAM,
@@ -114,15 +114,12 @@ def jax_calls(_: Path) -> Calls:
     for kind in (mr.jax.residuals, mr.jax.misfit):
         yield call(kind, tests=[small_test()], **values)
     yield call(mr.jax.log_likelihood, tests=small_test(), noise="ar1", **values)
-    yield call(mr.jax.study_score, study=None, law="passive", coordinates="unit", threads=1)
-    yield call(mr.jax.twin, model=_BINGHAM)
     yield call(mr.jax.twin(_BINGHAM).substeps, theta=np.array(_BINGHAM.nominal), record=small_test())
 
 
 def uncertainty_calls(folder: Path) -> Calls:
     """Predictions, bands, posteriors and plans."""
     fit, test = small_fit(), small_test()
-    yield call(mr.show_progress, patience=1.0)
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
     yield call(mr.save, result=fit, folder=folder / "saved")
     yield call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",))
@@ -151,33 +148,17 @@ def uncertainty_calls(folder: Path) -> Calls:
         mean=0.0,
         rng=np.random.default_rng(0),
     )
-    yield call(uncertainty.noise_model, name="iid")
-    yield call(uncertainty.Candidate, amplitude=0.01, frequency=1.0, command=0.5)
-    yield call(uncertainty.Limits, stroke=0.1, peak_velocity=1.0)
     values = {
         **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
         **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},
-        **{"targets": [uncertainty.Candidate(amplitude=0.005, frequency=2.0)], "parameters": ("no such",)},
+        **{"targets": [uncertainty.Candidate(amplitude=0.005, frequency=2.0)]},
         **{"noise": "iid", "tempering": 0.5, "walkers": 16, "most_steps": 2},
         "priors": {fit.estimates[0].name: uncertainty.Lognormal(median=1000.0, deviation=1.0)},
     }
-    yield from calls_with(values, mr.plan, mr.identifiability_of, mr.profile, mr.sample)
+    yield from calls_with(values, mr.plan, mr.identifiability_of, mr.sample)
     data = {"priors": {}, "pointwise": "blocks", "most_draws": 16}
     yield from calls_with(values | data, uncertainty.inference_data)
-    yield call(uncertainty.Normal, mean=0.0, deviation=1.0)
-    yield call(uncertainty.Lognormal, median=1.0, deviation=1.0)
-    yield call(uncertainty.Uniform, lower=0.0, upper=1.0)
     yield call(uncertainty.convergence, chains=np.random.default_rng(0).standard_normal((4, 40)))
-    chosen = {
-        **{
-            "tests": (test, _other_test()),
-            "models": ("no such",),
-            "model": ("no such",),
-            "leave_out": "test",
-        },
-        **{"laws": {"f_c": "linear"}, "unit": "A", "lagged": False, "noise": "iid", "threads": 1},
-    }
-    yield from calls_with(chosen, mr.choose_model, mr.choose_laws)
 
 
 def search_calls(_: Path) -> Calls:
@@ -199,10 +180,6 @@ def search_calls(_: Path) -> Calls:
         min_generations=2,
         max_seconds=9.0,
     )
-    yield call(search.EliteRule, count=3, distance=0.1)
-    yield call(search.Ceiling, absolute=3.0)
-    yield call(search.EfficientGA, population=6, elite_share=0.1)
-    yield call(search.StandardGA, population=6, crossover_probability=0.5, mutation_probability=0.1)
     yield call(search.ParticleSwarm, population=6, inertia=(0.9, 0.4), own_attraction=1.0, velocity_limit=0.2)
     yield call(
         search.DifferentialEvolution, population=6, base="best", factor=(0.5, 1.0), crossover_probability=0.5

@@ -44,11 +44,6 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.with_p_delta, building=tall)
     yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
-    yield call(frame.floor_row, floor="floor 1")
-    yield call(frame.storey_name, storey=1)
-    yield call(mr.building, name="uts")
-    yield call(of.read_building, path="missing.toml")
-    yield call(of.read_system, path="missing.mat")
     yield call(of.LinearSystem, **{name: getattr(system, name) for name in "ABCD"})
     yield call(
         of.LinearSystem, A=[[-1.0]], B=[[1.0]], C=[[1.0]], D=[[0.0]], input_names=["u"], output_names=["y"]
@@ -165,8 +160,6 @@ def designs_calls(_: Path) -> Calls:
     loop = devices(rd1005())
     yield call(of.RmsLimits, rms_drift=[2e-3] * 5, rms_acceleration=1.0, rms_displacement=0.01, rms_force=1e3)
     yield call(of.RmsLimits.of, given=wishes["limits"])
-    yield call(of.SemiActiveCondition, share=0.5, damping=(1e3,))
-    yield call(of.LoopTiming, sample_time=1e-3, delay=2e-3, driver_rate=190.0)
     yield call(of.DesignCase, name="x", building=frame, spectrum=mr.motions.KanaiTajimi())
     yield call(
         of.inverse_weights,
@@ -190,13 +183,6 @@ def laws_calls(_: Path) -> Calls:
     of, frame = mr.control, five_storeys()
     problem = of.DesignProblem(building=frame, devices=devices(rd1005()), sample_time=1e-3)
     clipped = {"accelerations": [1.0] * 5, "control_weight": [1e-7, 1e-7], "full_force": 1e3}
-    sliding = {
-        "peak_acceleration": 2.0,
-        "largest_force": 1e3,
-        "frequency": 5.0,
-        "margin": 1.2,
-        "bandwidth": 50.0,
-    }
     known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
     table = fuzzy_table()[1].ravel()
     yield call(mr.ControlLaw, name="clipped_optimal", gains=dict(known.gains))
@@ -214,30 +200,15 @@ def laws_calls(_: Path) -> Calls:
         tables={"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]},
         signals=(of.FurtherSignal(source="ground_acceleration"),),
     )
-    yield call(of.FurtherSignal, source="floor_acceleration", floor=2, time_constant=0.5)
     yield call(known.gain_rows, n_devices=2, n_states=10)
-    yield call(of.control_law, name="passive")
     yield call(of.settings_of, name="modified_clipped_optimal", given=clipped)
     yield call(of.design_law, name="modified_clipped_optimal", problem=problem, settings=clipped)
     yield call(
         of.design_law, name="lyapunov", problem=problem, settings=of.LyapunovSettings(state_weight=np.eye(10))
     )
-    yield call(of.PassiveSettings, command=1.0)
-    yield call(of.SETTINGS["modulated_homogeneous_friction"], slope=1e5)
-    yield call(of.SETTINGS["fuzzy"], deformation=0.01, rate=0.1)
-    yield call(of.SETTINGS["mixed_skyhook"], crossover=4.0)
     yield call(
         of.RegulatorSettings, drifts=np.eye(5), energy=1.0, state_weight=np.ones(10), control_weight=1e-7
     )
-    yield call(of.SETTINGS["modified_clipped_optimal"], **clipped)
-    yield call(
-        of.SETTINGS["inverse_network"], control_weight=1e-7, amplitude=0.01, velocity=0.2, hidden=4, seed=1
-    )
-    yield call(of.LyapunovSettings, drifts=1.0)
-    yield call(of.ProportionalSettings, slope=1.0, control_weight=1e-7)
-    yield call(of.SETTINGS["sliding_mode"], **sliding)
-    yield call(of.SETTINGS["adaptive_sliding_mode"], **sliding)
-    yield call(of.SETTINGS["super_twisting"], **sliding)
     yield call(
         of.WeightWishes,
         rms_drift=2e-3,
@@ -262,7 +233,6 @@ def loop_calls(_: Path) -> Calls:
         name: getattr(loop[0], name) for name in ("name", "spec", "theta", "row", "largest_command", "count")
     }
     commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
-    assert run.histories is not None
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
     yield call(
@@ -289,11 +259,9 @@ def loop_calls(_: Path) -> Calls:
         seed=3,
         faults=(of.Fault(channel="force"),),
     )
-    yield call(of.Fault, channel="force", index=0, start=1.0, end=2.0, value=3.0)
     yield call(of.PrescribedCommands, interval=0.5, command=[[0.0, 1.0], [1.0, 0.5]])
     yield call(of.PrescribedCommands.of_history, command=np.ones((40, 2)), sample_time=1e-3, interval=0.01)
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
-    yield call(of.ClairvoyantSettings, interval=0.01, explore=5, finish=5, random_starts=1, seed=0)
     values = {
         **{
             "building": frame,
@@ -332,7 +300,6 @@ def loop_calls(_: Path) -> Calls:
 def studies_calls(place: Path) -> Calls:
     """Studies and their results."""
     found = results()
-    yield call(mr.read_study, path="missing.toml", seed=0, on_python=print, on_progress=print)
     yield call(
         mr.study_of,
         building=five_storeys(),
@@ -355,17 +322,10 @@ def studies_calls(place: Path) -> Calls:
     )
     study = mr.study_of(building=five_storeys(), motions=[sweep(0.1)])
     yield call(study.to_toml, path=place / "study.toml", replace=True)
-    yield call(mr.study.read_results, folder="missing")
-    yield call(mr.tuning.read_tuning, folder="missing")
-    yield call(mr.load, run="missing", kind=mr.StoredRun)
-    yield call(mr.run_study, study=None)
-    yield call(mr.tuning.with_tuned_law, study=None, found=None, point=None, label="a")
-    yield call(mr.tune, study=None)
     yield call(mr.study.compared, results=found)
     yield call(found.criteria, row=3, motion=0)
     yield call(found.demands, row=3, motion=0)
     yield call(found.step_changes, row=3, motion=0)
-    yield call(mr.study.MotionOfStudy, ground=sweep(0.1), use="test", synthetic=False, factor=1.0)
     yield call(
         mr.study.TuneTable,
         laws=["clipped_optimal"],

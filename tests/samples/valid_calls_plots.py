@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from plotted_results import RESULTS, calibration
-from wrong_arguments import Calls, call, calls_with
+from wrong_arguments import Calls, calls_with
 
-import mrwork as mr
 from mrwork import plots
 
 
 def plots_calls(_: Path) -> Calls:
     """Every figure, into axes that are no one's."""
     axes = Figure().subplots()
-    if find_spec("ipywidgets"):
-        yield call(mr.explore, model="bingham", test=None, theta=mr.damper("bingham").nominal, command=None)
     values = {
         **{
             "ax": axes,

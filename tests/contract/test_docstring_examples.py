@@ -1,0 +1,25 @@
+"""The examples in docstrings of public names do what they say."""
+
+from __future__ import annotations
+
+import doctest
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+from test_wrong_arguments import NAMESPACES, methods, named
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def test_examples_give_what_they_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    finder, runner, told = doctest.DocTestFinder(recurse=False), doctest.DocTestRunner(optionflags=FLAGS), []
+    for name, found in named((*NAMESPACES, "mrwork.plots", "mrwork.jax")):
+        within = methods(found) if isinstance(found, type) else ()
+        for own, target in ((name, found), *((f"{name}.{own}", method) for own, method in within)):
+            for examples in finder.find(target, own):
+                runner.run(examples, out=told.append)
+    plt.close("all")
+    assert runner.summarize(verbose=False).failed == 0, "".join(told)
+    assert runner.tries > 100
