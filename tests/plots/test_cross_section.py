@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
@@ -60,21 +58,6 @@ def test_parts_have_their_dimensions_and_are_drawn_to_scale(design: DamperDesign
         inches = np.array([place.width, place.height]) * figure.get_size_inches()
         scale = np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())]) / inches
         assert scale[0] == pytest.approx(scale[1])
-
-
-@DESIGNS
-@pytest.mark.words
-def test_labels_are_legible(design: DamperDesign) -> None:
-    figure = cross_section_figure(design)
-    figure.draw_without_rendering()
-    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
-    # With the leaders, a text would be as large as its line.
-    extents = [Text.get_window_extent(text) for text in texts]
-    frame = figure.bbox
-    for extent in extents:
-        assert frame.x0 <= extent.x0 < extent.x1 <= frame.x1
-        assert frame.y0 <= extent.y0 < extent.y1 <= frame.y1
-    assert not any(one.overlaps(other) for one, other in combinations(extents, 2))
 
 
 def test_labels_say_the_numbers() -> None:

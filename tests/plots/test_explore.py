@@ -67,16 +67,6 @@ def test_without_a_test_the_nominal_loop_is_shown_and_nothing_is_fitted() -> Non
     assert explorer.button.disabled
 
 
-def test_a_model_that_cannot_be_simulated_is_a_line_without_points() -> None:
-    test = small_test()
-    theta = np.array(mr.damper("bouc_wen").nominal)
-    theta[mr.damper("bouc_wen").names.index("A")] = 1e6
-    theta[mr.damper("bouc_wen").names.index("gamma")] = 1e15
-    explorer = mr.explore("bouc_wen", test, theta=theta)
-    assert np.isnan(explorer.lines[0].get_ydata()).all()
-    assert "bouc_wen ended as" in explorer.status
-
-
 def test_what_cannot_be_explored_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     refusal(mr.explore, MODEL, small_test(), command=1.0, match="leave it out")
     monkeypatch.setitem(sys.modules, "ipywidgets", None)

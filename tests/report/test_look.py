@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, grid_of_axes, inline_svg, svg_bytes
+from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
 from mrwork.drawing.drawn_data import drawn_data
 from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, strokes
 from mrwork.report.study.figures import command_figure, energy_figure
@@ -171,6 +171,8 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     assert {(row["x"], row["y"]) for row in rows if row["curve"] == "limit"} == {("", "5")}
     assert ("0.5", "0.5") in {(row["x"], row["y"]) for row in rows if row["curve"] == "42"}
     assert {row["panel"] for row in rows} == {"1"}
+    line = np.array([1.0, 2.0, 3.0])
+    assert coinciding({"one": line, "other": 1.001 * line, "third": 2.0 * line}) == "one and other coincide."
 
 
 @pytest.mark.contract
