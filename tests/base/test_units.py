@@ -45,12 +45,6 @@ def test_mega_is_not_milli_and_a_prefix_makes_usual_units() -> None:
         assert "whose unit is not known" in str(number_in(f"1 {symbol}", "kg"))
 
 
-@pytest.mark.parametrize("spelling", ["cm/s2", "cm/sec/sec", "cmps2", "cm_s-2"])
-def test_spellings_of_accelerations_agree(spelling: str) -> None:
-    assert factor_of(spelling, "acceleration") == 1e-2
-    assert factor_of("mm_per_s", "velocity") == 1e-3
-
-
 def test_a_refusal_says_what_the_unit_measures_and_which_are_known() -> None:
     refusal(factor_to_si, "mm", "force", context="rig.csv", match="of displacement.*kN")
     refusal(factor_to_si, "s2", "acceleration", context="rig.csv", match="cm/s2")
