@@ -83,14 +83,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return bench_of(mr.read_study(file), threads=1)
 
 
-def test_rows_of_a_level_are_found_once_and_by_workers_alike(bench: Bench, tmp_path: Path) -> None:
+def test_rows_of_a_level_are_found_once(bench: Bench, tmp_path: Path) -> None:
     kept = kept_in(tmp_path / "runs.json", resume=False)
     settings: dict[str, Any] = {"quick": True, "clairvoyants": (), "say": quiet}
     level = level_found("0.1 g", bench, kept, **settings)
     assert level_found("0.1 g", bench, kept_in(tmp_path / "runs.json", resume=True), **settings) == level
-    with mr.local_workers(1) as pool, mr.working_on(pool):
-        again = level_found("0.1 g", bench, kept_in(tmp_path / "more.json", resume=False), **settings)
-    assert again == level
     # The constant command of a row is chosen on training motions, that of the reference by itself.
     figures = bench.constant(SIXTEEN)
     assert (figures["larger"], figures["both"], figures["clearly"]) == (1.0, 0, 0)
