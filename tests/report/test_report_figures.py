@@ -190,6 +190,7 @@ def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     np.testing.assert_allclose(after, whole.test.force)
     low, high = axes.get_ylim()
     assert low < after.min() < before.max() < high
+    refusal(replace, whole, model_force=np.zeros(7), match=r"\(7,\)")
     repaired = replace(whole, test=replace(whole.test, original=raised))
     own = set(run_figures(stored(whole), [whole]))
     assert set(run_figures(stored(repaired), [repaired])) - own == {"repair"}
