@@ -130,19 +130,6 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     return told
 
 
-def test_a_study_of_published_dampers_loads_nothing_of_the_identification(tmp_path: Path) -> None:
-    study = tmp_path / "study.toml"
-    study.write_text(study_text("drifts = 1.0\ncontrol_weight = 1e-13"))
-    in_fresh_process(
-        "import sys\n"
-        "from mrwork.study import read_study\n"
-        "read_study(sys.argv[1])\n"
-        "rooms = {name.split('.')[1] for name in sys.modules if name.startswith('mrwork.')}\n"
-        "assert not {'records', 'identification', 'uncertainty'} & rooms, rooms",
-        study,
-    )
-
-
 @pytest.mark.parametrize("step", STEPS)
 def test_no_heavy_package_is_loaded_where_it_is_not_needed(step: str, loaded: dict[str, list[str]]) -> None:
     assert not loaded[step]
@@ -174,6 +161,7 @@ def test_standard_errors_do_not_depend_on_what_was_imported_before() -> None:
 ROOT = Path(mrwork.__file__).parent
 
 
+@cache
 def modules() -> dict[str, ast.Module]:
     """Every module of the package by its name."""
     return {
@@ -195,7 +183,7 @@ def imported(tree: ast.Module, known: Container[str]) -> set[str]:
 
 
 def test_modules_import_each_other_in_no_circle_but_through_plotted() -> None:
-    trees = modules()
+    trees = dict(modules())
     hook = ast.unparse(trees["mrwork.base.plotted"])
     assert set(re.findall(r"mrwork[\w.]*", hook)) == {"mrwork.plots"}
     trees["mrwork.base.plotted"] = ast.Module(body=[], type_ignores=[])

@@ -12,11 +12,12 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.base.numbers import counted
-from mrwork.base.summary import Summary
 from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
 from mrwork.tuning.results import Better, motions_in_words, speed_in_words
+
+pytestmark = pytest.mark.words
 
 
 def test_one_thing_has_no_plural() -> None:
@@ -40,12 +41,6 @@ def test_the_results_of_a_study_say_which_motions_are_training() -> None:
         assert re.search(rf"{use} motions +{re.escape(first)}", shown), shown
     # Of one use alone nothing is said of the other.
     assert "training" not in repr(study_samples.results())
-
-
-def test_columns_without_an_entry_are_left_out_of_a_table_of_all_rows() -> None:
-    summary = Summary(title="", columns=("name", "reason"), rows=[(str(row), "") for row in range(99)])
-    assert summary.filled_columns(summary.rows)[0] == ["name"]
-    assert len(summary.filled_columns(summary.rows)) == 100
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import numpy as np
-from sentences import Refused
+from refusals import refusal
 
 import mrwork
 from mrwork.store.input_file import make_stored_kind, read_arrays
@@ -69,11 +69,11 @@ class Hostile:
         return os.mkdir, (str(self.place),)
 
 
-def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path, refused: Refused) -> None:
+def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None:
     harm = tmp_path / "harm"
     forged = tmp_path / "predictions.npz"
     np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
-    refused(read_arrays, forged, make_stored_kind("calibrate"))
+    refusal(read_arrays, forged, make_stored_kind("calibrate"), match="damaged")
     assert not harm.exists()
 
 

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 import study_samples
 from loop_samples import devices, five_storeys, rd1005
+from plotted_results import draws, front, profiles
 from posterior_samples import MODEL, small_fit, small_test
+from refusals import refusal
 from run_folders import choice_of_laws, ranking_of_two
-from sentences import Refused
 
 import mrwork as mr
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
@@ -24,7 +25,6 @@ from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import DRAWS, FIT_RUN, PROFILES, RANKING
-from mrwork.tuning import Front, FrontPoint
 from mrwork.uncertainty.posterior.draws import draws_content
 
 
@@ -41,36 +41,6 @@ def responses(*, histories: bool = False) -> mr.Responses:
         for seed in (1, 2)
     ]
     return mr.simulate_loop(frame, pair, law, motions, histories=histories)
-
-
-@cache
-def draws() -> mr.Draws:
-    return mr.sample(small_fit(), small_test(), walkers=16, most_steps=20, tempering="effective", threads=1)
-
-
-@cache
-def profiles() -> Any:
-    return mr.profile(small_fit(), small_test(), parameters=["k_w", "c"][:1], threads=1)
-
-
-def front() -> Front:
-    """Two points of a law."""
-    points = tuple(
-        FrontPoint(
-            settings={"control_weight": weight, "largest_command": 1.0, "shape": "equal"},
-            train={"peak_drift": drift, "rms_drift": 1.0 - drift},
-            test=None,
-            certificate="",
-        )
-        for weight, drift in ((1e-9, 0.6), (1e-7, 0.9))
-    )
-    return Front(
-        law="clipped_optimal",
-        label="Front",
-        objectives=("peak_drift", "rms_drift"),
-        points=points,
-        candidates=8,
-    )
 
 
 RUN = ("candidate", "motion", "realisation")
@@ -163,7 +133,7 @@ def test_every_axis_survives_with_names_units_and_words(kind: str) -> None:
         assert table.attrs["units"].get(name, "") == array.unit
 
 
-def test_a_quantity_keeps_its_axes_without_reshaping_by_hand(refused: Refused) -> None:
+def test_a_quantity_keeps_its_axes_without_reshaping_by_hand() -> None:
     found = responses()
     drift = found.over_axes("peak_drift")
     assert drift.shape == (3, 2, 2, 5)
@@ -174,7 +144,7 @@ def test_a_quantity_keeps_its_axes_without_reshaping_by_hand(refused: Refused) -
     assert labelled.attrs == {"units": "m", "long_name": "peak drift"}
     assert found.to_xarray()["peak_current"].attrs["units"] == "A"
     assert found.to_pandas()["peak_force"].columns.tolist() == [each.name for each in found.devices]
-    refused(found.over_axes, "peak_drft")
+    refusal(found.over_axes, "peak_drft", match="did you mean peak_drift")
     alike = replace(found, motions=("synthetic", "synthetic"))
     assert alike.to_xarray()["motion"].values.tolist() == [0, 1]
 

@@ -8,7 +8,7 @@ import hypothesis.strategies as st
 import pytest
 from examples import examples
 from hypothesis import given
-from sentences import Refused
+from refusals import refusal
 
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, number_in, quantity_of
 from mrwork.closed_loop import STANDARD_GRAVITY
@@ -36,39 +36,18 @@ def test_factors_follow_from_their_definitions() -> None:
     )
 
 
-def test_mega_is_not_milli() -> None:
+def test_mega_is_not_milli_and_a_prefix_makes_usual_units() -> None:
     assert factor_of("MN", "force") == 1e6
     assert factor_of("mN", "force") is factor_of("mn", "force") is None
+    assert (quantity_of("Mg"), quantity_of("mg"), quantity_of("lb")) == ("mass", "acceleration", "force")
+    assert "short (2000 lb), long (2240 lb) or metric" in str(number_in("120 ton", "kg"))
+    for symbol in ("mkg", "kmin", "Mdeg", "kin", "ckg/m", "N/m/s", "/s"):
+        assert "whose unit is not known" in str(number_in(f"1 {symbol}", "kg"))
 
 
-@pytest.mark.parametrize(
-    "spelling",
-    [
-        "cm/s2",
-        "cm/s^2",
-        "cm/sec2",
-        "cm/sec/sec",
-        "cm/s/s",
-        "CM/S**2",
-        "cmps2",
-        "cm_s2",
-        "cm_s-2",
-        "cm_per_s2",
-    ],
-)
-def test_spellings_of_accelerations_agree(spelling: str) -> None:
-    assert factor_of(spelling, "acceleration") == 1e-2
-
-
-@pytest.mark.parametrize("spelling", ["mm/s", "mmps", "mm_s", "mm_per_s", "MM/S"])
-def test_spellings_of_velocities_agree(spelling: str) -> None:
-    assert factor_of(spelling, "velocity") == 1e-3
-    assert factor_of(spelling, "acceleration") is None
-
-
-def test_a_refusal_says_what_the_unit_measures_and_which_are_known(refused: Refused) -> None:
-    refused(factor_to_si, "mm", "force", context="rig.csv")
-    refused(factor_to_si, "s2", "acceleration", context="rig.csv")
+def test_a_refusal_says_what_the_unit_measures_and_which_are_known() -> None:
+    refusal(factor_to_si, "mm", "force", context="rig.csv", match="of displacement.*kN")
+    refusal(factor_to_si, "s2", "acceleration", context="rig.csv", match="cm/s2")
 
 
 EVERY_UNIT = [(quantity, unit) for quantity, units in FACTORS.items() for unit in units]
@@ -128,29 +107,15 @@ def test_prefixes_and_products_of_units_follow_the_rule(text: str, unit: str, ex
 
 
 @pytest.mark.parametrize(
-    "symbol",
-    ["mkg", "kkg", "kmin", "Mdeg", "kt", "Mm", "cN", "ks", "kin", "mft", "ckg/m", "N/m/s", "/s", "m/"],
-)
-def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
-    found = number_in(f"1 {symbol}", "kg")
-    assert isinstance(found, str)
-    assert "whose unit is not known" in found
-
-
-@pytest.mark.parametrize(
     ("text", "unit", "expected"),
     [
         # 135 kip weigh what 135 000 lb of mass do.
         ("135 kip", "kg", 135e3 * 0.45359237),
-        ("135 kips", "kg", 135e3 * 0.45359237),
-        ("135000 lb", "kg", 135e3 * 0.45359237),
         ("135000 lbf", "kg", 135e3 * 0.45359237),
         ("45 Mg", "kg", 45e3),
-        ("61 tonnes", "kg", 61e3),
         ("2 lb s2/in", "kg", 2.0 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
         # The pound of a force is that of force.
         ("300 lb", "N", 300.0 * 0.45359237 * STANDARD_GRAVITY),
-        ("12 lb/in", "N/m", 12.0 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
         ("12 kip/in", "N/m", 12e3 * 0.45359237 * STANDARD_GRAVITY / 0.0254),
         ("36 ksi", "Pa", 36e3 * 0.45359237 * STANDARD_GRAVITY / 0.0254**2),
         ("12 inches", "m", 0.3048),
@@ -158,12 +123,6 @@ def test_a_prefix_that_makes_no_usual_unit_is_refused(symbol: str) -> None:
 )
 def test_units_are_read_by_the_quantity_that_is_asked(text: str, unit: str, expected: float) -> None:
     assert number_in(text, unit) == pytest.approx(expected, rel=1e-14)
-
-
-def test_a_ton_and_a_milli_g_are_no_mass() -> None:
-    assert "short (2000 lb), long (2240 lb) or metric" in str(number_in("120 ton", "kg"))
-    assert "is expected" in str(number_in("45 mg", "kg"))
-    assert (quantity_of("Mg"), quantity_of("mg"), quantity_of("lb")) == ("mass", "acceleration", "force")
 
 
 @pytest.mark.parametrize("unit", ["kg", "N", "m", "N/m", "m/s2", "s", "Pa"])
@@ -178,7 +137,7 @@ def test_a_frequency_in_hz_is_no_circular_frequency() -> None:
         assert "is expected" in str(number_in(text, unit))
 
 
-@examples(100)
+@examples(50)
 @given(text=st.text(max_size=12) | st.from_regex(r"[+-]?[0-9.eE]{0,5} ?[A-Za-z/^*2µ ]{0,8}", fullmatch=True))
 def test_any_text_is_a_number_or_a_reason(text: str) -> None:
     for unit in ("s", "m/s2", "A or V"):

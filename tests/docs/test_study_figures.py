@@ -60,6 +60,7 @@ def is_stated(number: str, numbers: set[float]) -> bool:
     return any(abs(each - float(number)) <= 0.5000001 * 10.0**-decimals for each in numbers)
 
 
+@pytest.mark.contract
 @pytest.mark.parametrize(("page", "study", "text"), CASES)
 def test_every_figure_is_one_of_the_study(page: Path, study: str, text: str) -> None:
     numbers, derived = stated(study), DERIVED.get((page.stem, study), set())

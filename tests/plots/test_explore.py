@@ -6,9 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from plotted_results import fit_with_laws
 from posterior_samples import MODEL, small_test
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.plots.explore import Explorer
@@ -32,6 +31,8 @@ def test_the_drawn_lines_are_the_force_of_the_sliders(explorer: Explorer) -> Non
         assert np.array_equal(line.get_ydata(), force)
         assert not np.array_equal(line.get_ydata(), old)
     assert explorer._picture.value != picture
+    assert np.allclose(mr.explore(MODEL, small_test(), theta=explorer.theta).theta, explorer.theta)
+    assert "application/vnd.jupyter.widget-view+json" in explorer._repr_mimebundle_()
 
 
 def test_a_slider_spans_the_range_of_the_search_on_the_scale_of_its_parameter(explorer: Explorer) -> None:
@@ -57,11 +58,6 @@ def test_the_button_fits_from_the_sliders_and_sets_them(explorer: Explorer) -> N
     assert explorer.status == f"fit {explorer.fit.fit_percent:.2f} %"
 
 
-def test_the_first_values_are_those_that_are_given(explorer: Explorer) -> None:
-    theta = 1.5 * explorer.theta
-    assert np.allclose(mr.explore(MODEL, small_test(), theta=theta).theta, theta)
-
-
 def test_without_a_test_the_nominal_loop_is_shown_and_nothing_is_fitted() -> None:
     spec = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
     explorer = mr.explore(spec, command=1.0)
@@ -71,23 +67,7 @@ def test_without_a_test_the_nominal_loop_is_shown_and_nothing_is_fitted() -> Non
     assert explorer.button.disabled
 
 
-def test_a_model_that_cannot_be_simulated_is_a_line_without_points() -> None:
-    test = small_test()
-    theta = np.array(mr.damper("bouc_wen").nominal)
-    theta[mr.damper("bouc_wen").names.index("A")] = 1e6
-    theta[mr.damper("bouc_wen").names.index("gamma")] = 1e15
-    explorer = mr.explore("bouc_wen", test, theta=theta)
-    assert np.isnan(explorer.lines[0].get_ydata()).all()
-    assert "bouc_wen ended as" in explorer.status
-
-
-def test_a_notebook_shows_the_sliders(explorer: Explorer) -> None:
-    assert "application/vnd.jupyter.widget-view+json" in explorer._repr_mimebundle_()
-
-
-def test_what_cannot_be_explored_is_refused(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    refused(mr.explore, MODEL, small_test(), theta=[1.0])
-    refused(mr.explore, MODEL, small_test(), command=1.0)
-    refused(mr.explore, fit_with_laws())
+def test_what_cannot_be_explored_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    refusal(mr.explore, MODEL, small_test(), command=1.0, match="leave it out")
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    refused(mr.explore, MODEL, small_test())
+    refusal(mr.explore, MODEL, small_test(), match="notebook")

@@ -16,12 +16,12 @@ import plotted_results
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from plotted_results import RESULTS
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
-from mrwork.drawing import style
 from mrwork.drawing.style import symbol_text
 
 # Units of labels, by what one of them is in SI.
@@ -133,19 +133,8 @@ def _nothing_is_left() -> Iterator[None]:
     assert {name for name in before if mpl.rcParams[name] != before[name]} == set()
 
 
-def test_how_figures_are_shown_stays_as_the_first_of_a_notebook_chooses_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(mpl.rcParams, "interactive", False)
-    with style.drawn_in_style():
-        mpl.interactive(True)
-    assert mpl.is_interactive()
-
-
 def axes_of(case: Drawn) -> Any:
     """Axes of the caller, as many as the figure takes."""
-    from matplotlib.figure import Figure
-
     count = {"laws": 2, "ida": 2, "profiles": 1 if case.kind == "Profile" else 2}.get(case.figure, 0)
     if case.figure == "posterior":
         n = len(plotted_results.draws().varied)
@@ -203,23 +192,18 @@ def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_table(case
     short = getattr(result.plot, case.figure)(data=True, **options)
     assert short.equals(table)
     assert table.attrs["units"] or case.figure == "fronts"
+    for each in bare:
+        for label in (each.get_xlabel(), each.get_ylabel()):
+            named = not label or label.endswith(UNITLESS) or re.search(r"\([^()]+\)$", label)
+            assert named or label in plotted_results.draws().noise_names, label
+    # A drawing of a building has no axes.
+    assert case.figure == "building" or any(each.get_xlabel() for each in bare)
 
 
 def test_a_chain_of_floors_is_drawn_in_a_notebook() -> None:
     html = mr.building("uts")._repr_html_()
     assert html.count("<svg") == html.count("</svg>") == 1
     assert "<svg" not in mr.building("sac3")._repr_html_()
-
-
-@pytest.mark.parametrize("case", DRAWN, ids=name_of)
-def test_axes_have_units(case: Drawn) -> None:
-    axes = getattr(case.result.plot, case.figure)(axes_of(case), **options_of(case))
-    for each in panels(axes):
-        for label in (each.get_xlabel(), each.get_ylabel()):
-            named = not label or label.endswith(UNITLESS) or re.search(r"\([^()]+\)$", label)
-            assert named or label in plotted_results.draws().noise_names, label
-    # A drawing of a building has no axes.
-    assert case.figure == "building" or any(each.get_xlabel() for each in panels(axes))
 
 
 def accepted(figure: str) -> set[str]:
@@ -255,8 +239,6 @@ def test_without_axes_a_figure_of_the_users_is_opened_and_with_data_none() -> No
 
 
 def test_single_parameters_are_drawn_into_single_axes() -> None:
-    from matplotlib.figure import Figure
-
     for draw, options in (
         (RESULTS["Draws"]().plot.posterior, {"parameters": ["k_w"]}),
         (RESULTS["Profiles"]().plot.profiles, {"parameters": ["rho"]}),
@@ -268,8 +250,6 @@ def test_single_parameters_are_drawn_into_single_axes() -> None:
 
 
 def test_bars_and_profiles_have_the_numbers_of_their_tables() -> None:
-    from matplotlib.figure import Figure
-
     study = RESULTS["StudyResults"]()
     axes = study.plot.energies(Figure().subplots())
     widths = np.array([each.get_width() for each in axes.patches]).reshape(3, -1)
@@ -287,8 +267,6 @@ def test_bars_and_profiles_have_the_numbers_of_their_tables() -> None:
 
 
 def test_a_posterior_counts_nearly_every_draw() -> None:
-    from matplotlib.figure import Figure
-
     draws = RESULTS["Draws"]()
     axes = draws.plot.posterior(Figure().subplots(), parameters=["k_w"])[0, 0]
     table = draws.plot.posterior(parameters=["k_w"], data=True)
@@ -306,34 +284,27 @@ def test_rows_tests_and_motions_are_chosen_by_name_or_number() -> None:
     assert fit.plot.loops(test=2, data=True)["test"].unique().tolist() == ["1.5 A"]
 
 
-def test_what_a_result_does_not_have_says_how_to_get_it(refused: Refused) -> None:
+def test_what_a_result_does_not_have_says_how_to_get_it() -> None:
     run = replace(RESULTS["StoredRun"](), draws=None, profiles=None, bands=None, place="run")
-    fit = replace(RESULTS["Fit"](), tests=())
-    refused(run.plot.posterior)
-    refused(run.plot.profiles)
-    refused(run.plot.bands)
-    refused(fit.plot.loops)
-    refused(run.plot.laws)
-    refused(RESULTS["Prediction"]().plot.bands)
-    refused(plotted_results.small_test().plot.commands)
-    refused(plotted_results.tuning().plot.fronts)
-    refused(mr.plots.posterior, fit)
-    refused(mr.plots.loops, "fit")
+    refusal(run.plot.posterior, match="mrwork sample run")
+    refusal(run.plot.profiles, match="mrwork profile run")
+    refusal(run.plot.bands, match="mrwork calibrate run")
+    refusal(replace(RESULTS["Fit"](), tests=()).plot.loops, match="has no tests")
+    refusal(run.plot.laws, match="with_current_laws")
+    refusal(RESULTS["Prediction"]().plot.bands, match="`calibration`")
+    refusal(plotted_results.small_test().plot.commands, match="unknown")
+    refusal(plotted_results.tuning().plot.fronts, match="`objectives`")
+    refusal(mr.plots.posterior, RESULTS["Fit"](), match="Draws")
 
 
-def test_what_there_is_not_is_refused_with_what_there_is(refused: Refused) -> None:
-    from matplotlib.figure import Figure
-
+def test_what_there_is_not_is_refused_with_what_there_is() -> None:
     history, responses = RESULTS["History"](), RESULTS["Responses"]()
-    refused(history.plot.histories, signal="drfit")
-    refused(history.plot.loops, device=9)
-    refused(responses.plot.storey_profiles, quantity="peak_force")
-    refused(responses.plot.energies, motion="motion 3")
-    refused(responses.plot.energies, rows=[7])
-    refused(RESULTS["Fit"]().plot.loops, test="2 A")
-    refused(RESULTS["Profiles"]().plot.profiles, parameters=["k"])
-    refused(RESULTS["Profiles"]().plot.profiles, Figure().subplots())
-    refused(RESULTS["ResponseSpectrum"]().plot.spectra, damping=0.02)
+    refusal(history.plot.histories, signal="drfit", match="did you mean drift")
+    refusal(history.plot.loops, device=9, match="2 dampers")
+    refusal(responses.plot.energies, motion="motion 3", match="motion 2")
+    refusal(responses.plot.energies, rows=[7], match="3 rows")
+    refusal(RESULTS["Profiles"]().plot.profiles, Figure().subplots(), match="2 axes")
+    refusal(RESULTS["ResponseSpectrum"]().plot.spectra, damping=0.02, match="its own")
 
 
 def test_matplotlib_is_loaded_when_a_figure_is_asked_for() -> None:

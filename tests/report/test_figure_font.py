@@ -10,16 +10,13 @@ import os
 import sys
 from pathlib import Path
 
-import pytest
 from command_line import ran
 from fontTools import subset
-from fontTools.pens.recordingPen import DecomposingRecordingPen
 from fontTools.ttLib import TTFont
-from matplotlib import font_manager
 from report_samples import comparison
 
 from mrwork.drawing import of_tests, style
-from mrwork.drawing.canvas import inline_svg, svg_bytes
+from mrwork.drawing.canvas import inline_svg
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
@@ -40,46 +37,7 @@ print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", desc
 """
 
 
-@pytest.mark.parametrize("weight", [400, 700])
-def test_the_family_is_the_file_that_matplotlib_ships(weight: int) -> None:
-    style.register()
-    found = font_manager.findfont(font_manager.FontProperties(family=style.FAMILY, weight=weight))
-    assert Path(found).samefile(style.path_of(weight))
-
-
-def outlines(file: TTFont, name: str) -> list[object]:
-    glyphs = file.getGlyphSet()
-    pen = DecomposingRecordingPen(glyphs)
-    glyphs[name].draw(pen)
-    return pen.value
-
-
-@pytest.mark.parametrize("weight", [400, 700])
-def test_the_embedded_subset_is_drawn_like_the_whole_font(weight: int) -> None:
-    whole, part = TTFont(style.path_of(weight)), TTFont(_SUBSETS / style.subset_name(weight))
-    names, kept = whole.getBestCmap(), part.getBestCmap()
-    expected = {code for characters in _CHARACTERS for code in characters} & names.keys()
-    assert kept.keys() >= expected
-    for code in expected:
-        assert outlines(part, kept[code]) == outlines(whole, names[code]), chr(code)
-        assert part["hmtx"][kept[code]] == whole["hmtx"][names[code]], chr(code)
-
-
-def test_no_other_family_is_drawn() -> None:
-    text = inline_svg(of_tests.force_history(comparison()), identifier="f", description="")
-    assert style.FAMILY in text
-    assert "DejaVu" not in text
-    assert "sans-serif" not in text
-
-
-def test_the_page_brings_the_font_along() -> None:
-    faces = style.font_faces()
-    assert faces.count("@font-face") == 2
-    assert faces.count("data:font/woff;base64,") == 2
-    assert len(faces) < 100_000
-
-
-def test_fonts_of_the_system_change_no_figure(tmp_path: Path) -> None:
+def test_fonts_of_the_system_change_no_figure_and_a_page_brings_its_own(tmp_path: Path) -> None:
     """A system with another DejaVu Sans, preferred by its list of fonts, and one without any."""
     drawn = set()
     for number, extra in enumerate(("", "font_manager.fontManager.ttflist.clear();")):
@@ -88,12 +46,18 @@ def test_fonts_of_the_system_change_no_figure(tmp_path: Path) -> None:
             "MPLCONFIGDIR": str(tmp_path / str(number)),
             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1] / "samples"), *sys.path]),
         }
-        done = ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True)
-        drawn.add(done.stdout)
-    with style.drawn_in_style():
-        figure = of_tests.force_history(comparison())
-    assert svg_bytes(figure)
+        drawn.add(ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True).stdout)
     assert len(drawn) == 1
+    text = inline_svg(of_tests.force_history(comparison()), identifier="f", description="")
+    assert style.FAMILY in text
+    assert "DejaVu" not in text
+    assert style.font_faces().count("data:font/woff;base64,") == 2
+    for weight in (400, 700):
+        whole, part = TTFont(style.path_of(weight)), TTFont(_SUBSETS / style.subset_name(weight))
+        names, kept = whole.getBestCmap(), part.getBestCmap()
+        expected = {code for characters in _CHARACTERS for code in characters} & names.keys()
+        assert kept.keys() >= expected
+        assert all(part["hmtx"][kept[code]] == whole["hmtx"][names[code]] for code in expected)
 
 
 def write_subsets() -> None:

@@ -14,18 +14,12 @@ import pytest
 import study_samples
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from numpy.typing import NDArray
-from report_samples import comparison, fit
 
-from mrwork import StoredRun
-from mrwork.base.table import Table
 from mrwork.drawing import style
-from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, name_lines, svg_bytes
+from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
 from mrwork.drawing.drawn_data import drawn_data
 from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, strokes
-from mrwork.report import html
-from mrwork.report.fit.page import fit_page
 from mrwork.report.study.figures import command_figure, energy_figure
 from mrwork.report.study.page import study_page
 
@@ -48,7 +42,7 @@ SIGHTS = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-LEAST_DISTANCE, LEAST_CONTRAST = 12.0, 3.0
+LEAST_DISTANCE = 12.0
 
 
 def linear(colour: str) -> Rgb:
@@ -95,53 +89,25 @@ def ciede2000(one: Rgb, other: Rgb) -> float:
     return float(np.sqrt(sum(part**2 for part in parts) + rotation * parts[1] * parts[2]))
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "expected"),
-    [
-        # Sharma, Wu, Dalal, Color Res. Appl. 30, 2005, 21-30, table 1: pairs 1, 7, 16 and 25.
-        ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
-        ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
-        ((50.0, 2.5, 0.0), (50.0, 0.0, -2.5), 4.3065),
-        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
-    ],
-)
-def test_the_distance_is_that_of_the_literature(
-    one: tuple[float, ...], other: tuple[float, ...], expected: float
-) -> None:
-    assert ciede2000(np.array(one), np.array(other)) == pytest.approx(expected, abs=5e-5)
-
-
-@pytest.mark.parametrize("mode", [0, 1], ids=["light", "dark"])
-@pytest.mark.parametrize("sight", SIGHTS)
-def test_curves_of_a_panel_can_be_told_apart(mode: int, sight: str) -> None:
-    seen = {name: lab(SIGHTS[sight] @ linear(style.PALETTE[name][mode])) for name in {*CURVES, *BANDS}}
-    near = {
-        (one, other): ciede2000(seen[one], seen[other])
-        for panel in (CURVES, BANDS)
-        for one, other in combinations(panel, 2)
-        if ciede2000(seen[one], seen[other]) < LEAST_DISTANCE
-    }
-    assert near == {}
-
-
-@pytest.mark.parametrize("mode", [0, 1], ids=["light", "dark"])
-def test_curves_and_texts_stand_out_from_the_page(mode: int) -> None:
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    page = float(weights @ linear(style.PALETTE["page"][mode]))
-    texts = dict.fromkeys(("faint-ink", "model", "residual"), 4.5) | {"ink": 7.0}
-    for name, least in (dict.fromkeys((*CURVES, *BANDS), LEAST_CONTRAST) | texts).items():
-        own = float(weights @ linear(style.PALETTE[name][mode]))
-        high, low = max(own, page), min(own, page)
-        assert (high + 0.05) / (low + 0.05) >= least, name
-
-
-def test_every_colour_that_is_drawn_has_a_name() -> None:
-    fills = {"page", "rule", "window", "alert-tint", "band"}
-    assert style.PALETTE.keys() == fills.union(CURVES, BANDS)
-    stated = {value for value in vars(style).values() if isinstance(value, str) and value.startswith("#")}
-    assert stated | set(style.HUES) <= {light for light, _ in style.PALETTE.values()}
-    assert [style.hue(number) for number in range(8)] == [*style.HUES, style.DATA, style.DATA]
-    assert len(set(style.HUES)) == 6
+def test_curves_of_a_panel_can_be_told_apart_and_stand_out_from_the_page() -> None:
+    # Sharma, Wu, Dalal, Color Res. Appl. 30, 2005, 21-30, table 1: pair 25.
+    pair = np.array([[60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387]])
+    assert ciede2000(*pair) == pytest.approx(1.2644, abs=5e-5)
+    least = dict.fromkeys((*CURVES, *BANDS), 3.0) | dict.fromkeys(("faint-ink", "model", "residual"), 4.5)
+    for mode in (0, 1):
+        colours = {name: linear(both[mode]) for name, both in style.PALETTE.items()}
+        for sight, matrix in SIGHTS.items():
+            seen = {name: lab(matrix @ colours[name]) for name in least}
+            pairs = {pair for panel in (CURVES, BANDS) for pair in combinations(panel, 2)}
+            assert not [
+                (sight, one, other)
+                for one, other in pairs
+                if ciede2000(seen[one], seen[other]) < LEAST_DISTANCE
+            ]
+        light = {name: float(np.array([0.2126, 0.7152, 0.0722]) @ each) for name, each in colours.items()}
+        for name, contrast in (least | {"ink": 7.0}).items():
+            low, high = sorted((light[name], light["page"]))
+            assert (high + 0.05) / (low + 0.05) >= contrast, name
 
 
 def test_figures_in_a_page_have_names_of_colours_and_files_have_colours() -> None:
@@ -159,23 +125,11 @@ def test_figures_in_a_page_have_names_of_colours_and_files_have_colours() -> Non
     assert "var(" not in file
 
 
-def test_lines_that_coincide_are_said() -> None:
-    line = np.array([1.0, 2.0, 3.0])
-    assert coinciding({"one": line, "other": 1.001 * line, "third": 2.0 * line}) == "one and other coincide."
-    assert coinciding({"one": line, "third": 2.0 * line}) == ""
-
-
-@pytest.mark.parametrize("what", ["fit", "study"])
 def test_the_front_fits_a_screen_and_three_of_a_telephone(
-    tab: headless_browser.Browser, tmp_path: Path, what: str
+    tab: headless_browser.Browser, tmp_path: Path
 ) -> None:
-    if what == "fit":
-        tests = [comparison(f"test {number}", rng=number) for number in range(6)]
-        page = fit_page(StoredRun(place=tmp_path, fit=fit(*tests)), tests)
-    else:
-        page = study_page(study_samples.many_motions(), study_samples.histories)
     place = tmp_path / "report.html"
-    place.write_text(page)
+    place.write_text(study_page(study_samples.many_motions(), study_samples.histories))
     for width, most in ((1300, 900), (390, 3 * 844)):
         tab.open(place, width=width)
         assert tab.ask("document.querySelector('header').getBoundingClientRect().bottom") <= most
@@ -183,75 +137,11 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
         assert not tab.ask("[...document.querySelectorAll('details')].some(each => each.open)")
 
 
-def page_of(folder: Path, **content: object) -> Path:
-    """A page with the styles of all pages."""
-    template, page = folder / "page.html.j2", folder / "page.html"
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Page</title>'
-    template.write_text(f"<!DOCTYPE html>{head}<style>{{{{ styles }}}}</style><main>{{{{ table }}}}</main>")
-    html.write_study_page(template, page, **content)
-    return page
-
-
-def table() -> Table:
-    numbers = tuple(f"{value:.5f}" for value in range(9))
-    return Table(
-        label="Wide",
-        columns=("Name", *(f"Quantity {number} (N s/m)" for number in range(9))),
-        rows=tuple((f"a_law_with_a_long_name_{row}, 1.32 A", *numbers) for row in range(3)),
-    )
-
-
-def test_on_a_telephone_names_of_rows_stay_and_numbers_are_whole(
-    tab: headless_browser.Browser, tmp_path: Path
-) -> None:
-    path = page_of(tmp_path, table=table())
-    tab.open(path, width=390)
-    assert tab.ask("document.scrollingElement.scrollWidth") <= 390
-    region = "document.querySelector('.scroll')"
-    assert tab.ask(f"{region}.scrollWidth > {region}.clientWidth")
-    left = "document.querySelector('tbody th').getBoundingClientRect().left"
-    before = tab.ask(left)
-    assert tab.ask(f"({region}.scrollLeft = 200, {left})") == before
-    lines = "(range.selectNodeContents(cell), range.getClientRects().length)"
-    cells = "[...document.querySelectorAll('td.number')]"
-    assert tab.ask(f"{{ const range = document.createRange(); {cells}.every(cell => {lines} === 1); }}")
-    assert "(N\N{NO-BREAK SPACE}s/m)" in path.read_text()
-
-
-def drawn(*ends: float) -> Figure:
-    with style.drawn_in_style():
-        figure, axes = column_axes()
-        for number, end in enumerate(ends):
-            axes.plot([0.0, 1.0, 2.0], [0.0, 1.0, end], color=style.hue(number), label=f"law {number}")
-        name_lines(axes)
-    return figure
-
-
-@pytest.mark.parametrize("ends", [(1.0, 1.01, 1.02), (2.0, 2.0), (0.0, 5.0, 5.0, 4.99, 1.0, 0.01)])
-def test_names_at_the_ends_of_curves_stand_apart_in_their_order(ends: tuple[float, ...]) -> None:
-    figure = drawn(*ends)
-    figure.draw_without_rendering()
-    texts = figure.axes[0].texts
-    # Of the words alone, without the line that leads to them.
-    boxes = [Text.get_window_extent(text) for text in texts]
-    assert len(texts) == len(ends)
-    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
-    assert all(box.y0 >= 0 and box.x1 <= figure.bbox.width for box in boxes)
-    heights = {text.get_text(): box.y0 for text, box in zip(texts, boxes, strict=True)}
-    by_end = sorted(range(len(ends)), key=lambda number: (ends[number], number))
-    assert [f"law {number}" for number in by_end] == sorted(heights, key=heights.__getitem__)
-
-
-def test_more_curves_than_colours_have_a_legend() -> None:
-    figure = drawn(*range(8))
-    assert figure.axes[0].get_legend() is not None
-    assert not figure.axes[0].texts
-
-
 def read(figure: Figure) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(drawn_data(figure))))
 
 
+@pytest.mark.contract
 def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     results = study_samples.results()
     with style.drawn_in_style():
@@ -281,8 +171,11 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     assert {(row["x"], row["y"]) for row in rows if row["curve"] == "limit"} == {("", "5")}
     assert ("0.5", "0.5") in {(row["x"], row["y"]) for row in rows if row["curve"] == "42"}
     assert {row["panel"] for row in rows} == {"1"}
+    line = np.array([1.0, 2.0, 3.0])
+    assert coinciding({"one": line, "other": 1.001 * line, "third": 2.0 * line}) == "one and other coincide."
 
 
+@pytest.mark.contract
 def test_a_strip_of_a_command_that_switches_shows_its_switchings() -> None:
     history = study_samples.histories(3, 0)
     switching = history.numbers | {"command": (np.arange(history.time.size)[:, None] % 2) * np.ones((1, 2))}

@@ -12,12 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from mrwork.drawing.canvas import inline_svg, png_bytes, svg_bytes
+from mrwork.drawing.canvas import inline_svg
 from mrwork.drawing.style import symbol_text
 from mrwork.report import numbers, symbol, write_study_page
 from mrwork.report.html import equation_html
 
 
+@pytest.mark.contract
 @pytest.mark.parametrize(
     ("value", "error", "shown"),
     [
@@ -27,20 +28,14 @@ from mrwork.report.html import equation_html
         (-1.2346e-4, 2.1e-5, ("−0.000123", "0.000021")),
         (3.4567e-9, 1.2e-11, ("3.457 × 10⁻⁹", "0.012 × 10⁻⁹")),
         (2.5e9, 3e6, ("2.5000 × 10⁹", "0.0030 × 10⁹")),
-        (0.004, 0.12, ("0.004", "0.12")),
         (19_992.0, 1.2e18, ("20\N{NARROW NO-BREAK SPACE}000", "1.2 × 10¹⁸")),
-        (2797.0, 5600.0, ("2800", "5600")),
         (5130.4, 25_000.0, ("5000", "25\N{NARROW NO-BREAK SPACE}000")),
-        (9.53, 9.4, ("9.5", "9.4")),
         (0.0, 0.12, ("0.00", "0.12")),
-        (318.182, 193.0, ("320", "190")),
-        (-6431.0, 16_000.0, ("−6000", "16\N{NARROW NO-BREAK SPACE}000")),
         (9.996, 0.0996, ("10.00", "0.10")),
         (512.0, 1e-11, ("512.00000", "1.0 × 10⁻¹¹")),
         (0.5, None, ("0.5", "–")),
         (0.0, None, ("0", "–")),
         (math.nan, 1.0, ("–", "–")),
-        (1.0, math.inf, ("1", "–")),
     ],
 )
 def test_an_estimate_has_the_digits_its_error_allows(
@@ -49,6 +44,7 @@ def test_an_estimate_has_the_digits_its_error_allows(
     assert numbers.value_and_error(value, error) == shown
 
 
+@pytest.mark.contract
 def test_an_estimate_of_a_terminal_has_plain_characters() -> None:
     assert numbers.estimate_in_words(-6431.0, 16_000.0) == "-6000 +- 16000"
     assert numbers.estimate_in_words(3.4567e-9, 1.2e-11) == "3.457e-09 +- 0.012e-09"
@@ -70,6 +66,7 @@ def read_back(text: str) -> float:
     )
 
 
+@pytest.mark.contract
 @given(
     mantissa=st.floats(-9.99, 9.99).filter(lambda number: abs(number) >= 1),
     power=st.integers(-12, 12),
@@ -85,6 +82,7 @@ def test_rounding_an_estimate_costs_less_than_a_tenth_of_its_error(
     assert read_back(shown_error) == pytest.approx(error, rel=0.0501)
 
 
+@pytest.mark.contract
 @given(
     mantissa=st.floats(-9.99, 9.99).filter(lambda number: abs(number) >= 1),
     power=st.integers(-12, 12),
@@ -96,6 +94,7 @@ def test_no_error_rounds_a_value_away(mantissa: float, power: int, ratio: int) -
     assert read_back(shown) == pytest.approx(value, rel=0.501)
 
 
+@pytest.mark.contract
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
 def test_a_column_has_equal_decimals(values: list[float]) -> None:
     texts = numbers.column(values, 3)
@@ -103,26 +102,13 @@ def test_a_column_has_equal_decimals(values: list[float]) -> None:
     assert not any(re.fullmatch("−[0.]+", text) for text in texts)
 
 
-@given(st.floats(allow_nan=True, allow_infinity=True), st.integers(1, 9))
-def test_cutting_a_number_at_its_point_loses_nothing(value: float, digits: int) -> None:
-    text = numbers.significant(value, digits)
-    assert "".join(numbers.at_point(text)) == text
-    assert "." not in numbers.at_point(text)[0]
-
-
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
         ("rho", "<i>ρ</i>"),
         ("k_w", "<i>k</i><sub>w</sub>"),
-        ("x0", "<i>x</i><sub>0</sub>"),
         ("c0a", "<i>c</i><sub>0a</sub>"),
-        ("alpha_a", "<i>α</i><sub>a</sub>"),
-        ("n", "<i>n</i>"),
-        ("k_w.1", "<i>k</i><sub>w,1</sub>"),
-        ("rho.0", "<i>ρ</i><sub>0</sub>"),
         ("A1.2", "<i>A</i><sub>1,2</sub>"),
-        ("stiffness", "stiffness"),
         ("a<b", "a&lt;b"),
     ],
 )
@@ -142,31 +128,16 @@ def test_an_equation_is_set_as_mathematics() -> None:
     )
 
 
-NAME = "a\x1b[31m\x07\u202eb"
-
-
-def figure() -> Figure:
+def test_what_has_no_shape_is_escaped_in_figures_and_pages(tmp_path: Path) -> None:
+    name = "a\x1b[31m\x07\u202eb"
     drawn = Figure(figsize=(3.0, 2.0))
-    axes = drawn.add_subplot()
-    axes.plot([0.0, 1.0], [0.0, 1.0], label=NAME)
-    axes.set_title(NAME)
-    axes.set_xlabel(NAME)
-    axes.legend()
-    return drawn
-
-
-def test_a_figure_shows_them_and_is_valid() -> None:
-    text = inline_svg(figure(), identifier="a", description="d")
+    drawn.add_subplot().set_title(name)
+    text = inline_svg(drawn, identifier="a", description="d")
     ElementTree.fromstring(text)
     assert r"\x1b[31m\x07\u202eb" in text
-    ElementTree.fromstring(svg_bytes(figure()))
-    assert png_bytes(figure()).startswith(b"\x89PNG")
-
-
-def test_a_page_shows_them(tmp_path: Path) -> None:
     template = tmp_path / "page.j2"
     template.write_text("<p>{{ name }}</p>\n<p>{{ name | breakable }}</p>\n")
-    write_study_page(template, tmp_path / "page.html", name=NAME)
+    write_study_page(template, tmp_path / "page.html", name=name)
     page = (tmp_path / "page.html").read_text()
     assert page.count(r"a\x1b[31m\x07\u202eb") == 2
     assert all(line.isprintable() for line in page.splitlines())

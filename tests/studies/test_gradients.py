@@ -16,7 +16,6 @@ from studies.gradients import hang
 from studies.gradients.fits import ENGINES
 from studies.gradients.own_loop import force_by_diffrax
 from studies.gradients.posed import near_nominal, record
-from studies.gradients.samplers import Posterior
 from studies.gradients.study import PARTS
 
 ABSENT = "is not installed; pip install 'mrwork[bench,nuts]'"
@@ -27,33 +26,12 @@ def rows_of_quick(name: str, **settings: Any) -> list[Any]:
     return [row for row in part.job(threads=1, **part.quick | settings) if not isinstance(row, str)]
 
 
-def text_of(name: str, rows: list[Any]) -> str:
-    return "\n".join(table.markdown() for table in PARTS[name].tables(rows))
-
-
 def test_calls_of_all_contenders_agree_and_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.speed.timing.TURN_SECONDS", 1e-4)
     rows = rows_of_quick("calls")
-    assert {(row.what, row.order) for row in rows} == {
-        (what, order) for what in ("misfit", "force") for order in ("value", "gradient")
-    }
-    for row in rows:
-        assert 0.0 < row.apart < 1e-9
-        assert min(row.core, row.public, row.kernel, row.callback, row.twin) > 0.0
-    assert "gradient, 100 x 2" in text_of("calls", rows)
-
-
-def test_the_posterior_is_nearly_standard_normal_where_samplers_move() -> None:
-    posterior = Posterior.of("bingham", 400)
-    gradient = jax.jit(jax.grad(posterior.log_density))
-    step, zero = 1e-3, jnp.zeros(len(posterior.frame[0]))
-    assert np.abs(gradient(zero)).max() < 0.1
-    curvature = [
-        (gradient(zero + row) - gradient(zero - row)) / (2.0 * step) for row in step * np.eye(len(zero))
-    ]
-    np.testing.assert_allclose(np.array(curvature), -np.eye(len(zero)), atol=0.2)
-    (row,) = posterior.values(zero[None])
-    np.testing.assert_allclose(row[:-1], posterior.fit.theta, rtol=1e-6)
+    assert len({(row.what, row.order) for row in rows}) == 4
+    assert all(0.0 < row.apart < 1e-9 for row in rows)
+    assert all(table.rows for table in PARTS["calls"].tables(rows))
 
 
 def test_samplers_have_draws_and_rates() -> None:
@@ -61,10 +39,8 @@ def test_samplers_have_draws_and_rates() -> None:
     nuts, ensemble = rows_of_quick("samplers")
     assert nuts.gradients >= nuts.draws == 20
     assert nuts.per_second > nuts.per_second_with_compilation > 0.0
-    assert nuts.z == 0.0
     assert ensemble.gradients == ensemble.compile_seconds == 0.0
-    assert ensemble.z > 0.0
-    assert "numpyro NUTS on mr.jax | 1 |" in text_of("samplers", [nuts, ensemble])
+    assert ensemble.z > 0.0 == nuts.z
 
 
 @pytest.mark.parametrize("library", ["optimistix", "optax"])
@@ -88,18 +64,16 @@ def test_the_loop_of_a_user_has_the_force_and_the_derivatives_of_the_core() -> N
         assert 0.0 < np.abs(found - expected).max() < 1e-2 * np.abs(expected).max()
 
 
-def test_threads_beside_a_busy_process_change_no_bit() -> None:
+def test_threads_beside_a_busy_process_change_no_bit_and_those_that_hang_are_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     (row,) = rows_of_quick("hang")
     assert (row.calls, row.changed) == (200, 0)
-    assert "200 of 8 threads" in text_of("hang", [row])
-
-
-def test_threads_that_hang_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[None] = []
 
     def sometimes() -> bytes:
         calls.append(None)
-        time.sleep(0.0 if len(calls) < 10 else 3.0)
+        time.sleep(0.0 if len(calls) < 10 else 2.0)
         return b""
 
     monkeypatch.setattr(hang, "_functions", lambda n_time, threads: [sometimes])
@@ -111,4 +85,3 @@ def test_gradients_through_the_loop_are_those_of_differences() -> None:
     (row,) = rows_of_quick("loops")
     assert (row.settings, row.motions) == (10, 1)
     assert 0.0 < row.apart < 1e-6
-    assert "one damper, 10 settings" in text_of("loops", [row])

@@ -1,0 +1,189 @@
+"""The quick form of each chapter: its numbers are those expected, its tables are filled and its page stands alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import measured_data
+import numpy as np
+import pytest
+from blank_pictures import blank
+
+import mrwork as mr
+from mrwork.closed_loop import SCORE
+from mrwork.control import ControlLaw
+from studies.chapter_2.device_families import FAMILIES
+from studies.chapter_3 import sized_front
+from studies.chapter_3.models_on_one_test import NOISE, SHOWN_TEST
+from studies.chapter_3.sized_frame import FORCES, PAIR, wishes
+from studies.chapter_6 import tuning
+from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
+from studies.chapter_6.tables import tables
+from studies.chapter_6.thesis_tables import thesis_tables
+from studies.chapter_6.tuning import control_law_of
+from studies.chapter_7.controlled_tests import NO_DAMPER_NAME, OFF, QUANTITIES
+from studies.chapter_7.predictions import ALL_TRUE
+from studies.chapter_7.sine_tests import Wanted, damper_test, sine_tests
+from studies.chapter_7.virtual_rig import SENSORS, true_rig
+from studies.common.command import Work
+from studies.common.expected import departures
+from studies.common.frame import LEVELS, RECORDS, bench, figures, level_name
+from studies.controller_weights.study import found_by as weights_found
+from studies.controller_weights.tables import tables as weight_tables
+
+STUDIES = measured_data.ROOT / "studies"
+MEASURED = measured_data.DATA / "records"
+measured = pytest.mark.skipif(
+    not (MEASURED / "el_centro_1940_ns.csv").is_file(),
+    reason=f"no measured records in {MEASURED}; set MRWORK_DATA",
+)
+
+
+def assert_filled(shown: Any) -> None:
+    """Each row has a name, and a text below each heading."""
+    for table in shown:
+        assert table.rows, table.title
+        assert {len(row) for row in table.rows} == {len(table.columns)}, table.title
+        assert all(row[0] for row in table.rows), table.title
+
+
+def families_balance(chapter: Any) -> None:
+    """Every family lowers the score, its energies balance, and only actuators and springs give power to the frame."""
+    found = {name: each["synthetic"] for name, each in chapter.found["quick_families"].items()}
+    for name, each in found.items():
+        assert each["judged"] < 1.0, name
+        assert each["energy_error"] < 1e-5, name
+    for name in ("Viscous damper", "Liquid column, 2 %", "Variable orifice", "Variable friction"):
+        assert found[name]["power_given_w"] < 1e-3 * found[name]["power_taken_w"], name
+    for family in FAMILIES:
+        if family.group == "active":
+            assert found[family.name]["power_given_w"] > 0.1 * found[family.name]["power_taken_w"]
+
+
+def sizes_meet_their_wishes(chapter: Any) -> None:
+    """The sized damper meets its wishes, more volume never allows less, and the truth comes near the noise."""
+    (damper,) = chapter.frame.designs.values()
+    assert wishes(FORCES[0]).missed(damper) == {}
+    assert chapter.frame.loop[PAIR]["scores"][0] == pytest.approx(1.0, abs=1e-12)
+    rms = {model: each["rms_n"] for model, each in chapter.found["models"][SHOWN_TEST].items()}
+    # The rms of 2001 white samples scatters by 1.6 %; sensors of the motion add to that of the force.
+    assert min(rms.values()) == rms["bouc_wen"] > 0.95 * NOISE
+    assert rms["bouc_wen"] < 1.2 * NOISE
+    for device in chapter.frame.loop.values():
+        for way in ("constant", "clipped"):
+            judged = device[way]["records"]
+            assert judged["judged"] == pytest.approx(np.mean([judged[name] for name, _ in RECORDS]))
+            assert judged["judged"] == pytest.approx(np.mean([judged[name] for name in SCORE]))
+            assert judged["judged"] != device[way]["judged"]
+    if chapter.front is not None:  # without pymoo
+        chosen = chapter.found["quick_sized"]["front"]["chosen"]
+        largest = [each["dynamic_range"] for name, each in chosen.items() if name.startswith("range")]
+        least = [each["power_w"] for name, each in chosen.items() if name.startswith("power")]
+        assert largest == sorted(largest)
+        assert least == sorted(least, reverse=True)
+        assert all(wishes(sized_front.FORCE).missed(each) == {} for each in chapter.front.designs)
+
+
+def a_true_rig_misses_by_its_sensors(chapter: Any) -> None:
+    """Predictions of the true rig differ from its tests by the noise and the rounding of the sensors alone."""
+    true = chapter.campaign.predictions[ALL_TRUE]
+    wide = np.hypot(SENSORS.displacement.noise, SENSORS.displacement.resolution / np.sqrt(12.0))
+    for case, runs in chapter.campaign.tests.items():
+        for record, seen in runs.items():
+            error = seen.displacement - SENSORS.displacement.gain * true[case][record].displacement
+            assert np.std(error) == pytest.approx(wide, rel=0.05)
+    ratios = chapter.found[chapter.kind]["tests"]["ratios"]
+    assert ratios[OFF] == dict.fromkeys(QUANTITIES, 1.0)
+    assert all(each > 1.5 for each in ratios[NO_DAMPER_NAME].values())
+
+
+def decaying_sines(folder: Path) -> Path:
+    """What takes the place of the measured records."""
+    time = 0.02 * np.arange(400)
+    for number, (_, file) in enumerate(RECORDS):
+        motion = np.sin((12.0 + 3.0 * number) * time) * np.exp(-0.5 * time)
+        columns = np.column_stack([time, motion])
+        np.savetxt(folder / file, columns, delimiter=",", header="t_s,a_mps2", comments="")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "holds", "pictures"),
+    [
+        ("chapter_2", families_balance, 15),
+        ("chapter_3", sizes_meet_their_wishes, 10),
+        ("chapter_7", a_true_rig_misses_by_its_sensors, 0),
+    ],
+)
+def test_the_quick_form_of_a_chapter_finds_what_is_expected(
+    name: str, holds: Callable[[Any], None], pictures: int, tmp_path: Path
+) -> None:
+    records = decaying_sines(tmp_path) if name == "chapter_3" else None
+    findings, shown, page = (
+        import_module(f"studies.{name}.{part}") for part in ("findings", "tables", "page")
+    )
+    chapter = findings.chapter_of(Work(quick=True, threads=1, records=records))
+    assert departures(chapter.found, STUDIES / name / "expected.toml") == []
+    holds(chapter)
+    assert_filled(chain(*shown.tables(chapter.found).values()))
+    if pictures:  # the page of chapter 7 is that of its whole form
+        with blank():
+            page.write_page(chapter, tmp_path / "report.html")
+        text = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert text.count("<svg") > pictures
+        assert not [outside for outside in ('src="', "url(http", "<link", "<script") if outside in text]
+
+
+@measured
+def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
+    found = {**found_by(Work(quick=True, records=MEASURED)), "seconds": 0.0}
+    assert departures(found, STUDIES / "chapter_6/expected.toml") == []
+    of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
+    assert_filled(chain(tables(found), *of_thesis.values()))
+
+
+def test_the_quick_form_of_designed_weights_finds_what_is_expected() -> None:
+    found = weights_found(quick=True, records=MEASURED, threads=1, say=lambda what: None)
+    assert departures(found, STUDIES / "controller_weights/expected.toml") == []
+    assert_filled(weight_tables(found))
+
+
+@measured
+def test_no_command_scores_one_and_a_failed_run_infinity() -> None:
+    over = bench(MEASURED, names=("Hachinohe",), threads=1)
+    none = figures(over, ControlLaw(name="passive", gains={"command": [0.0]}))
+    np.testing.assert_array_equal(none.score, 1.0)
+    unstable = figures(over, ControlLaw(name="active", gains={"gain": np.full((1, 10), -1e9)}))
+    np.testing.assert_array_equal(unstable.score, np.inf)
+
+
+def test_other_families_of_chapter_2_are_study_files_too() -> None:
+    files = [each for each in (STUDIES / "chapter_2").glob("*.toml") if each.stem != "expected"]
+    assert len(files) > 4
+    assert all(mr.read_study(file).arrangements for file in files)
+
+
+def test_every_tuned_law_has_a_setting_for_both_levels() -> None:
+    kept = tuning.kept()
+    assert set(TUNED_LAWS) <= set(kept)
+    for at_level in kept.values():
+        assert len(at_level) == len(LEVELS)
+        assert all(
+            control_law_of(each).name == each.law for each in at_level if each.law != "inverse_network"
+        )
+
+
+def test_the_force_of_a_sine_test_is_that_of_the_damper_on_its_motion() -> None:
+    rig = true_rig()
+    (seen,) = sine_tests(rig, [Wanted(current=0.25, frequency=3.0, peak=2.0)], None, threads=1)
+    test = damper_test(seen)
+    loading = mr.Loading(
+        dt=test.dt, displacement=test.displacement, velocity=test.velocity, command=0.25, command_unit="A"
+    )
+    force = mr.simulate_force(rig.damper.spec, rig.damper.draws[0], loading)
+    # Where friction changes sign, within 10 mm/s, a velocity of 25 harmonics is as good as this.
+    assert np.std(test.force - force) < 0.02 * np.std(force)
