@@ -228,6 +228,8 @@ def regulators_of_weights(
     >>> len(designs), designs[0].gain.shape
     (200, (1, 10))
     """
+    if isinstance(control_weights, np.ndarray):
+        control_weights = np.atleast_1d(control_weights)
     if len(weighed) == 1:
         weighed = [*weighed] * len(control_weights)
     if not weighed or len(weighed) != len(control_weights):
