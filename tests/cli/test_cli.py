@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
 from sentences import Refused
-
-from tools.faults.options import written_record
+from verb_folders import written_record
 
 FAST = ["--generations", "3", "--quiet"]
 

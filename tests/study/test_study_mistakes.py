@@ -15,7 +15,7 @@ from mrwork.base.places import Place
 from mrwork.buildings import read_building
 from mrwork.errors import MistakesError, SettingError
 from mrwork.study.schema import StudyTable
-from tools.fuzzing.mistakes import measured, whole_studies
+from tools.faults.mistakes import measured, whole_studies
 
 # A mistake of each kind, in every table.
 FIVE = """[building]
