@@ -90,8 +90,9 @@ def texts(draw: st.DrawFn, text: str) -> bytes:
 
 
 @st.composite
-def blobs(draw: st.DrawFn, content: bytes) -> bytes:
-    """Bytes of which some are lost, changed or inserted, most of them near the start or the end."""
+def blobs(draw: st.DrawFn, path: Path) -> bytes:
+    """Bytes of a file of which some are lost, changed or inserted, most of them near the start or the end."""
+    content = path.read_bytes()
     places = st.integers(0, min(len(content), 400)) | st.integers(0, len(content))
     place = draw(places | places.map(lambda place: len(content) - place))
     lost = draw(st.sampled_from([0, 1, 4, 8, len(content)]))
@@ -106,8 +107,9 @@ def places(tree: Any) -> list[tuple[Any, Any]]:
 
 
 @st.composite
-def documents(draw: st.DrawFn, content: bytes) -> bytes:
+def documents(draw: st.DrawFn, path: Path) -> bytes:
     """A JSON document with a value replaced, removed, renamed or moved."""
+    content = path.read_bytes()
     document = json.loads(content)
     listed = places(document)
     container, key = listed[draw(st.integers(0, len(listed) - 1))]
@@ -200,7 +202,7 @@ def test_a_damaged_file_of_matlab_is_read_or_refused(
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "rig.mat"
     savemat(path, clean_columns(), do_compression=packed)
-    path.write_bytes(data.draw(blobs(path.read_bytes())))
+    path.write_bytes(data.draw(blobs(path)))
     is_read(lambda: read_damper_test(path))
 
 
@@ -236,7 +238,7 @@ def test_a_damaged_run_is_read_or_refused_and_not_replaced(
     whole = {path: path.read_bytes() for path in sorted((folder / kind).rglob("*")) if path.is_file()}
     path = data.draw(st.sampled_from([each for each in whole if each.suffix in (".json", ".npz")]))
     damage = documents if path.suffix == ".json" and data.draw(st.integers(0, 9)) else blobs
-    path.write_bytes(damaged := data.draw(damage(whole[path])))
+    path.write_bytes(damaged := data.draw(damage(path)))
     try:
         accepted = is_read(lambda: mr.load(folder / kind))
         with chdir(folder):
