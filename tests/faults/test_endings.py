@@ -63,8 +63,8 @@ JOBS = {
     "plan": Job(words="plan run --threads 1", before=FIT, part=lambda run: repr(run.plan), resume=()),
     "respond": Job(
         words="respond study.toml --motions all --check-step --threads 1 --out run",
-        before="respond study.toml --motions A --threads 1 --out run",
-        part=lambda run: {name: array.tolist() for name, array in run.labelled.numbers.items()},
+        before="respond study.toml --seed 3 --threads 1 --out run",
+        part=lambda run: {name: array.tobytes() for name, array in run.labelled.numbers.items()},
     ),
     "tune": Job(
         words="tune study.toml --threads 1 --out run",
