@@ -26,14 +26,11 @@ test: $(VENV)/.built $(VENV)/.dev
 sentences: $(VENV)/.built $(VENV)/.dev
 	MRWORK_SENTENCES=write $(BIN)/python -m pytest
 
-# What a user, a file or a machine may do wrong, in the long form; `make test` has a smoke of each.
-faults: export PYTHONPATH := .:tests/samples
+# What a user may do wrong, in the long form: planted faults, several mistakes of a study, every property twenty times.
 faults: $(VENV)/.built $(VENV)/.dev
-	$(BIN)/python -m tools.fuzzing
-	$(BIN)/python -m tools.fuzzing.mistakes
-	$(BIN)/python -m tools.faults.invocations
-	$(BIN)/python -m tools.faults.endings
-	$(BIN)/python -m tools.faults.lies
+	for each in motions rigs studies; do $(BIN)/python -m tools.faults.planted $$each || exit; done
+	$(BIN)/python -m tools.faults.mistakes
+	MRWORK_EXAMPLES=20 $(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m hypothesis tests
 
 lint: $(VENV)/.built $(VENV)/.dev
 	cargo fmt --check

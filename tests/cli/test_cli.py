@@ -12,8 +12,7 @@ import pytest
 from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
 from refusals import command_refusal
 from sentences import Refused
-
-from tools.faults.options import written_record
+from verb_folders import written_record
 
 FAST = ["--generations", "3", "--quiet"]
 

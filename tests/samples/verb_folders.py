@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import tuning_samples
 from command_line import printed
 
 from mrwork.cli.completion import subcommands
 from mrwork.cli.door import whole_parser
-from tools.faults.options import written_record
 
 COMMANDS = subcommands(whole_parser())
 RECORD = ("synthetic:spencer1997", "--every", 40)
 FIXED = ("--model", "static_hysteretic", "--fix", "x_s=1e-4")
+
+
+def written_record(path: Path, stroke: float = 10.0, noise: float = 0.0, rate: float = 100.0) -> Path:
+    """A test at 1 Hz of a damper with friction and viscosity: `stroke` in mm, `noise` in kN, `rate` in Hz."""
+    time = np.arange(0.0, 2.0, 1.0 / rate)
+    velocity = 2.0 * np.pi * stroke * np.cos(2.0 * np.pi * time)
+    force = 0.4 * np.tanh(velocity / 10.0) + 0.005 * velocity
+    scatter = noise * np.random.default_rng(3).standard_normal(time.size)
+    columns = (time, stroke * np.sin(2.0 * np.pi * time), force + scatter)
+    rows = "\n".join(",".join(f"{number:.9f}" for number in row) for row in zip(*columns, strict=True))
+    path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
+    return path
 
 
 def verbs_with(destination: str) -> list[str]:

@@ -22,6 +22,10 @@ def pool() -> Iterator[Executor]:
         yield executor
 
 
+# Steps of a chunk, of which a call has several.
+CHUNK_STEPS = 1e5
+
+
 class Counting(Executor):
     """Does each chunk at once, and keeps what it was sent."""
 
@@ -64,28 +68,29 @@ def loop_of_many_runs(**changes: Any) -> Callable[..., Any]:
         name="pair", spec=preset.spec, theta=preset.theta, row=frame.storeys[0], largest_command=1.88
     )
     law = mr.ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, 40)[:, None]})
-    motions = [mr.synthetic_motion(rng=seed, peak=3.0) for seed in range(3)]
+    motions = [mr.synthetic_motion(rng=seed, peak=3.0, duration=2.0) for seed in range(3)]
     return lambda: simulate_loop(
         frame, [device], law, motions, mr.Hardware(sample_time=1e-3, **changes.pop("hardware", {})), **changes
     )
 
 
-def test_runs_have_the_same_bits_in_other_processes(pool: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
-    run = loop_of_many_runs()
-    here = run()
+def test_runs_have_the_same_bits_in_other_processes_and_are_counted(
+    pool: Executor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", CHUNK_STEPS)
+    here = loop_of_many_runs()()
     with working_on(pool):
-        there = run()
-    counting = Counting()
+        assert loop_of_many_runs()() == here
+    counting, told = Counting(), list[tuple[int, int]]()
     with working_on(counting):
-        alone = run()
+        assert loop_of_many_runs(on_progress=lambda *progress: told.append(progress))() == here
     assert len(counting.sent) > 5
-    for other in (there, alone):
-        assert other == here
+    assert told[-1] == (120, 120)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
 
 
-def test_observers_and_realisations_are_sent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
+def test_observers_and_realisations_are_sent_and_histories_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", CHUNK_STEPS)
     frame = mr.building("uts")
     variation = LoopVariation(buildings=(frame,) * 2, delay=np.array([0.0, 0.002]), seed=np.array([0, 5]))
     run = loop_of_many_runs(hardware={"feedback": "observer"}, variation=variation)
@@ -93,24 +98,9 @@ def test_observers_and_realisations_are_sent(monkeypatch: pytest.MonkeyPatch) ->
     executor = Counting()
     with working_on(executor):
         assert run() == here
-    assert executor.sent
-
-
-def test_histories_stay_in_this_process() -> None:
-    executor = Counting()
-    with working_on(executor):
-        run = loop_of_many_runs(histories=True)()
-    assert run.histories is not None
-    assert not executor.sent
-
-
-def test_progress_counts_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mrwork.closed_loop.simulate._CHUNK_STEPS", 1e6)
-    told: list[tuple[int, int]] = []
-    with working_on(Counting()):
-        loop_of_many_runs(on_progress=lambda done, total: told.append((done, total)))()
-    assert told[-1] == (120, 120)
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
+        sent = len(executor.sent)
+        assert loop_of_many_runs(histories=True)().histories is not None
+    assert len(executor.sent) == sent > 0
 
 
 def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
@@ -122,15 +112,22 @@ def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
         outcomes[1].get()
 
 
-def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it() -> None:
+def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it_and_prepared_once_in_a_worker() -> None:
+    prepared: list[str] = []
+
+    def prepare(value: str) -> float:
+        prepared.append(value)
+        return float(value)
+
     executor = Counting()
-    data = Shared.of(2.0).data
     numbers = [(float(number),) for number in range(9)]
-    assert len([*Workers(executor=executor, in_flight=1).outcomes(float, _scaled, 2.0, numbers)]) == 9
+    found = [*Workers(executor=executor, in_flight=1).outcomes(prepare, _scaled, "7.25", numbers)]
+    assert [each.get() for each in found] == [7.25 * number for (number,) in numbers]
     assert [bool(sent[3].data) for sent in executor.sent] == [True] + [False] * 8
-    forgetting = Counting(forget=True)
-    found = Workers(executor=forgetting, in_flight=1).outcomes(float, _scaled, 2.0, [(1.0,), (2.0,)])
-    assert [each.get() for each in found] == [2.0, 4.0]
+    assert prepared == ["7.25"]
+    forgetting, data = Counting(forget=True), Shared.of(2.0).data
+    again = Workers(executor=forgetting, in_flight=1).outcomes(float, _scaled, 2.0, [(1.0,), (2.0,)])
+    assert [each.get() for each in again] == [2.0, 4.0]
     assert [sent[3].data for sent in forgetting.sent] == [data, b"", data]
 
 
@@ -170,17 +167,3 @@ def test_chunks_depend_on_costs_alone() -> None:
     assert cut_into_chunks([5.0], 2.0) == [slice(0, 1)]
     assert cut_into_chunks([], 2.0) == []
     assert cut_into_chunks([1.0], 2.0) == [slice(0, 1)]
-
-
-def test_what_chunks_share_is_prepared_once_in_a_worker() -> None:
-    prepared: list[str] = []
-
-    def prepare(value: str) -> float:
-        prepared.append(value)
-        return float(value)
-
-    found = Workers(executor=Counting(), in_flight=2).outcomes(
-        prepare, _scaled, "7.25", [(1.0,), (2.0,), (3.0,)]
-    )
-    assert [each.get() for each in found] == [7.25, 14.5, 21.75]
-    assert prepared == ["7.25"]

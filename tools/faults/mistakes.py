@@ -44,18 +44,8 @@ _VALUES: Final = (
         "0",
         "1_000_000",
     ),
-    *(
-        '"1 kg"',
-        '"1 mm"',
-        '"-1 s"',
-        '"12 parsec"',
-        '"1e3kN"',
-        '"5e"',
-        '[1, "x"]',
-        '["x"]',
-        "1979-05-27",
-        "[nan]",
-    ),
+    *('"1 kg"', '"1 mm"', '"-1 s"', '"12 parsec"', '"1e3kN"', '"5e"', '[1, "x"]', '["x"]', "1979-05-27"),
+    "[nan]",
 )
 _NAMES: Final = ("qzx", "surplus_key", "law", "zeta", "record", "m", "T1", "mr_damper", "Sample-Time", "x y")
 
