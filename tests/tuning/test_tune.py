@@ -138,14 +138,6 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     assert found.laws[0].test is None
 
 
-def test_without_training_motions_the_score_is_said_to_be_of_the_motions_tuned_on() -> None:
-    motions = tuning_samples.motion("A", 1)
-    found = tune(tuning_samples.study_with(motions=motions, building=TWO_STOREYS), threads=1)
-    assert found.testing == ()
-    assert found.laws[0].test is None
-    assert "says nothing about others" in found.warnings[0]
-
-
 @pytest.mark.parametrize(
     ("name", "unit", "share"),
     [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7), ("switching_rate", "1/s", 0.7)],
@@ -204,21 +196,17 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
 def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective() -> None:
     more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = '2 ms'\n"
     text = tuning_samples.TUNE + 'robust = true\nrisk = "max"\n'
-    study = tuning_samples.study_with(tune=text, more=more, building=TWO_STOREYS)
-    found = tune(study, threads=1).laws[0]
-    band = found.train.bands["score"]
+    motions = tuning_samples.motion("A", 1)
+    study = tuning_samples.study_with(tune=text, more=more, motions=motions, building=TWO_STOREYS)
+    found = tune(study, threads=1)
+    law = found.laws[0]
+    band = law.train.bands["score"]
     assert band.lower < band.median < band.upper
     # The largest of three realisations under one motion; the band lies within them.
-    assert found.train.objective >= band.upper
-
-
-def test_bands_are_those_of_the_test_motions_where_no_table_is_robust() -> None:
-    more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\n"
-    found = tune(tuning_samples.study_with(more=more, building=TWO_STOREYS), threads=1).laws[0]
-    assert found.test is not None
-    band = found.test.bands["score"]
-    assert band.lower < band.median < band.upper
-    assert found.train.bands == {}
+    assert law.train.objective >= band.upper
+    # Without other motions nothing is judged.
+    assert (found.testing, law.test) == ((), None)
+    assert "says nothing about others" in found.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -250,10 +238,13 @@ def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
     assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())
 
 
-def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(
-    study: mr.Study, results: TuningResults
+def test_bands_are_of_the_test_motions_and_strokes_below_the_tested_ones_are_named(
+    results: TuningResults,
 ) -> None:
+    """Where no table is robust."""
     assert results.damper_warnings == ()
+    more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\n"
+    study = tuning_samples.study_with(more=more, building=TWO_STOREYS)
     tested = ranges(command=(0.0, 2.0), least_stroke=0.1)
     assert study.problem is not None
     devices = tuple(replace(each, tested=tested) for each in study.problem.devices)
@@ -271,6 +262,11 @@ def test_strokes_below_the_tested_ones_are_named_for_the_tuned_laws(
     # Under the training motion and both test motions.
     assert "in 3 of 3 runs" in warning
     assert warning in found.warnings
+    law = found.laws[0]
+    assert law.test is not None
+    band = law.test.bands["score"]
+    assert band.lower < band.median < band.upper
+    assert law.train.bands == {}
 
 
 def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(results: TuningResults) -> None:
