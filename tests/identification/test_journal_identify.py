@@ -26,7 +26,7 @@ from refusals import command_refusal
 from mrwork import Journal, identify
 from mrwork.dampers import damper
 from mrwork.identification import Fit, Progress
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
@@ -207,7 +207,7 @@ def test_after_ctrl_c_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def record() -> DamperTest:
-    return synthetic_test("spencer1997")
+    return cut(synthetic_test("spencer1997"), every=4)
 
 
 SEARCH = EfficientGA(population=16, stop=StopRules(max_generations=12))

@@ -54,7 +54,9 @@ def test_a_misfit_as_large_as_a_missed_constraint_is_refused() -> None:
     refusal(misfit_under_constraints, [[1e13, -1.0]], match="scale the misfits")
 
 
-def front(columns: object, *, n_constraints: int, journal: Journal | None = None) -> FrontResult:
+def front(
+    columns: object, *, n_constraints: int, budget: int = 2400, journal: Journal | None = None
+) -> FrontResult:
     pytest.importorskip("pymoo")
     return run_front(
         columns,  # type: ignore[arg-type] # a function of a test
@@ -62,7 +64,7 @@ def front(columns: object, *, n_constraints: int, journal: Journal | None = None
         n_objectives=2,
         n_constraints=n_constraints,
         population=40,
-        budget=2400,
+        budget=budget,
         rng=1,
         starts=np.empty((0, 2)),
         journal=journal,
@@ -99,9 +101,9 @@ def test_constraints_that_none_meets_leave_the_least_violation() -> None:
 
 def test_a_constrained_front_is_recalled_from_its_journal(tmp_path: Path) -> None:
     with closing(Journal(tmp_path / "journal.jsonl")) as journal:
-        first = front(constrained, n_constraints=1, journal=journal)
+        first = front(constrained, n_constraints=1, budget=400, journal=journal)
     with closing(Journal(tmp_path / "journal.jsonl", resume=True)) as journal:
-        again = front(lambda _: pytest.fail("simulated again"), n_constraints=1, journal=journal)
+        again = front(lambda _: pytest.fail("simulated again"), n_constraints=1, budget=400, journal=journal)
     np.testing.assert_array_equal(again.units, first.units)
     np.testing.assert_array_equal(again.constraints, first.constraints)
 

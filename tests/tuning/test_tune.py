@@ -144,7 +144,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
 )
 def test_a_limit_that_holds_is_kept(name: str, unit: str, share: float, results: TuningResults) -> None:
     limit = share * results.laws[0].train.largest[name]
-    text = tuning_samples.TUNE.replace("16", "96") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
+    text = tuning_samples.TUNE.replace("16", "48") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
     found = tuning_samples.tuned(text)
     assert found.laws[0].train.violation == 0.0
     assert found.laws[0].train.largest[name] <= limit * (1.0 + 1e-5)
