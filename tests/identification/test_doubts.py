@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
-from command_line import mrwork, printed
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.dampers import LawName, damper
+from mrwork.dampers.command import CommandValues
 from mrwork.identification import Fit
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.identification.residual import NuisanceName
+from mrwork.records import DamperTest, build_damper_test, cut
 
 MODEL = "viscous_dahl"
 SPEC = damper(MODEL)
@@ -44,10 +46,10 @@ def recorded(
     )
 
 
-def fitted(test: DamperTest) -> mr.Fit:
+def fitted(test: DamperTest, model: str = MODEL, **settings: Any) -> mr.Fit:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return mr.identify(MODEL, test, threads=1)
+        return mr.identify(model, test, **settings, threads=1)
 
 
 def says_so(fit: mr.Fit) -> bool:
@@ -92,50 +94,36 @@ def test_the_remedy_of_a_measured_velocity_is_its_derivation_and_of_a_derived_on
     for each, named in ((test, True), (derived, False)):
         (sentence,) = [warning for warning in fitted(each).warnings if "noise of the motion" in warning]
         assert ("--repair velocity" in sentence) == named
-        assert "measure the motion with less noise" in sentence
-
-
-def test_the_check_of_the_motion_counts_no_simulation_and_repeats_itself() -> None:
-    test = recorded(5, force=0.5, displacement=5e-6, velocity=5e-4, dt=4e-3)
-    one, other = fitted(test), fitted(test)
-    assert one.warnings == other.warnings
-    assert one.evaluations == other.evaluations
-
-
-TEST = "synthetic:spencer1997_fast"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "warned"),
+    ("f0", "nuisances", "repaired", "warned"),
     [
-        (("--model", "dahl"), False),
-        (("--model", "dahl", "--fix", "f0=0"), True),
-        (("--model", "dahl", "--fix", "f0=-90"), False),
-        (("--model", "dahl", "--nuisance", "offset"), False),
-        (("--model", "dahl", "--fix", "f0=0", "--repair", "offset"), False),
+        (None, (), False, False),
+        (0.0, (), False, True),
+        (-90.0, (), False, False),
+        (None, ("offset",), False, False),
+        (0.0, (), True, False),
     ],
 )
 def test_only_an_offset_that_the_model_cannot_describe_is_a_warning(
-    arguments: tuple[str, ...], warned: bool, tmp_path_factory: pytest.TempPathFactory
+    f0: float | None, nuisances: tuple[NuisanceName, ...], repaired: bool, warned: bool
 ) -> None:
-    place = tmp_path_factory.mktemp("offset") / "run"
-    document = json.loads(printed("identify", TEST, "--every", "8", *arguments, "--json", "--out", place))
-    about = [each for each in document["warnings"] if "static offset" in each]
+    test = cut(mr.synthetic_test("spencer1997_fast"), every=8)
+    if repaired:
+        test, _ = mr.records.repair(test, ["offset"])
+    assert any(each.code == "force_offset" for each in test.findings) != repaired
+    bounds = {} if f0 is None else {"f0": (f0, f0)}
+    fit = fitted(test, "dahl", bounds=bounds, nuisances=nuisances)
+    about = [each for each in fit.warnings if "static offset" in each]
     assert bool(about) == warned
-    if warned:
-        assert "f0 is fixed at 0" in about[0]
-        assert "--repair offset" in about[0]
-    severities = {each["code"]: each["severity"] for each in document["findings"]}
-    assert severities.get("force_offset") == (None if "--repair" in arguments else "note")
+    assert all("f0 is fixed at 0" in each and "--repair offset" in each for each in about)
 
 
-def test_the_first_demo_has_no_warning(tmp_path_factory: pytest.TempPathFactory) -> None:
-    place = tmp_path_factory.mktemp("demo") / "run"
-    model = ("--model", "normalised_bouc_wen", "--seed", "1")
-    ended = mrwork("identify", "synthetic:spencer1997", *model, "--quiet", "--out", place)
-    assert ended.returncode == 0, ended.stderr
-    assert "warning" not in ended.stdout + ended.stderr
-    assert "note: the force has a static offset" in ended.stdout
+def test_the_first_demo_has_no_warning() -> None:
+    test = mr.synthetic_test("spencer1997")
+    assert mr.identify("normalised_bouc_wen", test, rng=1).warnings == ()
+    assert "force_offset" in {each.code for each in test.findings}
 
 
 DT = 4e-3
@@ -150,11 +138,8 @@ LEVELS = np.array([0.0, 0.75, 1.5])
 
 
 def record(
-    alpha: tuple[float, float, float], command: NDArray[np.float64] | float, law: LawName, rng: int = 0
+    alpha: tuple[float, float, float], command: CommandValues, law: LawName, rng: int = 0
 ) -> DamperTest:
-    time = DT * np.arange(800)
-    omega = 4.0 * np.pi
-    displacement, velocity = 0.01 * np.sin(omega * time), 0.01 * omega * np.cos(omega * time)
     values = {"c": 1500.0, "k": 4000.0, "beta": 100.0, "delta": 0.6, "x_s": 1e-4, "f0": 50.0}
     spec = PLAIN.with_current_laws({"alpha": law})
     theta = [
@@ -163,18 +148,8 @@ def record(
         else values[each.plain_name]
         for each in spec.parameters
     ]
-    loading = mr.Loading(
-        dt=DT, displacement=displacement, velocity=velocity, command=command, command_unit="A"
-    )
-    force = mr.simulate_force(spec, np.array(theta), loading)
-    return build_damper_test(
-        name=f"record {rng}",
-        time=time,
-        displacement=displacement,
-        velocity=velocity,
-        force=force + NOISE_N * np.random.default_rng(rng).standard_normal(time.size),
-        current=command,
-    )
+    shape = {"dt": DT, "n_time": 800, "noise_n": NOISE_N, "rng": rng, "command": command}
+    return driven_test(spec, theta, (0.01, 2.0), **shape, name=f"record {rng}")
 
 
 def steps() -> NDArray[np.float64]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.identification.equivalent import joint_box
-from mrwork.identification.identify import identify_from
-from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest, Observation, build_damper_test
 
 SPEC = mr.damper("static_hysteretic")
@@ -73,31 +69,3 @@ def test_damping_at_one_frequency_says_what_an_unknown_delay_would_do() -> None:
     stiff = replace(test, force=test.force + 4e5 * test.displacement)
     (sentence,) = [each for each in mr.identify(SPEC, stiff, threads=1).warnings if "not known" in each]
     assert "a delay of the force of 6.7 ms" in sentence
-
-
-def test_the_checks_of_a_fit_do_not_depend_on_how_its_laws_were_found() -> None:
-    """A fit from its own minimum, as a choice of laws makes it, says what the search of the same laws says."""
-    late = [
-        replace(test, force=(1.0 + command) * test.force, current=command, name=f"{test.name} {command} A")
-        for test in rig(Observation(lag_seconds=LAG))
-        for command in (0.0, 1.0)
-    ]
-    spec = mr.damper("static_hysteretic").with_current_laws(
-        dict.fromkeys(("c", "k", "alpha", "f0"), "values:0,1"), unit="A"
-    )
-    searched = mr.identify(spec, late, threads=1)
-    start = dict(zip(spec.names, searched.theta, strict=True))
-    problem = Problem.of(spec, tuple(late), searched.settings)
-    again = identify_from(
-        spec,
-        late,
-        replace(searched.settings, starts=(start,)),
-        box=joint_box(problem.form, tuple(late), np.array([0.0, 1.0])),
-        trace=searched.trace,
-        threads=1,
-    )
-    for said in ("the force is late", "far worse together than alone"):
-        assert any(said in each for each in searched.warnings)
-    # The two minima agree to rounding, and so do the numbers of the sentences.
-    words = [[re.sub(r"[0-9.]+", "", each) for each in fit.warnings] for fit in (searched, again)]
-    assert words[0] == words[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import measured_data
@@ -68,43 +68,40 @@ def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_end
     assert not any("average" in each for each in averaged.warnings)
 
 
-def fooled(test: DamperTest) -> DamperTest:
-    """The test with an average that was found in it though there is none."""
+@cache
+def fooled() -> DamperTest:
+    """The clean test with an average that was found in it though there is none."""
     smoothing = Smoothing(window_seconds=0.08, kind="moving_average", channels=("force", "displacement"))
-    return replace(test, name="fooled", path="", smoothing=smoothing)
+    return replace(CLEAN, name="fooled", path="", smoothing=smoothing)
 
 
-def test_an_average_without_which_the_fit_is_better_is_named_and_kept() -> None:
-    fit = identify(fooled(CLEAN))
+def test_an_average_without_which_the_fit_is_better_is_named_kept_and_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with closing(Journal(path)) as journal:
+        fit = identify(fooled(), journal=journal)
     assert fit.quality[0].observation == Observation(average_seconds=0.08)
     (warning,) = (each for each in fit.warnings if "moving average" in each)
-    without = identify(fooled(CLEAN), observe="none")
-    assert f"without the moving average over 80 ms the fit would be {without.fit_percent:.1f}" in warning
+    without = identify(fooled(), observe="none")
+    assert f"{without.fit_percent:.1f}" in warning
     assert f"% instead of {fit.fit_percent:.2f} %" in warning
     assert not without.warnings
+    written = path.read_bytes()
+    with closing(Journal(path, resume=True)) as journal:
+        again = identify(fooled(), journal=journal)
+    assert (again.theta, again.warnings) == (fit.theta, fit.warnings)
+    assert path.read_bytes() == written
 
 
 def test_several_tests_name_the_one_that_is_better_without_its_average() -> None:
-    fit = identify([recorded(slice(None, 1000)), fooled(CLEAN.part(900, CLEAN.n_time))])
+    fit = identify([recorded(slice(None, 1000)), fooled().part(900, CLEAN.n_time)])
     averages = [each for each in fit.warnings if "moving average" in each]
     assert ["fooled: without the moving average" in each for each in averages] == [True]
 
 
 def test_an_average_that_is_in_the_record_or_was_given_is_not_doubted() -> None:
     assert not identify(recorded()).warnings
-    given = identify(fooled(CLEAN), observe="average=0.05")
+    given = identify(fooled(), observe="average=0.05")
     assert not any("moving average" in each for each in given.warnings)
-
-
-def test_a_fit_with_an_average_replays_from_its_journal(tmp_path: Path) -> None:
-    path = tmp_path / "journal.jsonl"
-    with closing(Journal(path)) as journal:
-        first = identify(fooled(CLEAN), journal=journal)
-    written = path.read_bytes()
-    with closing(Journal(path, resume=True)) as journal:
-        again = identify(fooled(CLEAN), journal=journal)
-    assert (again.theta, again.warnings) == (first.theta, first.warnings)
-    assert path.read_bytes() == written
 
 
 def test_nothing_detected_is_none_to_the_bit() -> None:

@@ -7,13 +7,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from sentences import Refused
-from sinusoidal_tests import sinusoidal_test
+from refusals import refusal
+from sinusoidal_tests import driven_test, sinusoidal_test
 
 import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import damper
-from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run
@@ -36,27 +35,11 @@ SEARCH = EfficientGA(stop=StopRules(max_generations=40))
 FIXED = {"x_s": (1e-4, 1e-4)}
 
 
-def record(current: float, *, amplitude: float = 0.01, frequency: float = 1.0, rng: int = 0) -> DamperTest:
+def record(current: float, *, rng: int = 0) -> DamperTest:
     """A sinusoidal test of the published damper, with noise in the force alone."""
-    dt = 2e-3
-    time = dt * np.arange(round(3.0 / frequency / dt))
-    phase = 2.0 * np.pi * frequency * time
-    displacement, velocity = amplitude * np.sin(phase), 2.0 * np.pi * frequency * amplitude * np.cos(phase)
-    loading = Loading(dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A")
-    force = simulate_force(PRESET.spec, TRUTH, loading)
-    template = synthetic_test("rd1005_1a")
-    noise = NOISE_N * np.random.default_rng([rng, round(100 * current)]).standard_normal(time.size)
-    return replace(
-        template,
-        name=f"{current:g} A",
-        dt=dt,
-        displacement=displacement,
-        velocity=velocity,
-        force=force + noise,
-        n_settle=200,
-        current=current,
-        voltage=None,
-    )
+    draws = [rng, round(100 * current)]
+    shape = {"dt": 4e-3, "n_time": 750, "noise_n": NOISE_N, "rng": draws, "command": current}
+    return replace(driven_test(PRESET.spec, TRUTH, (0.01, 1.0), **shape), n_settle=100)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +71,7 @@ def test_the_fit_knows_its_laws(fit) -> None:
 
 def test_a_smoothed_record_misleads_a_model_that_is_not_told(tests: tuple[DamperTest, ...], fit) -> None:
     observation = Observation(average_seconds=0.1)
-    smoothed = [replace(test, force=observation.observe(test.force, test.dt), n_settle=250) for test in tests]
+    smoothed = [replace(test, force=observation.observe(test.force, test.dt), n_settle=125) for test in tests]
     told = [replace(test, observation=observation) for test in smoothed]
     aware = identify(PRESET.spec, told, search=SEARCH, bounds=FIXED, rng=2)
     naive = identify(PRESET.spec, smoothed, search=SEARCH, bounds=FIXED, rng=2)
@@ -154,9 +137,7 @@ def test_misfit_and_residuals_agree_for_every_observation_model(tests: tuple[Dam
         np.testing.assert_allclose(case(theta), np.linalg.norm(case.residuals(theta), axis=1), rtol=1e-10)
 
 
-def test_the_power_of_the_mean_over_tests_is_what_is_minimised(
-    tests: tuple[DamperTest, ...], refused: Refused
-) -> None:
+def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[DamperTest, ...]) -> None:
     theta = TRUTH[None] * np.linspace(0.9, 1.1, 5)[:, None]
     each = np.array([Objective.of(PRESET.spec, (test,))(theta) for test in tests])
     for power in (2.0, 4.0, 7.5):
@@ -164,8 +145,6 @@ def test_the_power_of_the_mean_over_tests_is_what_is_minimised(
         np.testing.assert_allclose(
             Objective.of(PRESET.spec, tests, FitSettings(power=power))(theta), mean, rtol=1e-12
         )
-    for power in (1.0, 1e3):
-        refused(identify, PRESET.spec, tests, power=power)
 
 
 def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> None:
@@ -181,11 +160,9 @@ def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> N
     assert flatter.provenance.settings["power"] == 6.0
 
 
-def test_a_test_without_the_models_command_is_refused(
-    tests: tuple[DamperTest, ...], refused: Refused
-) -> None:
+def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, ...]) -> None:
     in_volts = [replace(test, current=None, voltage=test.current) for test in tests]
-    refused(identify, PRESET.spec, in_volts, search=SEARCH)
+    refusal(identify, PRESET.spec, in_volts, search=SEARCH, match="command in A, the test has 0 V")
 
 
 def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:
@@ -219,20 +196,15 @@ def test_a_test_is_far_worse_above_five_times_its_own_misfit_which_noise_limits(
     assert far_worse(np.array([0.1, 0.1, 0.11, 0.9]), alone).tolist() == [2]
 
 
-def test_the_sentence_names_the_tests_and_what_to_do() -> None:
+def test_a_false_minimum_is_suspected_where_the_best_was_not_found_again() -> None:
     tests = [synthetic_test("rd1005_1a")] * 5
     joint, alone = np.full(5, 0.3), np.full(5, 0.04)
     worse = far_worse(joint, alone)
-    suspected = far_worse_sentence(tests, worse, joint, alone, found_again=False)
+    suspected, limited = (
+        far_worse_sentence(tests, worse, joint, alone, found_again=again) for again in (False, True)
+    )
     assert suspected.startswith("false minimum suspected: 5 of 5 tests")
     assert "(70.0 % for 96.0 %)" in suspected
-    assert "and 2 more" in suspected
-    assert "try another seed" in suspected
-    limited = far_worse_sentence(tests, worse, joint, alone, found_again=True)
-    assert "these laws of this model cannot follow the tests" in limited
-    for sentence in (suspected, limited):
-        assert "--law auto" in sentence
-        assert "compare other models (--model A,B)" in sentence
     assert "false minimum" not in limited
 
 
@@ -273,16 +245,13 @@ def sine_test(amplitude: float, frequency: float) -> DamperTest:
     )
 
 
-def test_few_tests_are_all_taken() -> None:
-    tests = [sine_test(0.01, 1.0), sine_test(0.02, 1.0)]
-    assert unlike_tests(tests, 4) == tuple(tests)
-
-
 def test_the_extremes_of_stroke_and_velocity_are_taken_in_the_order_of_the_tests() -> None:
     middle = [sine_test(0.010, 2.0), sine_test(0.011, 2.0), sine_test(0.009, 2.0)]
     ends = [sine_test(0.001, 20.0), sine_test(0.1, 0.2), sine_test(0.1, 20.0)]
     tests = [middle[0], ends[0], middle[1], ends[1], ends[2], middle[2]]
-    assert unlike_tests(tests, 3) == (ends[0], ends[1], ends[2])
+    assert unlike_tests(tests, 3) == tuple(ends)
+    # Few tests are all taken.
+    assert unlike_tests(tests, 6) == tuple(tests)
 
 
 def test_of_repeated_motions_each_test_is_taken_once() -> None:
@@ -337,22 +306,3 @@ def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
     assert not leaves_range(spec, moved, FIVE_COMMANDS)
     assert moved[[0, 1, 5, 6]].tolist() == theta[[0, 1, 5, 6]].tolist()
     assert within_range(spec, moved, FIVE_COMMANDS).tolist() == moved.tolist()
-
-
-@pytest.mark.parametrize("n_tests", [1, 3])
-def test_a_figure_of_progress_only_rises_under_one_name(tests: tuple[DamperTest, ...], n_tests: int) -> None:
-    best: dict[tuple[str, str], list[float]] = {}
-    model = PRESET.spec if n_tests > 1 else "bouc_wen"
-
-    def told(progress: Progress) -> None:
-        assert progress.best_in_words in progress.in_words
-        best.setdefault((progress.stage, progress.fitted), []).append(progress.fit_percent)
-
-    identify(model, tests[:n_tests], bounds=FIXED if n_tests > 1 else None, rng=2, on_progress=told)
-    for seen in best.values():
-        assert seen == sorted(seen)
-    # Simpler models, tests of one command, parts of the tests and all of them are told apart.
-    of_searches = {fitted for stage, fitted in best if stage == "search"}
-    alone = {"at 0 A", "at 0.5 A", "at 1 A"} if n_tests > 1 else {"dahl on excerpts"}
-    assert of_searches >= {*alone, "excerpts"}
-    assert ("refinement", "") in best

@@ -1,4 +1,4 @@
-"""Local minimisations where the loop of the tests is sharper than their step resolves."""
+"""Loops sharper than the tests resolve: the minimisation at that limit, and what such a fit costs in a building."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective, find_minima, identifiable_form
+from mrwork.identification.fit_file import fit_content, fit_from_json
 from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
+from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.reading import synthetic_test
 
@@ -39,7 +42,7 @@ def parameters(**others: float) -> np.ndarray:
 def slow_test() -> DamperTest:
     """A test at 0.1 Hz and a step of 0.04 s, which resolves loops to a seventh of the sharpness of this one."""
     dt = 0.0025
-    time = dt * np.arange(12_800)
+    time = dt * np.arange(8_000)
     displacement = 0.025 * np.sin(0.2 * np.pi * time)
     velocity = 0.005 * np.pi * np.cos(0.2 * np.pi * time)
     force = simulate_force(
@@ -138,3 +141,63 @@ def test_a_limited_objective_has_the_same_bits_below_its_limit_at_any_sampling()
         assert np.isfinite(objective(theta)).all()
         np.testing.assert_array_equal(limited.on(NORMALISED, limited.tests)(theta), limited(theta))
         np.testing.assert_array_equal(limited(theta, np.full(4, 10.0)), limited(theta))
+
+
+STIFF = (800.0, 500.0, 0.0, 900.0, 7e4, 0.5, 1.1)
+"""Of normalised_bouc_wen: a loop that yields within hundredths of a millimetre."""
+GAVIN = (900.0, 0.005, 0.01, 500.0, 800.0, 0.0)
+SOFT = (800.0, 500.0, 0.0, 900.0, 700.0, 0.5, 1.1)
+
+
+@pytest.mark.parametrize("theta", [STIFF, SOFT])
+def test_the_loop_takes_the_steps_that_the_cost_says(theta: tuple[float, ...]) -> None:
+    building = mr.building("uts")
+    spec = mr.damper("normalised_bouc_wen")
+    device = mr.Device(name="one", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    ground = 3.0 * np.sin(15.0 * np.arange(0.0, 2.0, 0.01))
+    motion = mr.GroundMotion(name="sine", dt=0.01, acceleration=ground)
+    law = mr.ControlLaw(name="passive", gains={"command": [[0.0]]})
+    responses = mr.simulate_loop(building, [device], law, [motion], histories=True)
+    assert responses.histories is not None
+    (history,) = responses.histories
+    # The motion of the damper in the building, as a test of it.
+    test = replace(
+        sinusoid("normalised_bouc_wen", SOFT, noise=0.01),
+        dt=mr.Hardware().sample_time,
+        displacement=history.deformation[:, 0],
+        velocity=history.rate[:, 0],
+        force=history.force[:, 0],
+    )
+    cost = BuildingCost.of(spec, theta, [test])
+    # The building itself may want more steps than the damper.
+    fewest = round(mr.Hardware().sample_time / mr.Hardware().step)
+    assert cost.steps in (responses.steps[0], 2 * responses.steps[0], fewest)
+    assert cost.is_high == (theta is STIFF)
+
+
+def test_the_cost_does_not_depend_on_the_step_of_the_record() -> None:
+    spec = mr.damper("normalised_bouc_wen")
+    costs = {
+        BuildingCost.of(spec, STIFF, [sinusoid("normalised_bouc_wen", SOFT, noise=0.01, dt=dt)]).steps
+        for dt in (2e-3, 1e-3, 5e-4)
+    }
+    assert len(costs) == 1
+
+
+def test_a_model_without_states_costs_the_fewest_steps() -> None:
+    bingham = mr.damper("bingham")
+    test = sinusoid("bingham", tuple(bingham.nominal), noise=0.01)
+    assert BuildingCost.of(bingham, bingham.nominal, [test]).steps == 2
+
+
+def test_a_costly_fit_is_not_only_converged_and_names_the_model_that_is_as_good() -> None:
+    test = sinusoid("hyperbolic_tangent_gavin", GAVIN, noise=0.01, dt=1e-3)
+    held = {"rho": (STIFF[4], STIFF[4]), "sigma": (0.5, 0.5), "n": (1.0, 1.2)}
+    fit = mr.identify("normalised_bouc_wen", test, bounds=held, threads=1)
+    assert fit.status == "converged"
+    assert "integration steps" in fit.status_in_words
+    (warning,) = [each for each in fit.warnings if "integration steps" in each]
+    # Two forms of one equation; the one with fewer parameters is named.
+    assert "hyperbolic_tangent_guo, which has no states" in warning
+    again = fit_from_json(fit_content(fit).decode(), origin="here")
+    assert again.status_in_words == fit.status_in_words

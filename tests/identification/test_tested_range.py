@@ -1,4 +1,4 @@
-"""A fit carries the ranges of its tests, and says what of a prediction lies outside of them."""
+"""A fit carries the ranges and commands of its tests, and says what of a prediction lies outside of them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import printed
-from sentences import Refused
+from command_line import mrwork, printed
+from record_files import write_test
+from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.errors import SimulationError
+from mrwork.errors import MrworkWarning, SimulationError
+from mrwork.identification import Multistart
 from mrwork.identification.fit_file import fit_from_json, read_fit
+from mrwork.identification.problem import command_warning
 from mrwork.identification.result import explain_failures
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.codec import json_document
 
@@ -24,28 +27,10 @@ LAWFUL = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
 SEARCH = EfficientGA(stop=StopRules(max_generations=10))
 # The friction turns negative below 0.125 A.
 THETA = [-100.0, 800.0, 0.02, 900.0, 0.0]
-PER_CYCLE = 60
 
 
 def a_test(current: float, amplitude: float = 0.01, frequency: float = 1.0) -> DamperTest:
-    dt = 1.0 / (PER_CYCLE * frequency)
-    angle = 2.0 * np.pi * np.arange(3 * PER_CYCLE + 1) / PER_CYCLE
-    displacement = amplitude * np.sin(angle)
-    velocity = 2.0 * np.pi * frequency * amplitude * np.cos(angle)
-    loading = mr.Loading(
-        dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A"
-    )
-    force = mr.simulate_force(LAWFUL, THETA, loading)
-    noise = np.random.default_rng(1).standard_normal(angle.size)
-    made = build_damper_test(
-        name=f"{1e3 * amplitude:g} mm {frequency:g} Hz {current:g} A",
-        time=dt * np.arange(angle.size),
-        displacement=displacement,
-        velocity=velocity,
-        force=force + 0.01 * np.std(force) * noise,
-        synthetic=True,
-    )
-    return replace(made, current=current)
+    return sinusoidal_test(LAWFUL, THETA, (amplitude, frequency), noise=0.01, rng=1, command=current)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +51,6 @@ def test_a_law_that_turns_negative_near_the_tested_commands_is_a_warning_of_the_
     (sentence,) = fit.warnings
     assert sentence.startswith("the law of f_c turns negative: -")
     assert "at 0 A" in sentence
-    assert "the tests are at 0.25 to 1 A: do not use the fit there" in sentence
 
 
 def test_a_prediction_within_the_tested_ranges_says_nothing(fit: mr.Fit) -> None:
@@ -92,8 +76,8 @@ def test_a_prediction_outside_the_tested_ranges_names_each_quantity(
 
 def test_at_a_command_that_was_left_out_the_law_is_named(fit: mr.Fit) -> None:
     said = " ".join(repr(mr.predict(fit, a_test(0.0))).split())
-    assert "warning: command 0 A, tested from 0.25 to 1 A; the law of f_c is extrapolated" in said
-    assert "warning: the law of f_c turns negative" in said
+    assert "the law of f_c is extrapolated" in said
+    assert "the law of f_c turns negative" in said
 
 
 def test_a_simulation_that_fails_outside_the_tested_range_says_so(fit: mr.Fit) -> None:
@@ -102,41 +86,70 @@ def test_a_simulation_that_fails_outside_the_tested_range_says_so(fit: mr.Fit) -
             raise SimulationError("diverged")
 
 
-def test_both_verbs_say_what_the_fit_says(tmp_path: Path, refused: Refused) -> None:
-    names = []
-    for current in (0.25, 0.5, 1.0, 0.0):
-        test = a_test(current)
-        names.append(tmp_path / f"{current:g}.csv")
-        np.savetxt(
-            names[-1],
-            np.column_stack(
-                [test.time, test.displacement, test.velocity, test.force, np.full(test.n_time, current)]
-            ),
-            delimiter=",",
-            header="time_s,displacement_m,velocity_mps,force_N,current_A",
-            comments="",
-        )
-    *fitted, left_out = names
+def test_both_verbs_say_what_the_fit_says(tmp_path: Path) -> None:
+    tests = [a_test(current) for current in (0.25, 0.5, 1.0, 0.0)]
+    *fitted, left_out = (write_test(tmp_path / f"{each.current:g}.csv", each) for each in tests)
     out = tmp_path / "run"
     laws = ("--model", "bingham", "--law", "f_c=linear:0.25,1", "--generations", "5", "--population", "20")
     text = printed("identify", *fitted, *laws, "--out", out, "--quiet")
     assert "tested: stroke to 10 mm" in text
     assert "warning: the law of f_c turns negative" in text
-    loaded = " ".join(repr(mr.load(out)).split())
-    assert "tested: stroke to 10 mm" in loaded
-    assert "warning: the law of f_c turns negative" in loaded
-    page = (out / "report.html").read_text()
-    assert "Not beyond the tested ranges: stroke to 10 mm" in page.replace("\N{NO-BREAK SPACE}", " ")
-    assert "the law of f_c turns negative" in page
-    text = printed("predict", out, left_out, fitted[0])
-    assert "warning: command 0 A, tested from 0.25 to 1 A; the law of f_c is extrapolated" in text
-    assert "outside on 1 of 2 files" in text
-    document = json.loads(printed("predict", out, left_out, fitted[0], "--json"))
-    assert document["files"][0]["outside_tested_range"] == ["command"]
-    assert any("turns negative" in each for each in document["files"][0]["warnings"])
-    assert (document["files"][1]["outside_tested_range"], document["files"][1]["warnings"]) == ([], [])
-    stored = json.loads((out / "fit.json").read_text())
     assert len(read_fit(out).motions) == len(fitted)
-    for name in ("tested", "motions"):
-        (out / "fit.json").write_text(json.dumps({key: stored[key] for key in stored if key != name}))
-        refused(read_fit, out)
+    outside, inside = json.loads(printed("predict", out, left_out, fitted[0], "--json"))["files"]
+    assert outside["outside_tested_range"] == ["command"]
+    assert any("turns negative" in each for each in outside["warnings"])
+    assert (inside["outside_tested_range"], inside["warnings"]) == ([], [])
+
+
+FEW = Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
+BINGHAM = (400.0, 0.01, 900.0, 0.0)
+
+
+def at(*currents: float | None) -> tuple[DamperTest, ...]:
+    return tuple(
+        replace(sinusoidal_test("bingham", BINGHAM, motion, noise=0.02), current=current)
+        for motion, current in zip(MOTIONS, currents, strict=False)
+    )
+
+
+def test_a_pooled_fit_warns_before_the_search_and_carries_the_warning() -> None:
+    with pytest.warns(MrworkWarning, match=r"3 commands \(0, 0.5, 1 A\).*bingham.*--law") as caught:
+        fit = mr.identify("bingham", at(1.0, 0.0, 0.5), search=FEW)
+    assert Path(caught[0].filename) == Path(__file__)
+    assert fit.warnings == (str(caught[0].message),)
+    # However long it is, it can be read to its end.
+    assert "tests at one command" in " ".join(repr(fit).split())
+    assert fit_from_json(json_document(fit.as_dict()), origin="fit.json").warnings == fit.warnings
+
+
+@pytest.mark.parametrize("currents", [(0.5, 0.5), (0.499, 0.501), (None, None), (None, 0.5)])
+def test_one_command_with_its_noise_and_unknown_ones_give_no_warning(
+    currents: tuple[float | None, ...],
+) -> None:
+    assert command_warning(at(*currents), [mr.damper("bingham")]) == ()
+
+
+def test_only_models_without_laws_are_named() -> None:
+    lawful = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")
+    assert command_warning(at(0.0, 1.0), [lawful]) == ()
+    (sentence,) = command_warning(at(0.0, 1.0), [lawful, mr.damper("bingham")])
+    assert "dahl" not in sentence
+    assert "bingham" in sentence
+
+
+def test_volts_and_amperes_are_both_listed() -> None:
+    in_volts = replace(at(None)[0], voltage=2.0)
+    (sentence,) = command_warning((*at(0.5, 1.0), in_volts), [mr.damper("bingham")])
+    assert "3 commands (0.5, 1 A, 2 V)" in sentence
+
+
+@pytest.mark.parametrize(("model", "key"), [("bingham", "warnings"), ("bingham,dahl", "remarks")])
+def test_the_command_line_says_it_once_on_stderr_and_in_the_json(
+    tmp_path: Path, model: str, key: str
+) -> None:
+    files = [write_test(tmp_path / f"10mm1Hz{each.current:g}A.csv", each) for each in at(0.0, 1.0)]
+    ended = mrwork("identify", *files, "--model", model, "--out", tmp_path / "run", "--quiet", "--json")
+    assert ended.returncode == 0
+    assert ended.stderr.count("the tests are at 2 commands (0, 1 A)") == 1
+    assert any("2 commands (0, 1 A)" in sentence for sentence in json.loads(ended.stdout)[key])
+    assert "2 commands" in read_fit(tmp_path / "run").warnings[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import warnings
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -13,13 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import mrwork, printed
+from command_line import printed
 from numpy.typing import NDArray
+from record_files import write_test
+from refusals import command_refusal
 from sentences import Refused
+from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.dampers import LawName
-from mrwork.dampers.command import CommandValues
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
@@ -28,7 +29,7 @@ from mrwork.identification.minimise.level_search import relative_force
 from mrwork.identification.minimise.multistart import StartingPoints
 from mrwork.identification.minimise.polish import FinalFit, polish_with_wanted_lag
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.search import EfficientGA, StopRules
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
@@ -74,20 +75,9 @@ def record(
     command: Course | float, *, frequency: float = 2.0, amplitude: float = 0.01, rng: int = 0
 ) -> DamperTest:
     """A sinusoidal test of the lagged damper, with noise in the force alone."""
-    time = DT * np.arange(2000)
-    omega = 2.0 * np.pi * frequency
-    displacement, velocity = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
-    sent: CommandValues = command(time) if callable(command) else command
-    loading = mr.Loading(dt=DT, displacement=displacement, velocity=velocity, command=sent, command_unit="A")
-    force = mr.simulate_force(SPEC, THETA, loading)
-    return build_damper_test(
-        name=command.__name__ if callable(command) else f"{command:g} A",
-        time=time,
-        displacement=displacement,
-        velocity=velocity,
-        force=force + NOISE_N * np.random.default_rng([rng, 7]).standard_normal(time.size),
-        current=sent,
-    )
+    shape = {"dt": DT, "n_time": 2000, "noise_n": NOISE_N, "rng": [rng, 7]}
+    sent, name = (command(DT * np.arange(2000)), command.__name__) if callable(command) else (command, "")
+    return driven_test(SPEC, THETA, (amplitude, frequency), **shape, command=sent, name=name)
 
 
 def assert_recovered(fit: Fit) -> None:
@@ -332,34 +322,17 @@ def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
 
 
 def test_the_command_line_fits_predicts_and_calibrates_records_of_a_set_point(tmp_path: Path) -> None:
-    files = []
-    for name, test in (
-        ("steps", record(random_steps)),
-        ("waves", record(random_waves)),
-        ("switch", record(switching)),
-    ):
-        files.append(tmp_path / f"{name}.csv")
-        columns = (test.time, 1e3 * test.displacement, test.velocity, test.force, np.asarray(test.current))
-        heading = "t_s,displacement_mm,velocity_mps,force_N,setpoint_A"
-        np.savetxt(files[-1], np.column_stack(columns), delimiter=",", header=heading, comments="")
+    tests = record(random_steps), record(random_waves), record(switching)
+    files = [write_test(tmp_path / f"{each.name}.csv", each) for each in tests]
     out = tmp_path / "run"
     laws = ["--law", "c=linear:0,1", "--law", "alpha=quadratic:0,0.5,1", "--driver-lag", "--fix", "x_s=1e-4"]
     short = ["--generations", "20", "--quiet", "--json", "--out", out]
-    found = json.loads(printed("identify", files[0], files[1], "--model", "static_hysteretic", *laws, *short))
+    found = json.loads(printed("identify", *files[:2], "--model", "static_hysteretic", *laws, *short))
     assert found["current_laws"]["lagged"] is True
     assert found["parameters"]["eta"]["value"] == pytest.approx(TRUTH["eta"], rel=0.05)
-    assert " A, varying" in (out / "report.html").read_text()
-    predicted = json.loads(mrwork("predict", out, files[2], "--json").stdout)
+    predicted = json.loads(printed("predict", out, files[2], "--json"))
     assert predicted["files"][0]["rmse_n"] == pytest.approx(NOISE_N, rel=0.1)
     printed("calibrate", out, files[2], "--json")
-    checked = json.loads(mrwork("check", files[2], "--json").stdout)["files"][0]
+    checked = json.loads(printed("check", files[2], "--json"))["files"][0]
     assert checked["current_a"] == {"lowest": 0.0, "highest": 1.0}
-    refused = mrwork("identify", files[0], "--driver-lag")
-    assert refused.returncode == 2
-    assert "--law" in refused.stderr
-
-
-def test_constant_commands_raise_no_warning_of_the_new_kind() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", MrworkWarning)
-        mr.identify("bingham", record(0.5), search=FEW)
+    command_refusal("identify", files[0], "--driver-lag", match="--law")

@@ -12,7 +12,6 @@ from record_files import codes
 from mrwork.records import DamperTest, RecordedMotion, build_damper_test, detect_smoothing, read_damper_tests
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.likeness import alike_groups
-from tools.faults.lying_records import TELLING
 
 DATA = measured_data.DATA / "dampers"
 
@@ -100,13 +99,6 @@ def test_the_authors_moving_average_over_a_tenth_of_a_period_is_found(utfsm: tup
 
 def test_no_moving_average_is_seen_where_none_is_known(labcontrol: tuple[DamperTest, ...]) -> None:
     assert [test.name for test in labcontrol if detect_smoothing(test)] == []
-
-
-def test_no_record_has_a_warning_of_a_lie(
-    utfsm: tuple[DamperTest, ...], labcontrol: tuple[DamperTest, ...]
-) -> None:
-    told = {test.name: found for test in (*utfsm, *labcontrol) if (found := TELLING & set(codes(test)))}
-    assert told == {}
 
 
 def test_raw_and_smoothed_versions_are_alike_and_no_other_tests_are(utfsm: tuple[DamperTest, ...]) -> None:

@@ -58,3 +58,8 @@ def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
 def small_draws(noise: str = "iid") -> Draws:
     """Draws that are too few, and made in little time."""
     return sample(small_fit(), small_test(), noise=noise, walkers=16, most_steps=60, threads=1)
+
+
+@cache
+def converged_draws() -> Draws:
+    return sample(small_fit(), small_test(), tempering=1.0, walkers=32, rng=3, threads=1)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from mrwork.dampers import damper
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers import DamperSpec, damper
+from mrwork.dampers.command import CommandValues
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest, build_damper_test
 
@@ -13,8 +17,8 @@ PER_CYCLE = 60
 
 
 def sinusoidal_test(
-    model: str,
-    theta: tuple[float, ...],
+    model: str | DamperSpec,
+    theta: Sequence[float],
     motion: tuple[float, float],
     *,
     noise: float,
@@ -24,22 +28,68 @@ def sinusoidal_test(
 ) -> DamperTest:
     """A sinusoidal test; `motion` is amplitude [m] and frequency [Hz], `noise` a share of the force.
 
-    One at a constant `command` [A] names it.
+    One at a constant `command` [A] names it, and follows it where the model has laws.
     """
-    amplitude, frequency = motion
-    dt = 1.0 / (PER_CYCLE * frequency)
+    spec = damper(model) if isinstance(model, str) else model
+    dt = 1.0 / (PER_CYCLE * motion[1])
     time = dt * np.arange(cycles * PER_CYCLE + 1)
-    angle = 2.0 * np.pi * frequency * time
-    displacement = amplitude * np.sin(angle)
-    velocity = 2.0 * np.pi * frequency * amplitude * np.cos(angle)
-    force = simulate_force(damper(model), theta, Loading(dt=dt, displacement=displacement, velocity=velocity))
+    loading = harmonic(time, motion, command if spec.current else None)
+    force = simulate_force(spec, theta, loading)
     scatter = np.random.default_rng(rng).standard_normal(time.size)
+    name = f"{1e3 * motion[0]:g} mm {motion[1]:g} Hz" if command is None else f"{motion} at {command} A"
+    return _recorded(name, time, loading, force + noise * np.std(force) * scatter, command, synthetic=True)
+
+
+def driven_test(
+    spec: DamperSpec,
+    theta: Sequence[float] | NDArray[np.float64],
+    motion: tuple[float, float],
+    *,
+    dt: float,
+    n_time: int,
+    noise_n: float,
+    rng: int | Sequence[int],
+    command: CommandValues,
+    name: str = "",
+) -> DamperTest:
+    """A sinusoidal test at a command [A], which may vary, with noise of `noise_n` [N] in the force alone."""
+    time = dt * np.arange(n_time)
+    loading = harmonic(time, motion, command)
+    force = simulate_force(spec, theta, loading)
+    scatter = np.random.default_rng(rng).standard_normal(n_time)
+    return _recorded(name or f"{command:g} A", time, loading, force + noise_n * scatter, command)
+
+
+def harmonic(
+    time: NDArray[np.float64], motion: tuple[float, float], command: CommandValues | None = None
+) -> Loading:
+    """A sinusoid from mid-stroke with its exact velocity."""
+    amplitude, frequency = motion
+    angle = 2.0 * np.pi * frequency * time
+    return Loading(
+        dt=time[1],
+        displacement=amplitude * np.sin(angle),
+        velocity=2.0 * np.pi * frequency * amplitude * np.cos(angle),
+        command=command,
+        command_unit=None if command is None else "A",
+    )
+
+
+def _recorded(
+    name: str,
+    time: NDArray[np.float64],
+    loading: Loading,
+    force: NDArray[np.float64],
+    command: CommandValues | None,
+    *,
+    synthetic: bool = False,
+) -> DamperTest:
     return build_damper_test(
-        name=f"{1e3 * amplitude:g} mm {frequency:g} Hz" if command is None else f"{motion} at {command} A",
+        name=name,
         time=time,
-        displacement=displacement,
-        velocity=velocity,
-        force=force + noise * np.std(force) * scatter,
-        synthetic=True,
+        displacement=loading.displacement,
+        velocity=loading.velocity,
+        force=force,
+        synthetic=synthetic,
         current=command,
     )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from study_texts import study_text
 
 import mrwork as mr
+from mrwork.store.codec import plain
 from mrwork.tuning import tune
-from mrwork.tuning.results import LawResult, TuningResults, chosen_study
+from mrwork.tuning.results import LawResult, TuningResults, chosen_study, tuning_document
 
 FIVE_STOREYS = 'published = "uts"'
 # Weights of fewer states are designed in half the time, where the building is not what matters.
@@ -70,27 +73,43 @@ def small_files(place: Path) -> None:
 
 
 @cache
-def small_study() -> mr.Study:
-    """The study file above. Its plant keeps the designs of the references, which are most of the time of a tuning."""
+def study_with(**options: str) -> mr.Study:
+    """The study file with these parts, once for each of them."""
     with TemporaryDirectory() as folder:
-        return mr.read_study(study_file(Path(folder)))
+        return mr.read_study(study_file(Path(folder), **options))
 
 
-def tuned(folder: Path, table: str) -> TuningResults:
+def small_study(tune: str = TUNE) -> mr.Study:
+    """The study file on two storeys. Equal ones are one study, whose plant keeps the designs of the references."""
+    return study_with(tune=tune, building=TWO_STOREYS)
+
+
+def tuned(table: str) -> TuningResults:
     """Results of the small study with what another table tunes."""
-    return tune(small_study(), mr.read_study(study_file(folder, tune=table)).tunes, threads=1)
+    return tune(small_study(), small_study(table).tunes, threads=1)
 
 
 def tuned_law_with_its_score(folder: Path, table: str) -> LawResult:
     """The law that a table tunes, which has the score of its test in the chosen study, too."""
-    source = study_file(folder, tune=table)
-    results = tune(small_study(), mr.read_study(source).tunes, threads=1)
+    results = tuned(table)
+    assert_its_score(results, small_study(table), folder)
+    return results.laws[0]
+
+
+def assert_its_score(results: TuningResults, study: mr.Study, folder: Path) -> None:
+    """The first law of the chosen study has the score of the tuning."""
     law = results.laws[0]
-    chosen = folder / "chosen" / "chosen.toml"
-    chosen.parent.mkdir()
-    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    chosen = folder / "chosen.toml"
+    chosen.write_text(chosen_study(results, study.file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
     row = [each.label for each in found.rows].index(law.label)
     assert law.test is not None
     assert found.score(row) == pytest.approx(law.test.score, rel=1e-12)
-    return law
+
+
+def without_times(results: TuningResults) -> Any:
+    """The document of a tuning without what a clock says."""
+    still = replace(results, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0)
+    laws = tuple(replace(each, seconds=0.0) for each in still.laws)
+    references = tuple(replace(each, seconds=0.0) for each in still.references)
+    return plain(tuning_document(replace(still, laws=laws, references=references)))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refusal
 from search_problems import arrays_of, half_failing, optimiser_named, sphere
-from sentences import Refused
 
 from mrwork import Journal
 from mrwork.search import (
@@ -91,18 +91,17 @@ def test_thresholds_leave_the_same_journal(tmp_path):
         assert whole["result"] | {"search_seconds": 0} == other["result"] | {"search_seconds": 0}
 
 
-def test_another_search_is_refused_by_name(tmp_path, refused: Refused):
-    for changed in ({"rng": 6}, {"replicates": (0, 4)}):
-        path = tmp_path / "journal.jsonl"
-        searched(shortened("genetic"), Journal(path, replace=True))
-        refused(searched, shortened("genetic"), Journal(path, resume=True), **changed)
-
-
-def test_other_settings_are_refused_by_name(tmp_path, refused: Refused):
+def test_another_search_is_refused_by_name(tmp_path):
     path = tmp_path / "journal.jsonl"
-    searched(shortened("genetic"), Journal(path))
-    refused(searched, replace(shortened("genetic"), population=61), Journal(path, resume=True))
-    refused(searched, shortened("standard_ga"), Journal(path, resume=True))
+    genetic = shortened("genetic")
+    searched(genetic, Journal(path))
+    for optimiser, changed, word in (
+        (genetic, {"rng": 6}, "seed is 5 there and 6 here"),
+        (genetic, {"replicates": (0, 4)}, "replicates.2"),
+        (replace(genetic, population=61), {}, "settings.population is 60 there"),
+        (shortened("standard_ga"), {}, "optimiser is EfficientGA there"),
+    ):
+        refusal(searched, optimiser, Journal(path, resume=True), **changed, match=word)
 
 
 def test_a_limit_of_time_ends_a_resumed_search_where_it_ended_it_before(tmp_path):

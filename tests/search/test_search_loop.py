@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refusal
 from search_problems import arrays_of, flat, half_failing, sphere, with_floor
-from sentences import Refused
 
 from mrwork.errors import Interrupted
 from mrwork.search import (
@@ -20,7 +20,7 @@ from mrwork.search import (
     run_replicates,
     run_search,
 )
-from mrwork.search.rules import hypothesis_test
+from mrwork.search.rules import first_improvement, has_stalled, hypothesis_test, statistic, threshold
 
 
 def only_capped(most):
@@ -91,13 +91,9 @@ def test_nothing_but_caps_and_target_stops_before_the_least_generations(rng):
     assert run_search(optimiser, sphere, rng=rng, n_params=2).generations >= 25
 
 
-@pytest.mark.parametrize("confidence", [0.0, 1.0])
-def test_a_confidence_is_neither_none_nor_all(confidence: float, refused: Refused):
-    refused(StopRules, confidence=confidence)
-
-
-def test_a_cap_below_the_first_generation_is_refused(refused: Refused):
-    refused(run_search, EfficientGA(stop=StopRules(max_evaluations=59)), sphere, rng=0, n_params=3)
+def test_a_cap_below_the_first_generation_is_refused():
+    capped = EfficientGA(stop=StopRules(max_evaluations=59))
+    refusal(run_search, capped, sphere, rng=0, n_params=3, match="first generation alone takes 60")
 
 
 # Events
@@ -165,11 +161,11 @@ def test_resumed_run_equals_uninterrupted_bit_for_bit(stop):
     assert resumed.stop_reason == whole.stop_reason == "max_generations"
 
 
-def test_resuming_another_search_is_refused(refused: Refused):
+def test_resuming_another_search_is_refused():
     state = EfficientGA().start(3, rng=5)
-    refused(run_search, EfficientGA(), sphere, rng=6, n_params=3, state=state)
-    refused(run_search, EfficientGA(), sphere, rng=5, n_params=4, state=state)
-    refused(run_replicates, EfficientGA(), sphere, rng=5, n_params=3, replicates=[1], state=state)
+    for changed, word in (({"rng": 6}, "rng=6"), ({"n_params": 4}, "n_params=4"), ({"replicates": [1]}, "1")):
+        asked = {"rng": 5, "n_params": 3, "replicates": [0], **changed}
+        refusal(run_replicates, EfficientGA(), sphere, **asked, state=state, match=rf"requested are .*{word}")
 
 
 def interrupted_after(completed, calls):
@@ -216,3 +212,49 @@ def test_the_elite_is_led_by_the_best():
     gap = np.abs(result.elite[:, None] - result.elite[None]).max(axis=2)
     assert len(result.elite) == 5
     assert np.all(gap[~np.eye(5, dtype=bool)] >= 0.15)
+
+
+def test_thresholds_are_those_of_the_source():
+    # 0.334 at 95 % and 0.217 at 99 %.
+    assert threshold(0.95) == pytest.approx(0.334, abs=5e-4)
+    assert threshold(0.99) == pytest.approx(0.217, abs=5e-4)
+
+
+def test_statistic_counts_from_the_first_improvement():
+    best = np.array([np.inf, 9.0, 9.0, 4.0, 2.0])
+    assert first_improvement(best) == 1
+    assert statistic(best) == pytest.approx((9 + 9 + 4 + 2) / 4 / 9)
+    assert first_improvement(np.array([9.0, 9.0, 4.0, 2.0])) == 2
+    assert statistic(np.array([9.0, 9.0, 4.0, 2.0])) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize("best", [[], [1.0], [1.0, 1.0], [np.inf, np.inf], [2.0, 0.0], [0.0, 0.0]])
+def test_nothing_decayed_means_no_stop(best):
+    assert not hypothesis_test(np.array(best))
+
+
+def test_traces_side_by_side_are_judged_each_on_its_own():
+    traces = np.array([[np.inf, 9.0, 9.0, 4.0, 2.0], [9.0, 9.0, 9.0, 9.0, 9.0], [9.0, 3.0, 1.0, 0.5, 0.1]])
+    assert np.array_equal(first_improvement(traces), [1, 5, 1])
+    assert np.array_equal(statistic(traces), [float(statistic(trace)) for trace in traces])
+    floor = np.array([0.5, 0.0, 0.1])
+    assert np.array_equal(
+        statistic(traces, floor=floor),
+        [float(statistic(t, floor=f)) for t, f in zip(traces, floor, strict=True)],
+    )
+    assert np.array_equal(has_stalled(traces, generations=3, tolerance=0.1), [False, True, False])
+
+
+def test_statistic_does_not_depend_on_the_unit_of_the_misfit():
+    best = np.exp(-0.1 * np.arange(40))
+    assert statistic(best * 1e300) == pytest.approx(statistic(best), rel=1e-12)
+
+
+def test_stall_is_relative_and_needs_its_generations():
+    best = np.array([2.0, 1.0, 0.9995, 0.9995])
+    assert has_stalled(best, generations=2, tolerance=1e-3)
+    assert not has_stalled(best, generations=2, tolerance=1e-4)
+    assert not has_stalled(best, generations=3, tolerance=1e-3)
+    assert not has_stalled(best, generations=4, tolerance=1e-3)
+    assert has_stalled(np.zeros(5), generations=3, tolerance=1e-3)
+    assert has_stalled(np.full(5, np.inf), generations=3, tolerance=1e-3)

@@ -6,7 +6,6 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import jax
@@ -14,10 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import tuning_samples
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
-from mrwork.errors import SettingError
 from mrwork.study import TuneTable
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes
@@ -27,14 +25,8 @@ LAW = "proportional_direct"
 MOTION = tuning_samples.motion("A", 1).replace("duration = 3", "duration = 1")
 
 
-@cache
 def study() -> mr.Study:
-    with TemporaryDirectory() as folder:
-        return mr.read_study(
-            tuning_samples.study_file(
-                Path(folder), motions=MOTION, tune="", building=tuning_samples.TWO_STOREYS
-            )
-        )
+    return tuning_samples.study_with(motions=MOTION, tune="", building=tuning_samples.TWO_STOREYS)
 
 
 @cache
@@ -78,8 +70,7 @@ def test_a_study_with_the_law_of_a_point_has_its_score(coordinates: Any, tmp_pat
 
 def test_a_point_without_a_law_has_no_settings() -> None:
     for point in (place() * 0.0 + 1.5, place() * jnp.nan, jnp.stack([place(), place()])):
-        with pytest.raises(SettingError, match="not one inside the ranges"):
-            score_of().settings(point)
+        refusal(score_of().settings, point, match="not one inside the ranges")
 
 
 @pytest.mark.parametrize("coordinates", ["theta", "latent"])
@@ -136,8 +127,7 @@ def test_threads_of_python_at_once_have_the_same_bits() -> None:
             np.testing.assert_array_equal(gradient, alone[1])
 
 
-def test_what_has_no_derivative_is_refused_by_name(refused: Refused) -> None:
-    refused(mr.jax.study_score, study(), "clipped_optimal")
-    refused(mr.jax.study_score, study(), TuneTable(laws=(LAW, "active")))
-    refused(mr.jax.study_score, study(), TuneTable(laws=(LAW,), free={"largest_command": ()}))
-    refused(jax.hessian(score_of()), place())
+def test_what_has_no_derivative_is_refused_by_name() -> None:
+    refusal(mr.jax.study_score, study(), "clipped_optimal", match="clipped_optimal switches")
+    refusal(mr.jax.study_score, study(), TuneTable(laws=(LAW, "active")), match="2 laws")
+    refusal(jax.hessian(score_of()), place(), match="differences of gradients")

@@ -6,21 +6,19 @@ from contextlib import closing
 from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from sentences import Refused
-from tuning_samples import motion
+from refusals import refusal
+from tuning_samples import motion, without_times
 
 import mrwork as mr
 from mrwork.errors import Interrupted
 from mrwork.report.study.tuning_page import tuning_page
-from mrwork.store.codec import plain
 from mrwork.study.placements import placements_of
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.placing import PlacingProgress
-from mrwork.tuning.results import chosen_study, places_table, tuning_document
+from mrwork.tuning.results import chosen_study, places_table
 
 # Storey 3 is the soft one, where dampers help most.
 SOFT = "masses = [1000, 1000, 1000, 1000]\nstiffnesses = [4e6, 4e6, 3e5, 4e6]\nmodal_damping = { ratios = [0.02] }"
@@ -115,17 +113,6 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     assert best.settings["command"] == pytest.approx(results.places[0].command, abs=0.5)
 
 
-def without_times(results: TuningResults) -> Any:
-    references = tuple(replace(each, seconds=0.0) for each in results.references)
-    return plain(
-        tuning_document(
-            replace(
-                results, references=references, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0
-            )
-        )
-    )
-
-
 def test_an_interrupted_comparison_resumes_to_the_same_bits(
     study: mr.Study, results: TuningResults, tmp_path: Path
 ) -> None:
@@ -140,7 +127,7 @@ def test_an_interrupted_comparison_resumes_to_the_same_bits(
     with closing(mr.Journal(tmp_path / "journal")) as journal, pytest.raises(Interrupted) as ended:
         tune(study, threads=1, journal=journal, on_progress=stop)
     assert ended.value.result.status == "interrupted"
-    assert said[0].startswith("placement 1 of 10: 2 in storey 1")
+    assert said[0].startswith("placement 1 of 10")
     kept = (tmp_path / "journal").read_text()
     assert kept.count('"placement"') == 4
     with closing(mr.Journal(tmp_path / "journal", resume=True)) as journal:
@@ -163,44 +150,29 @@ def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_pat
     assert sum("(the study)" in row[1] for row in table.rows) == 1
 
 
-def test_places_that_cannot_be_compared_are_refused(tmp_path: Path, refused: Refused) -> None:
-    def tuned(places: str, dampers: str = DAMPER) -> TuningResults:
-        return tune(study_with(tmp_path, places, dampers=dampers))
+@pytest.mark.parametrize(
+    ("places", "dampers", "word"),
+    [
+        ("[places]\ndampers = 9", DAMPER, "line 11: .* 220 placements"),
+        ("[places]\ndampers = 5\neach = 1", DAMPER, "give a larger each"),
+        ("[places]\nstoreys = [7]", DAMPER, "no storey 7"),
+        ("[places]", DAMPER + DAMPER.replace("differential = true", "count = 2"), "differs from the first"),
+        ("[places]\ndampers = 3", 2 * DAMPER, "study has 2"),
+        ("[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n", "give an angle"),
+    ],
+)
+def test_places_that_cannot_be_compared_are_refused(
+    tmp_path: Path, places: str, dampers: str, word: str
+) -> None:
+    refusal(lambda: tune(study_with(tmp_path, places, dampers=dampers)), match=word)
 
-    refused(tuned, "[places]\ndampers = 9")
-    refused(tuned, "[places]\ndampers = 5\neach = 1")
-    refused(tuned, "[places]\nstoreys = [7]")
-    refused(tuned, "[places]", DAMPER + DAMPER.replace("differential = true", "count = 2"))
-    refused(tuned, "[places]\ndampers = 3", 2 * DAMPER)
-    refused(tuned, "[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n")
-    refused(tuned, "[places]", "")
 
-
-def test_places_are_told_with_the_number_of_dampers_and_their_page_states_the_best(tmp_path: Path) -> None:
+def test_places_are_told_with_the_number_of_dampers(tmp_path: Path) -> None:
     results = tune(study_with(tmp_path, "[places]\ndampers = 2", dampers=f"{DAMPER}count = 3"), threads=1)
     assert {sum(each.storeys.values()) for each in results.places} == {2}
     # Two [[damper]] of three dampers each.
-    best, (given,) = results.places[0], (each for each in results.places if each.given)
+    (given,) = (each for each in results.places if each.given)
     assert given.in_words == "6 in storey 1"
-    table = places_table(results)
-    assert table is not None
-    assert table.rows[0][1] == best.in_words
-    without = replace(results, laws=(), references=())
-    front = " ".join(tuning_page(without, summary=True).partition("<table")[0].split())
-    assert f"The best place of the dampers: {best.in_words}, at {best.command:.3g} A; score" in front
-    assert "on the test motions. As the study has them, 6 in storey 1, at " in front
-    assert "Places of dampers compared on training motions" in front
-    assert "No law was tuned" not in front
-
-
-def test_scores_that_differ_are_told_with_digits_that_differ(tmp_path: Path) -> None:
-    results = tune(
-        study_with(tmp_path, "[places]", more='[[tune]]\nlaws = ["passive"]\nbudget = 6\npopulation = 6\n'),
-        threads=1,
-    )
-    law, best = results.laws[0], min(results.references, key=lambda each: each.judged.score)
-    assert law.test is not None
-    near = replace(law, test=replace(law.test, score=best.judged.score + 2e-5))
-    (sentence,) = (each for each in replace(results, laws=(near,)).warnings if "does not reach" in each)
-    one, other = sentence.partition("(")[2].rstrip(").").split(" against ")
-    assert float(one) > float(other)
+    best = results.places[0]
+    front = " ".join(tuning_page(replace(results, laws=(), references=()), summary=True).split())
+    assert f"The best place of the dampers: {best.in_words}, at {best.command:.3g} A" in front

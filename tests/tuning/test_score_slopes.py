@@ -5,21 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import own_dampers
 import pytest
 import tuning_samples
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.control import control_laws
+from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
-from mrwork.tuning.problem import score_candidates
+from mrwork.tuning import law_tuning
+from mrwork.tuning.law_tuning import check_finish, follow_gradients
+from mrwork.tuning.problem import Bench, Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
-from mrwork.tuning.space import LARGEST
+from mrwork.tuning.space import LARGEST, objective_of, space_of
 
 SMOOTH = [law.name for law in control_laws() if not law.switches]
 MOTIONS = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
@@ -63,8 +66,8 @@ def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3)
 
 
 @pytest.mark.parametrize("law", SMOOTH)
-def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(tmp_path: Path, law: str) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(law: str) -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     slopes = slopes_of(study, TuneTable(laws=(law,), settings=HELD.get(law)))
     # A network is trained for every score.
     agree_with_differences(slopes, inside(slopes), settings=1 if law == "inverse_network" else 3)
@@ -82,8 +85,8 @@ LOOPS: dict[str, dict[str, str]] = {
 
 
 @pytest.mark.parametrize("case", LOOPS)
-def test_the_loop_may_have_whatever_a_study_has(tmp_path: Path, case: str) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune="", **LOOPS[case]))
+def test_the_loop_may_have_whatever_a_study_has(case: str) -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="", **LOOPS[case])
     slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), robust=case == "draws"))
     agree_with_differences(slopes, inside(slopes))
 
@@ -97,8 +100,8 @@ def test_passive_devices_are_part_of_the_loop() -> None:
     agree_with_differences(slopes, inside(slopes))
 
 
-def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop(tmp_path: Path) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop() -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     hardware = replace(
         study.hardware, feedback="observer", acceleration_noise=0.01, delay=4e-3, command_rate=30.0
     )
@@ -117,14 +120,14 @@ def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop(tmp_path: Pa
         },
     ],
 )
-def test_the_score_may_be_whatever_a_table_makes_of_it(tmp_path: Path, table: dict[str, Any]) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_the_score_may_be_whatever_a_table_makes_of_it(table: dict[str, Any]) -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), **table))
     agree_with_differences(slopes, inside(slopes))
 
 
-def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside(tmp_path: Path) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside() -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), free={"slope": ()}))
     for end, inward in ((0.0, 1e-6), (1.0, -1e-6)):
         _, found = slopes.at(np.array([end]))
@@ -133,9 +136,9 @@ def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside(tmp_path: Path
 
 
 def test_threads_and_instruction_sets_change_no_bit(
-    tmp_path: Path, of_instruction_sets: Callable[[Callable[[], Any]], list[Any]]
+    of_instruction_sets: Callable[[Callable[[], Any]], list[Any]],
 ) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune="", more=SECOND))
+    study = tuning_samples.study_with(motions=SHORT, tune="", more=SECOND)
     one, two = (slopes_of(study, TuneTable(laws=("proportional_direct",)), threads) for threads in (1, 2))
     first, *others = [
         (value, slopes.tobytes())
@@ -145,8 +148,8 @@ def test_threads_and_instruction_sets_change_no_bit(
     assert all(other == first for other in others)
 
 
-def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives(tmp_path: Path) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives() -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     for weights in ((1e-30, 1e-26), (1e-22, 1e-18)):
         slopes = slopes_of(study, TuneTable(laws=("active",), free={"control_weight": weights}))
         value, found = slopes.at(np.array([0.5]))
@@ -154,22 +157,72 @@ def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives(tm
         assert not found.any()
 
 
-@pytest.mark.parametrize("law", [law.name for law in control_laws() if law.switches])
-def test_every_law_that_switches_is_named(law: str) -> None:
-    assert without_gradient(tuning_samples.small_study(), TuneTable(laws=(law,))).startswith(
-        f"{law} switches"
-    )
+def test_every_law_that_switches_is_named() -> None:
+    for law in (law.name for law in control_laws() if law.switches):
+        assert f"{law} switches" in without_gradient(tuning_samples.small_study(), TuneTable(laws=(law,)))
 
 
-def test_a_setting_that_acts_on_more_than_gains_is_refused(tmp_path: Path, refused: Refused) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=SHORT, tune=""))
+def test_a_setting_that_acts_on_more_than_gains_is_refused() -> None:
+    study = tuning_samples.study_with(motions=SHORT, tune="")
     table = TuneTable(
         laws=("signal_polynomial",),
         settings={**HELD["signal_polynomial"], "control_weight": 1e-12},
         free={"force": (1e3, 1e4)},
     )
     slopes = slopes_of(study, table)
-    refused(slopes.check)
+    refusal(slopes.check, match="no gradient in force")
     value, found = slopes.at(slopes.space.start)
     assert value == score(slopes, slopes.space.start)
     assert np.isnan(found).all()
+
+
+LAW = "proportional_direct"
+
+
+def test_gradients_lower_the_objective_of_the_loop() -> None:
+    study = tuning_samples.study_with(motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
+    table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
+    benches = benches_of(study, journal=None, threads=1, clock=Clock())
+    space = space_of(table, LAW, magnitudes_of(benches.training))
+    objective = objective_of(table, "A")
+    start = np.array([0.4, 0.99])
+    found = follow_gradients(space, benches.training, objective, start, 3)
+    candidates = [space.candidate(start), space.candidate(found.unit)]
+    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
+    assert after < before
+    assert found.unit[1] == start[1]
+
+
+def test_scores_without_gradients_are_refused() -> None:
+    study = tuning_samples.study_with()
+    learned = TuneTable(laws=("signal_network",), gradient_steps=5)
+    spec = own_dampers.static
+    own = tuple(replace(each, spec=spec, theta=spec.nominal) for each in study.devices)
+    for table, changed, word in (
+        (replace(learned, laws=("clipped_optimal",)), study, "clipped_optimal switches"),
+        (replace(learned, free={"network": (), "dead_zone": ()}), study, "dead_zone"),
+        (replace(learned, constraints={"switching_rate": 1.0}), study, "switching_rate is a count"),
+        (learned, replace(study, hardware=replace(study.hardware, force_resolution=10.0)), "resolution"),
+        (learned, replace(study, devices=own), "these are your own"),
+    ):
+        refusal(check_finish, table, changed, match=word)
+
+
+def test_gradients_that_are_interrupted_keep_what_the_search_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    followed = []
+
+    def interrupted(space: object, bench: Bench, *_: object) -> None:
+        followed.append(len(bench.realisations))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(law_tuning, "follow_gradients", interrupted)
+    study = tuning_samples.study_with(
+        building=tuning_samples.TWO_STOREYS,
+        more="\n[uncertainty]\nrealisations = 2\nstiffness = 0.1\n",
+        tune=f"[[tune]]\nlaws = ['{LAW}']\nbudget = 8\npopulation = 5\ngradient_steps = 2\nrobust = true\n",
+    )
+    with pytest.raises(Interrupted) as stopped:
+        mr.tune(study, threads=1)
+    assert [law.law for law in stopped.value.result.laws] == [LAW]
+    # The score that is searched, with its realisations, is the one that is followed.
+    assert followed == [2]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import tuning_samples
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.study import TuneTable
@@ -34,7 +34,7 @@ def test_a_free_dead_zone_and_slope_stand_in_the_chosen_study_with_its_score(tmp
 
 def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
     """Where the search has chosen them: the controller of the chosen study, the words of pages, the law of the row."""
-    study = mr.read_study(tuning_samples.study_file(tmp_path, tune=TUNE))
+    study = tuning_samples.small_study(TUNE)
     results = tune(tuning_samples.small_study(), study.tunes, threads=1)
     settings = {"drifts": 1.0, "control_weight": 1e-12, "largest_command": 1.5}
     shaped = {**settings, "dead_zone": 0.004, "command_slope": 25.0}
@@ -51,7 +51,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
     assert replace(law, settings=settings).chosen_candidate.shaping == {}
 
 
-def test_candidates_of_different_shapes_are_simulated_together_as_alone(tmp_path: Path) -> None:
+def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
     bench = benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
@@ -72,8 +72,8 @@ def test_candidates_of_different_shapes_are_simulated_together_as_alone(tmp_path
         assert np.unique(together.numbers["command_travel"][:, 0, 0]).size == len(shapes)
 
 
-def test_they_are_searched_only_where_asked(tmp_path: Path, refused: Refused) -> None:
-    study = mr.read_study(tuning_samples.study_file(tmp_path))
+def test_they_are_searched_only_where_asked() -> None:
+    study = tuning_samples.small_study()
     bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
     magnitudes = magnitudes_of(bench)
 
@@ -92,6 +92,5 @@ def test_they_are_searched_only_where_asked(tmp_path: Path, refused: Refused) ->
     place = space.unit(unshaped)
     assert place is not None
     np.testing.assert_array_equal(place[1:], [0.0, 1.0])
-    refused(names, TuneTable(laws=("passive",), free={"dead_zone": ()}))
-    refused(names, TuneTable(laws=("active",), free={"command_slope": ()}))
-    refused(names, TuneTable(laws=("clipped_optimal",), settings={"dead_zone": 0.01}))
+    refusal(names, TuneTable(laws=("passive",), free={"dead_zone": ()}), match="'dead_zone'")
+    refusal(names, TuneTable(laws=("active",), free={"command_slope": ()}), match="'command_slope'")

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
+from mrwork.closed_loop import SCORE
 from mrwork.control import SETTINGS, DesignProblem, ReferencePeaks, design_candidates, settings_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.study import TuneTable
-from mrwork.tuning.space import LARGEST, FreeSetting, space_of
+from mrwork.study.run_result import LabelledRuns, criteria_of_runs, numbered
+from mrwork.tuning.problem import Scores
+from mrwork.tuning.space import LARGEST, objective_of, ratio_to_baseline, risk_of, space_of
 
 MAGNITUDES = Magnitudes(
     drift=5e-3,
@@ -101,31 +104,97 @@ def test_held_settings_are_not_searched_and_ranges_of_the_table_are() -> None:
     assert space.candidate(np.ones(2)).largest_command == 1.88
 
 
-def test_a_space_that_cannot_be_searched_is_refused(refused: Refused) -> None:
-    for keys in (
-        {"free": {"controll_weight": (1.0, 2.0)}},
-        {"free": {"control_weight": (2.0, 1.0)}},
-        {"free": {"control_weight": (0.0, 1.0)}},
-        {"free": {LARGEST: (0.5, 3.0)}},
-        {"free": {"drifts": ()}},
-        {"settings": {"drift": 1.0}},
-        {"settings": {"drifts": 1.0}, "free": {"drifts": ()}},
-    ):
-        refused(space_of, TuneTable(laws=("clipped_optimal",), **keys), "clipped_optimal", MAGNITUDES)  # type: ignore[arg-type] # of several keys
+@pytest.mark.parametrize(
+    ("law", "keys", "word"),
+    [
+        ("clipped_optimal", {"free": {"control_weight": (2.0, 1.0)}}, "range of control_weight"),
+        ("clipped_optimal", {"free": {LARGEST: (0.5, 3.0)}}, "1.88, the largest"),
+        ("clipped_optimal", {"free": {"drifts": ()}}, "no control_weight"),
+        ("clipped_optimal", {"settings": {"drifts": 1.0}, "free": {"drifts": ()}}, "held .* and free"),
+        ("predictive_rollout", {"free": {"drift": (), "horizon": ()}}, "free acceleration"),
+    ],
+)
+def test_a_space_that_cannot_be_searched_is_refused(law: str, keys: dict[str, Any], word: str) -> None:
+    refusal(space_of, TuneTable(laws=(law,), **keys), law, MAGNITUDES, match=word)
 
 
-def test_a_setting_that_candidates_share_is_not_freed(refused: Refused) -> None:
-    table = TuneTable(laws=("predictive_rollout",), free={"drift": (), "horizon": ()})
-    refused(space_of, table, "predictive_rollout", MAGNITUDES)
+SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
+
+
+def found(value: float) -> LabelledRuns:
+    axes = {"candidate": numbered(1), "motion": ("A", "B"), "realisation": numbered(3)}
+    return criteria_of_runs(axes, value)
+
+
+def test_conditional_value_at_risk_lies_between_mean_and_largest() -> None:
+    assert risk_of(SCORES, "cvar", 1.0)[0] == pytest.approx(risk_of(SCORES, "mean", 1.0)[0])
+    assert risk_of(SCORES, "cvar", 0.1)[0] == risk_of(SCORES, "max", 0.1)[0] == 1.0
+    # The two largest and half the third.
+    assert risk_of(SCORES, "cvar", 0.25)[0] == pytest.approx((1.0 + 0.9 + 0.4) / 2.5)
+
+
+def test_risk_does_not_depend_on_the_order_of_the_scores() -> None:
+    mixed = np.random.default_rng(0).permutation(SCORES[0])[None]
+    for tail in (0.05, 0.3, 0.77):
+        assert risk_of(mixed, "cvar", tail) == pytest.approx(risk_of(SCORES, "cvar", tail))
+
+
+@pytest.mark.parametrize("risk", ["mean", "max", "cvar"])
+def test_a_run_that_did_not_finish_makes_every_risk_infinite(risk: str) -> None:
+    scores = SCORES.copy()
+    scores[0, 3] = np.inf
+    assert risk_of(scores, risk, 0.2)[0] == np.inf  # type: ignore[arg-type] # the parameters are its names
+
+
+def test_dampers_at_zero_command_have_score_one() -> None:
+    objective = objective_of(TuneTable(laws=("lyapunov",)), "A")
+    assert tuple(objective.weights) == SCORE
+    assert (objective.run_scores(found(2.0), found(2.0)) == 1.0).all()
+    assert (
+        ratio_to_baseline(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]
+    ).all()
+
+
+def test_weights_of_criteria_are_relative() -> None:
+    table = TuneTable(laws=("lyapunov",), criteria={"peak_drift": 3.0, "rms_drift": 1.0})
+    runs = found(1.0)
+    lower = runs.with_numbers(peak_drift=0.5 * runs.peak_drift)
+    assert objective_of(table, "A").run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
+
+
+def test_the_largest_criterion_is_that_of_each_run() -> None:
+    table = TuneTable(
+        laws=("lyapunov",),
+        criteria=("peak_drift", "rms_drift"),
+        relative_to="best_passive",
+        combine="largest",
+    )
+    runs = found(1.0)
+    mixed = runs.with_numbers(peak_drift=np.linspace(0.5, 1.5, 6).reshape(1, 2, 3))
+    objective = objective_of(table, "A")
+    assert (objective.run_scores(mixed, runs)[0] == np.maximum(mixed.peak_drift[0], 1.0)).all()
+    assert "largest of peak drift and RMS drift, each over its value under the best constant" in (
+        objective.in_words(robust=False)
+    )
+
+
+def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
+    table = TuneTable(laws=("lyapunov",), constraints={"peak_stroke": "10 mm"})
+    violation = objective_of(table, "A").violation(found(0.015))
+    assert violation == pytest.approx(0.5)
+    scores = Scores(objective=np.array([0.4, 0.9]), violation=np.array([violation[0], 0.0]))
+    assert scores.best == 1
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "scale", "levels"),
-    [(1.0, 1.0, "linear", 0), (0.0, 1.0, "log", 0), (1e-300, 1e90, "log", 0), (0.0, 1.0, "linear", 1)],
+    ("keys", "word"),
+    [
+        ({"criteria": ("peak_drifft",)}, "did you mean peak_drift"),
+        ({"criteria": {"peak_drift": -1.0}}, "weight of peak_drift is -1"),
+        ({"constraints": {"peak_stroke": "10 kN"}}, "10 kN"),
+        ({"constraints": {"peak_stroke": 0.0}}, "peak_stroke is 0"),
+        ({"tail": 0.2}, "tail has no effect"),
+    ],
 )
-def test_a_stored_range_that_cannot_be_searched_contradicts_itself(
-    lower: float, upper: float, scale: Literal["linear", "log"], levels: int
-) -> None:
-    free = FreeSetting(name="gain", lower=lower, upper=upper, scale=scale, levels=levels)
-    assert free.disagreement() == f"gain cannot be searched from {lower:g} to {upper:g}"
-    assert not FreeSetting(name="gain", lower=1e-9, upper=1.0, levels=10).disagreement()
+def test_an_objective_that_means_nothing_is_refused(keys: dict[str, object], word: str) -> None:
+    refusal(lambda: objective_of(TuneTable(laws=("lyapunov",), **keys), "A"), match=word)  # type: ignore[arg-type] # of several keys

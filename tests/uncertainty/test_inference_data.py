@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from posterior_samples import NOISE_N, small_draws, small_fit, small_test
+from posterior_samples import NOISE_N, converged_draws, small_draws, small_fit, small_test
+from refusals import refusal
 from scipy.stats import kstest, norm
-from sentences import Refused
 
 import mrwork as mr
 from mrwork import uncertainty
@@ -24,7 +24,7 @@ GROUPS = {
 
 @pytest.fixture(scope="module")
 def draws() -> uncertainty.Draws:
-    return mr.sample(small_fit(), small_test(), tempering=1.0, walkers=16, most_steps=1500, threads=1)
+    return converged_draws()
 
 
 def tree_of(draws: uncertainty.Draws, **settings: Any) -> Any:
@@ -147,12 +147,6 @@ def test_two_tests_have_times_of_their_own_and_one_likelihood(draws: uncertainty
     assert set(tree["log_likelihood"]["test"].values.tolist()) == {"small", "small (2)"}
 
 
-def test_draws_of_another_model_are_refused(draws: uncertainty.Draws, refused: Refused) -> None:
-    refused(uncertainty.inference_data, replace(draws, model="bingham"), small_fit(), small_test())
-
-
-def test_arviz_draws_it() -> None:
-    # With matplotlib 3.11 it is there, and cannot be imported.
-    plots = pytest.importorskip("arviz_plots", exc_type=(ImportError, AttributeError))
-    tree = tree_of(small_draws(), most_draws=64)
-    assert plots.plot_forest(tree, var_names=["k_w", "rho"], backend="none") is not None
+def test_draws_of_another_model_are_refused(draws: uncertainty.Draws) -> None:
+    other = replace(draws, model="bingham")
+    refusal(uncertainty.inference_data, other, small_fit(), small_test(), match="of bingham")

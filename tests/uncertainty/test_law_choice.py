@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import json
-from contextlib import closing
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import printed
-from record_files import write_test
-from sentences import Refused
+from refusals import command_refusal, refusal
+from resumed_steps import stopped_and_resumed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.spec import hidden_extrema, law_values
-from mrwork.errors import Interrupted
 from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
 from mrwork.identification.equivalent import joint_box, with_other_laws
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.output_folder import Destination
-from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty import choose_laws
 from mrwork.uncertainty.candidate_tests import candidate_grid
-from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.folded_tests import FoldedTests
 from mrwork.uncertainty.choice.laws import LawChoice
 
@@ -59,7 +52,8 @@ def tests() -> tuple[DamperTest, ...]:
 
 @pytest.fixture(scope="module")
 def settings() -> FitSettings:
-    return FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)))
+    # A parameter with bounds remains constant: fewer laws are tried.
+    return FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)), bounds={"f0": (0.0, 100.0)})
 
 
 @pytest.fixture(scope="module")
@@ -108,66 +102,31 @@ def test_given_laws_and_parameters_with_bounds_are_not_chosen(
     found = choose_laws("viscous_dahl", tests, laws={"k_w": "quadratic"}, settings=held, threads=1)
     assert all(each.laws["k_w"] == "quadratic" for each in found.table.tried)
     assert all("rho" not in each.laws for each in found.table.tried)
-    assert [each.plain_name for each in found.fit.spec.parameters] == [
-        "k_x",
-        "k_w",
-        "k_w",
-        "k_w",
-        "rho",
-        "f0",
-    ]
+    names = [each.plain_name for each in found.fit.spec.parameters]
+    assert names == ["k_x", "k_w", "k_w", "k_w", "rho", "f0"]
 
 
+@pytest.mark.parametrize("in_others", [False, True], ids=["second laws", "fits of other sets"])
 def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
-    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
+    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path, in_others: bool
 ) -> None:
-    place = tmp_path / "run"
-
-    def stop(progress: ChoiceProgress) -> None:
-        if progress.n_tried == 2:
-            raise KeyboardInterrupt
-
-    with (
-        pytest.raises(Interrupted) as interrupted,
-        closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=False)) as journals,
-    ):
-        choose_laws(
-            "viscous_dahl", tests, settings=settings, threads=1, on_progress=stop, journal_of=journals
-        )
-    so_far = interrupted.value.result
-    assert len(so_far.table.tried) == 2
-    assert not so_far.table.complete
-    assert so_far.fit.status == "interrupted"
-    with closing(StepJournals(Destination(path=place, kind=FIT_RUN), resume=True)) as journals:
-        resumed = choose_laws("viscous_dahl", tests, settings=settings, threads=1, journal_of=journals)
+    last = f"{len(choice.others)} of {len(choice.others)} other sets"
+    so_far, resumed = stopped_and_resumed(
+        tmp_path,
+        partial(choose_laws, "viscous_dahl", tests, settings=settings, threads=1),
+        lambda progress: last in progress.task if in_others else progress.n_tried == 2,
+    )
+    if in_others:
+        # The choice is made, and those done are kept.
+        assert (so_far.fit.theta, so_far.fit.status) == (choice.fit.theta, "converged")
+        assert choice.others
+        assert [each.theta for each in so_far.others] == [each.theta for each in choice.others[:-1]]
+    else:
+        assert len(so_far.table.tried) == 2
+        assert not so_far.table.complete
+        assert so_far.fit.status == "interrupted"
     assert asdict(resumed.table) == asdict(choice.table)
     assert resumed.fit.theta == choice.fit.theta
-
-
-def test_ctrl_c_in_the_fits_of_other_sets_keeps_the_choice_and_those_done(
-    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
-) -> None:
-    destination = Destination(path=tmp_path / "run", kind=FIT_RUN)
-    assert choice.others
-    last = f"{len(choice.others)} of {len(choice.others)} other sets"
-
-    def stop(progress: ChoiceProgress) -> None:
-        if last in progress.task:
-            raise KeyboardInterrupt
-
-    with (
-        pytest.raises(Interrupted) as interrupted,
-        closing(StepJournals(destination, resume=False)) as journals,
-    ):
-        choose_laws(
-            "viscous_dahl", tests, settings=settings, threads=1, on_progress=stop, journal_of=journals
-        )
-    so_far = interrupted.value.result
-    assert so_far.fit.theta == choice.fit.theta
-    assert so_far.fit.status == "converged"
-    assert [each.theta for each in so_far.others] == [each.theta for each in choice.others[:-1]]
-    with closing(StepJournals(destination, resume=True)) as journals:
-        resumed = choose_laws("viscous_dahl", tests, settings=settings, threads=1, journal_of=journals)
     assert [each.theta for each in resumed.others] == [each.theta for each in choice.others]
 
 
@@ -192,47 +151,24 @@ def test_a_law_of_a_higher_degree_starts_as_the_same_model() -> None:
     assert with_other_laws(richer, found, earlier, np.array(COMMANDS)) == pytest.approx(theta)
 
 
-def test_what_cannot_be_chosen_is_refused(tests: tuple[DamperTest, ...], refused: Refused) -> None:
-    for chosen, settings in (
-        (slice(0, 1), FitSettings()),
-        (slice(0, None, 3), FitSettings()),
-        (slice(None), FitSettings(starts=({"k_x": 1.0},))),
-        (slice(None), FitSettings(power=4.0)),
-        (slice(None), FitSettings(bounds={"k_w.0": (0.0, 1.0)})),
-    ):
-        refused(choose_laws, "viscous_dahl", tests[chosen], settings=settings)
-
-
-def test_a_run_folder_holds_the_table_and_the_page_shows_it(
-    tests: tuple[DamperTest, ...], tmp_path: Path
+@pytest.mark.parametrize(
+    ("chosen", "settings", "word"),
+    [
+        (slice(0, 1), FitSettings(), "one test was given"),
+        (slice(0, None, 3), FitSettings(), "at 1 command"),
+        (slice(None), FitSettings(starts=({"k_x": 1.0},)), "no starts"),
+        (slice(None), FitSettings(bounds={"k_w.0": (0.0, 1.0)}), "'k_w.0'"),
+    ],
+)
+def test_what_cannot_be_chosen_is_refused(
+    tests: tuple[DamperTest, ...], chosen: slice, settings: FitSettings, word: str
 ) -> None:
-    files = [write_test(tmp_path / f"test{number}.csv", test) for number, test in enumerate(tests)]
-    small = ("--generations", "10", "--threads", "1")
-    command = ("identify", *files, "--model", "viscous_dahl", "--law", "auto", *small)
-    out = tmp_path / "run"
-    summary = json.loads(printed(*command, "--out", out, "--json"))
-    table = summary["choice_of_laws"]
-    (chosen,) = (each for each in table["tried"] if each["verdict"] == "chosen")
-    assert chosen["laws"] == {"k_w": "quadratic"}
-    assert chosen["left_out_percent"] > 97.0
-    run = mr.load(out)
-    assert run.laws is not None
-    assert run.laws.chosen_laws.laws == chosen["laws"]
-    page = (out / "report.html").read_text()
-    assert "Choice of current laws" in page
-    assert "k_w quadratic" in page
-    assert not (tmp_path / "run.part").exists()
+    refusal(choose_laws, "viscous_dahl", tests[chosen], settings=settings, match=word)
 
 
-def test_options_that_do_not_go_together_are_refused(refused: Refused) -> None:
-    for arguments in (
-        ("--model", "dahl,bingham", "--posterior"),
-        ("--model", "dahl,bingham", "--start", "nowhere"),
-        ("--driver-lag",),
-        ("--start", "nowhere"),
-        ("--leave-out", "test"),
-    ):
-        refused.command("identify", "synthetic:spencer1997", "--law", "auto", *arguments)
+def test_the_command_line_takes_no_lag_and_no_start_with_chosen_laws() -> None:
+    for option, word in ((("--driver-lag",), "show no lag"), (("--start", "nowhere"), "leave --start out")):
+        command_refusal("identify", "synthetic:spencer1997", "--law", "auto", *option, match=word)
 
 
 def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:

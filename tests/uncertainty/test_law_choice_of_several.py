@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from command_line import printed
 from record_files import write_test
-from sentences import Refused
+from refusals import refusal
+from resumed_steps import stopped_and_resumed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
-from mrwork.errors import Interrupted
 from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.output_folder import Destination
-from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.laws import LawChoice
 
 COMMANDS = (0.0, 1.0)
 # Contains dahl as its limit of no stiffness `k_x`; bingham has no hysteresis.
 MODELS = ("viscous_dahl", "bingham", "dahl")
-# No candidate of dahl can be simulated with it, and bingham has no such parameter.
-TOO_STIFF = {"rho": (1e7, 1e7)}
-SETTINGS = FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)))
+# Parameters with bounds remain constant: fewer laws are tried.
+HELD = {"f0": (0.0, 100.0), "rho": (100.0, 1e4)}
+# No candidate of dahl can be simulated with this rho, and bingham has no such parameter.
+TOO_STIFF = HELD | {"rho": (1e7, 1e7)}
+SETTINGS = FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)), bounds=HELD)
 
 
 def dahl_test(motion: tuple[float, float], command: float, *, cycles: int = 3, rng: int = 0) -> DamperTest:
@@ -62,7 +61,7 @@ def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(
     table = choice.table
     assert (table.model, table.chosen_laws.model, choice.fit.model) == ("dahl", "dahl", "dahl")
     assert table.chosen_laws.laws == {"k_w": "linear"}
-    good = [each for each in table.tried if each.verdict != "behind"]
+    good = [each for each in table.tried if each.verdict in ("chosen", "as good")]
     assert {each.model for each in good} == {"dahl", "viscous_dahl"}
     assert table.chosen_laws.n_params == min(each.n_params for each in good)
     assert table.models == MODELS
@@ -92,19 +91,25 @@ def test_other_models_do_not_change_what_a_model_finds(
 
 
 def test_a_model_that_cannot_be_fitted_is_named_and_stops_no_other(
-    tests: tuple[DamperTest, ...], choice: LawChoice, refused: Refused
+    tests: tuple[DamperTest, ...], choice: LawChoice
 ) -> None:
     held = replace(SETTINGS, bounds=TOO_STIFF)
     found = mr.choose_laws(["dahl", "bingham"], tests, settings=held, threads=1)
     assert found.fit.model == "bingham"
     assert of_model(found, "bingham") == of_model(choice, "bingham")
     assert list(found.table.failed) == ["dahl"]
-    note = found.table.notes[0]
-    assert note.startswith("dahl could not be fitted: none of ")
-    refused(mr.choose_laws, ["dahl", "viscous_dahl"], tests, settings=held, threads=1)
+    assert found.table.notes[0].startswith("dahl could not be fitted: none of ")
+    refusal(
+        mr.choose_laws,
+        ["dahl", "viscous_dahl"],
+        tests,
+        settings=held,
+        threads=1,
+        match="models could be fitted",
+    )
 
 
-def test_laws_that_cannot_predict_whole_tests_are_not_chosen(refused: Refused) -> None:
+def test_laws_that_cannot_predict_whole_tests_are_not_chosen() -> None:
     """The best laws on cycles from the middle are of dahl, which no step resolves at the beginning of the tests."""
 
     def spiked(motion: tuple[float, float], command: float) -> DamperTest:
@@ -119,48 +124,22 @@ def test_laws_that_cannot_predict_whole_tests_are_not_chosen(refused: Refused) -
     assert of_dahl
     assert all(each.left_out_percent == pytest.approx(0.0) for each in of_dahl)
     assert all(len(each.not_predicted) == len(tests) for each in of_dahl)
-    refused(mr.choose_laws, "dahl", tests, settings=SETTINGS, threads=1)
+    refusal(mr.choose_laws, "dahl", tests, settings=SETTINGS, threads=1, match="too stiff")
 
 
 def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happened(
     tests: tuple[DamperTest, ...], choice: LawChoice, tmp_path: Path
 ) -> None:
-    place = Destination(path=tmp_path / "run", kind=FIT_RUN)
-    lines = []
-
-    def stop(progress: ChoiceProgress) -> None:
-        lines.append(progress.in_words)
-        if progress.number == 2 and progress.task != "first laws":
-            raise KeyboardInterrupt
-
-    def choose(journals: StepJournals, **options: object) -> LawChoice:
-        return mr.choose_laws(MODELS, tests, settings=SETTINGS, threads=1, journal_of=journals, **options)  # type: ignore[arg-type] # settings of several kinds by name
-
-    with pytest.raises(Interrupted) as interrupted, closing(StepJournals(place, resume=False)) as journals:
-        choose(journals, on_progress=stop)
-    so_far = interrupted.value.result
+    so_far, resumed = stopped_and_resumed(
+        tmp_path,
+        partial(mr.choose_laws, MODELS, tests, settings=SETTINGS, threads=1),
+        lambda progress: progress.number == 2 and progress.task != "first laws",
+    )
     assert of_model(so_far, "viscous_dahl") == of_model(choice, "viscous_dahl")
-    assert so_far.fit.model == "viscous_dahl"
-    assert so_far.fit.status == "interrupted"
-    assert "further laws were not tried, nor any of bingham, dahl" in so_far.table.sentence
-    assert lines[0].startswith("viscous_dahl, model 1 of 3, first laws, ")
-    assert lines[-1].startswith("bingham, model 2 of 3, fitting ")
-    done = (journals.path("viscous_dahl/laws"), journals.path("viscous_dahl/first"))
-    before = [path.read_bytes() for path in done]
-    with closing(StepJournals(place, resume=True)) as journals:
-        resumed = choose(journals)
+    assert (so_far.fit.model, so_far.fit.status) == ("viscous_dahl", "interrupted")
+    assert "nor any of bingham, dahl" in so_far.table.sentence
     assert asdict(resumed.table) == asdict(choice.table)
     assert resumed.fit.theta == choice.fit.theta
-    assert [path.read_bytes() for path in done] == before
-
-
-def test_interrupted_before_any_laws_are_fitted_there_is_no_result(tests: tuple[DamperTest, ...]) -> None:
-    def stop(progress: ChoiceProgress) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as interrupted:
-        mr.choose_laws(MODELS, tests, settings=SETTINGS, threads=1, on_progress=stop)
-    assert interrupted.value.result is None
 
 
 def test_given_laws_and_bounds_are_of_the_models_that_have_such_parameters(
@@ -174,74 +153,38 @@ def test_given_laws_and_bounds_are_of_the_models_that_have_such_parameters(
         assert not {"v_s", "rho"} & set(each.laws)
 
 
-def test_models_that_cannot_be_compared_are_refused_before_any_fit(
-    tests: tuple[DamperTest, ...], refused: Refused
-) -> None:
-    for models, laws, bounds in (
-        (["dahl", "bingham"], {"k_x": "linear"}, {}),
-        (["dahl", "bingham"], {}, {"k_x": (1.0, 2.0)}),
-        (["dahl", "dahl"], {}, {}),
-        ([], {}, {}),
-        (["dahl", "nowhere"], {}, {}),
-        (["bingham", mr.damper("dahl").with_current_laws({"k_w": "linear"})], {}, {}),
-    ):
-
-        def no_fit(progress: ChoiceProgress) -> None:
-            raise AssertionError(progress)
-
-        refused(
-            mr.choose_laws,
-            models,
-            tests,
-            laws=laws,
-            settings=replace(SETTINGS, bounds=bounds),
-            on_progress=no_fit,
-        )
-
-
 @pytest.mark.parametrize(
-    "change",
-    [{"model": "bingham"}, {"models": ("dahl", "viscous_dahl")}, {"failed": {"nowhere": "too stiff"}}],
+    ("models", "laws", "bounds", "word"),
+    [
+        (["dahl", "bingham"], {"k_x": "linear"}, {}, "law was given for 'k_x'"),
+        (["dahl", "bingham"], {}, {"k_x": (1.0, 2.0)}, "bound was given for 'k_x'"),
+        (["dahl", "dahl"], {}, {}, "dahl, dahl"),
+        (["bingham", mr.damper("dahl").with_current_laws({"k_w": "linear"})], {}, {}, "has current laws"),
+    ],
 )
-def test_a_table_whose_models_contradict_each_other_is_refused(
-    choice: LawChoice, change: dict[str, object]
+def test_models_that_cannot_be_compared_are_refused_before_any_fit(
+    tests: tuple[DamperTest, ...], models: list[Any], laws: Any, bounds: Any, word: str
 ) -> None:
-    assert not choice.table.disagreement()
-    assert replace(choice.table, **change).disagreement()  # type: ignore[arg-type] # settings of several kinds by name
+    settings = {
+        "settings": replace(SETTINGS, bounds=bounds),
+        "on_progress": lambda progress: pytest.fail("fitted"),
+    }
+    refusal(mr.choose_laws, models, tests, laws=laws, **settings, match=word)
 
 
-def test_a_run_of_several_models_shows_the_model_wherever_it_shows_the_laws(
+def test_a_run_of_several_models_names_the_model_of_the_laws(
     tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:
     files = [write_test(tmp_path / f"test{number}.csv", test) for number, test in enumerate(tests)]
     out = tmp_path / "run"
-    options = (
-        "--law",
-        "auto",
-        "--bound",
-        "v_s=1e-3:1e-1",
-        "--generations",
-        "10",
-        "--threads",
-        "1",
-        "--out",
-        out,
-    )
-    command = ("identify", *files, "--model", "dahl,bingham,bouc_wen", *options)
-    text = printed(*command)
-    assert "the one of dahl with 4 parameters is chosen (k_w linear)" in " ".join(text.split())
-    assert "Note: bouc_wen could not be fitted: bouc_wen with current laws" in " ".join(text.split())
+    options = ("--law", "auto", "--bound", "v_s=1e-3:1e-1", "--generations", "10", "--threads", "1")
+    command = ("identify", *files, "--model", "dahl,bingham,bouc_wen", *options, "--out", out)
+    summary = json.loads(printed(*command, "--json"))
+    assert summary["model"] == "dahl"
+    assert summary["choice_of_laws"] == json.loads((out / "laws.json").read_text())
+    assert list(summary["choice_of_laws"]["failed"]) == ["bouc_wen"]
     run = mr.load(out)
     assert run.fit.model == "dahl"
     assert run.laws is not None
     assert run.laws.models == ("dahl", "bingham", "bouc_wen")
     assert {each.model for each in run.laws.tried} == {"dahl", "bingham"}
-    page = (out / "report.html").read_text()
-    assert "dahl, k_w linear" in page
-    assert ">Model<" in page
-    assert "bouc_wen could not be fitted" in page
-    assert not (tmp_path / "run.part").exists()
-    summary = json.loads(printed(*command, "--json"))
-    assert summary["model"] == "dahl"
-    assert summary["choice_of_laws"] == json.loads((out / "laws.json").read_text())
-    assert list(summary["choice_of_laws"]["failed"]) == ["bouc_wen"]

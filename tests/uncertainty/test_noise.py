@@ -1,12 +1,19 @@
-"""Noise models: densities against closed forms, draws against densities, estimates from draws."""
+"""Noise models: densities against closed forms, draws against densities, estimates from draws; likelihoods in JAX."""
+
+from __future__ import annotations
+
+from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from posterior_samples import MODEL, small_sampling, small_test
+from refusals import refusal
 from scipy.stats import multivariate_normal, t
-from sentences import Refused
 
-import mrwork.twins.models  # noqa: F401  (sets double precision)
+import mrwork as mr
+import mrwork.twins.models
 from mrwork.uncertainty import NOISES, Iid, noise_model
 
 PARAMETERS = {
@@ -89,5 +96,46 @@ def test_moments_of_draws_give_the_parameters_back(name: str, force: np.ndarray)
     )
 
 
-def test_an_unknown_noise_model_is_refused_by_name(refused: Refused) -> None:
-    refused(noise_model, "pink")
+SMOOTH = [name for name, each in NOISES.items() if each.differentiable]
+
+
+@pytest.mark.parametrize("noise", SMOOTH)
+def test_it_is_that_of_the_target_and_its_gradient_that_of_differences(noise: str) -> None:
+    target = small_sampling(noise).target
+    likelihood = mr.jax.log_likelihood(MODEL, small_test(), noise)
+    box = likelihood.box
+    theta = np.asarray(box.theta_from(np.array(likelihood.start), "theta"))
+    target = replace(target, space=replace(target.space, box=box, pair=None))
+    expected = target.log_likelihood(theta[None])[0]
+    assert np.isclose(likelihood(likelihood.start), expected, rtol=1e-12)
+    point = np.array(likelihood.start)
+    gradient = np.asarray(jax.grad(likelihood)(jnp.asarray(point)))
+    for index, slope in enumerate(gradient):
+        step = np.zeros_like(point)
+        step[index] = 1e-6 * max(abs(point[index]), 1e-2)
+        difference = (likelihood(point + step) - likelihood(point - step)) / (2.0 * step[index])
+        assert np.isclose(slope, difference, rtol=1e-4, atol=1e-6 * np.abs(gradient).max())
+
+
+def test_a_failed_point_has_no_likelihood_and_a_gradient_of_zero() -> None:
+    likelihood = mr.jax.log_likelihood(MODEL, small_test(), coordinates="latent")
+    start = jnp.asarray(likelihood.start)
+    assert np.isfinite(likelihood(start))
+    failed = start.at[0].set(jnp.nan)
+    assert likelihood(failed) == -np.inf
+    assert not np.asarray(jax.grad(likelihood)(failed)).any()
+
+
+def test_noise_outside_its_range_has_no_likelihood_and_a_gradient_of_zero() -> None:
+    likelihood = mr.jax.log_likelihood(MODEL, small_test(), "ar1")
+    start = jnp.asarray(likelihood.start)
+    assert np.isfinite(likelihood(start))
+    for column, value in ((-2, 0.0), (-2, -1.0), (-1, 1.0), (-1, 2.0)):
+        assert likelihood(start.at[column].set(value)) == -np.inf
+        assert not np.asarray(jax.grad(likelihood)(start.at[column].set(value))).any()
+
+
+def test_noise_and_objectives_without_a_likelihood_are_refused() -> None:
+    refusal(mr.jax.log_likelihood, MODEL, small_test(), "arma11", match="no derivatives")
+    weighted = mr.objective(MODEL, small_test(), weights=[2.0])
+    refusal(mr.jax.log_likelihood, weighted, match="weights")

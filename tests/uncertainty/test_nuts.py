@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from posterior_samples import small_fit, small_sampling, small_test
+from refusals import refusal
 from scipy.stats import ks_2samp
-from sentences import Refused
 
 from mrwork import identify
 from mrwork.identification import FitSettings, Objective
@@ -28,7 +28,7 @@ def test_both_samplers_have_one_target(noise: str) -> None:
     sampling = small_sampling(noise, tempering=0.5, priors={"k_w": Normal(mean=650.0, deviation=50.0)})
     target = sampling.target
     positions = first_walkers(target, sampling.start, 8, np.random.default_rng(1))
-    found = jax.vmap(traced_log_posterior(target))(jnp.asarray(positions))
+    found = jax.jit(jax.vmap(traced_log_posterior(target)))(jnp.asarray(positions))
     np.testing.assert_allclose(found, target(positions), rtol=1e-12)
 
 
@@ -39,7 +39,7 @@ def test_both_samplers_have_one_target_with_an_observation_and_nuisance_paramete
     objective = Objective.of(form.spec, (averaged,), FitSettings(nuisances=("level", "delay")))
     target = Target.of(form, objective, noise, start=sampling.start, priors={}, tempering=1.0)
     positions = first_walkers(target, sampling.start, 2, np.random.default_rng(1))
-    found = jax.vmap(traced_log_posterior(target))(jnp.asarray(positions))
+    found = jax.jit(jax.vmap(traced_log_posterior(target)))(jnp.asarray(positions))
     np.testing.assert_allclose(found, target(positions), rtol=1e-10)
 
 
@@ -69,9 +69,11 @@ def test_both_samplers_have_one_target_where_a_stiffness_may_be_zero() -> None:
 def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
     from mrwork.uncertainty import sample_nuts
 
-    sampling = small_sampling(tempering=0.8)
-    ensemble = sample(small_fit(), small_test(), tempering=0.8, walkers=32, rng=1, threads=1)
-    nuts = sample_nuts(sampling.target, sampling.start, warmup=200, draws=600, chains=2)
+    test = small_test(n_time=75)
+    settings = {"tempering": 0.8, "walkers": 32, "rng": 1, "threads": 1}
+    sampling = SamplingProblem.of_fit(small_fit(), (test,), noise="iid", priors={}, **settings)
+    ensemble = sample(small_fit(), test, **settings)
+    nuts = sample_nuts(sampling.target, sampling.start, warmup=200, draws=400, chains=2)
     assert nuts.diverged == 0
     both = np.concatenate([ensemble.chains, ensemble.noise_chains], axis=-1)
     for index in range(both.shape[-1]):
@@ -90,5 +92,5 @@ def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
         assert ks_2samp(one, other).pvalue > 0.01
 
 
-def test_noise_without_derivatives_is_refused(refused: Refused) -> None:
-    refused(traced_log_posterior, small_sampling("arma11").target)
+def test_noise_without_derivatives_is_refused() -> None:
+    refusal(traced_log_posterior, small_sampling("arma11").target, match="no derivatives")

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
-from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import simulate_force
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
+from mrwork.records.damper_test import loading_of
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Candidate, Limits, identifiability_of
 from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, harmonic_motion, read_candidates
@@ -51,13 +52,7 @@ def fit(test: DamperTest) -> Fit:
 def with_laws(model: DamperSpec, values: dict[str, float], current: float, test: DamperTest) -> DamperTest:
     """A record of the motion of a test at a current, with noise in its force."""
     theta = np.array([values[name] for name in model.names])
-    loading = Loading(
-        dt=test.dt,
-        displacement=test.displacement,
-        velocity=test.velocity,
-        command=current,
-        command_unit="A",
-    )
+    loading = loading_of(replace(test, current=current), model)
     force = simulate_force(model, theta, loading)
     noise = 8.0 * np.random.default_rng(round(10 * current)).standard_normal(force.size)
     return replace(test, name=f"{current:g} A", force=force + noise, current=current)
@@ -79,7 +74,7 @@ def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperT
     assert best.peak_velocity == max(each.peak_velocity for each in GRID)
 
 
-def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest, refused: Refused) -> None:
+def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> None:
     model = damper("bingham").with_current_laws({"f_c": "linear"})
     values = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 400.0}
     tests = [with_laws(model, values, current, test) for current in (0.5, 0.55)]
@@ -96,9 +91,9 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest, refus
     order = [each.candidate.command for each in plan.gains]
     assert order[0] in (0.0, 2.0)
     assert order[-1] == 0.5
-    refused(candidate_grid, STATIC, tests, commands=[1.0])
+    refusal(candidate_grid, STATIC, tests, commands=[1.0], match="without current laws")
     # Of milliamperes.
-    refused(candidate_grid, model, tests, commands=[300.0, 600.0])
+    refusal(candidate_grid, model, tests, commands=[300.0, 600.0], match="command of 600 A")
 
 
 @pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
@@ -170,7 +165,7 @@ def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: Damper
             assert each.drawn == pytest.approx(each.gain, abs=0.15)
 
 
-def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest, refused: Refused) -> None:
+def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest) -> None:
     plan = mr.plan(fit, [test], GRID[:4])
     known = LinearisedPosterior.of(fit, [test])
     rng = np.random.default_rng(5)
@@ -178,7 +173,7 @@ def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTe
     check = checked_with_draws(plan, known, normal_draws(far, 100, rng), rng=rng)
     assert check.agreement is None
     assert {each.drawn for each in check.plan.gains} == {None}
-    refused(checked_with_draws, plan, known, normal_draws(known, 5, rng), rng=rng)
+    refusal(checked_with_draws, plan, known, normal_draws(known, 5, rng), rng=rng, match="5 draws")
 
 
 def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:
@@ -189,44 +184,39 @@ def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:
     assert max(each.peak_velocity for each in grid) <= 1.5 * 2.0 * np.pi * 0.01 * (1.0 + 1e-9)
 
 
-def test_the_rig_sets_limits(test: DamperTest, refused: Refused) -> None:
+def test_the_rig_sets_limits(test: DamperTest) -> None:
     limits = Limits(stroke=0.02, peak_velocity=0.1)
     for each in candidate_grid(STATIC, [test], limits=limits):
         assert 2.0 * each.amplitude <= 0.02
         assert each.peak_velocity <= 0.1
-    refused(candidate_grid, STATIC, [test], amplitudes=[0.1], limits=limits)
-    for limits_of_no_rig in ({"stroke": -1.0}, {"stroke": 10.0}, {"peak_velocity": 200.0}):
-        refused(Limits, **limits_of_no_rig)
+    refusal(candidate_grid, STATIC, [test], amplitudes=[0.1], limits=limits, match="limits of the rig")
 
 
-def test_candidates_come_from_a_file(tmp_path: Path, refused: Refused) -> None:
+def test_candidates_come_from_a_file(tmp_path: Path) -> None:
     table = tmp_path / "tests.csv"
     table.write_text("frequency,amplitude,note\n1,0.01,a\n2,0.02,b\n")
     read = read_candidates(table, STATIC)
-    assert read == (
-        Candidate(amplitude=0.01, frequency=1.0),
-        Candidate(amplitude=0.02, frequency=2.0),
-    )
+    assert read == (Candidate(amplitude=0.01, frequency=1.0), Candidate(amplitude=0.02, frequency=2.0))
     assert read_candidates(table, STATIC, Limits(stroke=0.03)) == read[:1]
     model = STATIC.with_current_laws({"alpha": "linear"})
-    refused(read_candidates, table, model)
+    refusal(read_candidates, table, model, match="line 2: .* current")
     table.write_text("amplitude,frequency\n0.01,0\n")
-    refused(read_candidates, table, STATIC)
-    refused(read_candidates, tmp_path / "none.csv", STATIC)
+    refusal(read_candidates, table, STATIC, match="line 2: .* positive")
 
 
-def test_a_band_that_is_none_is_named(fit: Fit, test: DamperTest, refused: Refused) -> None:
-    for band in ("stiffness", "delta"):
-        refused(mr.plan, fit, [test], GRID[:1], band=band)
+def test_what_is_held_has_no_band_and_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest) -> None:
+    refusal(mr.plan, fit, [test], GRID[:1], band="delta", match="delta is fixed")
+    slow = Candidate(amplitude=0.01, frequency=1e-9)
+    for given, targets in (([GRID[0], slow], []), (GRID[:1], [slow])):
+        refusal(mr.plan, fit, test, given, targets=targets, match="frequency of a candidate is 1e-09 Hz")
 
 
-def test_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest, refused: Refused) -> None:
-    for candidate in (
-        Candidate(amplitude=0.01, frequency=1e-9),
-        Candidate(amplitude=1e6, frequency=1.0),
-        Candidate(amplitude=0.01, frequency=1.0, command=-5.0),
-        Candidate(amplitude=0.01, frequency=1.0, command=1e9),
-    ):
-        possible = Candidate(amplitude=0.01, frequency=1.0)
-        refused(mr.plan, fit, test, [possible, candidate])
-        refused(mr.plan, fit, test, [possible], targets=[candidate])
+def test_one_test_gives_the_result_of_a_list_of_it() -> None:
+    test = cut(mr.synthetic_test("rd1005_1a"), every=4)
+    fit = mr.identify("dahl", test)
+    candidates = [Candidate(amplitude=0.01, frequency=1.0)]
+    assert mr.identify("dahl", [test]).theta == fit.theta
+    assert candidate_grid(fit.spec, test) == candidate_grid(fit.spec, [test])
+    assert mr.plan(fit, test, candidates) == mr.plan(fit, [test], candidates)
+    assert mr.identifiability_of(fit, test) == mr.identifiability_of(fit, [test])
+    assert mr.profile(fit, test).profiles == mr.profile(fit, [test]).profiles

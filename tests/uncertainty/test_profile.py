@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sentences import Refused
+from refusals import refusal
 
 import mrwork as mr
 from mrwork import identify
@@ -227,11 +227,7 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
     assert found.misfit == pytest.approx(fit.nrmse, rel=1e-4)
 
 
-def test_impossible_settings_are_named(fit: Fit, test: DamperTest, refused: Refused) -> None:
-    for settings in ({"parameters": ["stiffness"]}, {"level": 95.0}):
-        refused(mr.profile, fit, [test], **settings)
-
-
-def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest, refused: Refused) -> None:
+def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
     powered = replace(fit, live_settings=replace(fit.settings, power=4.0))
-    refused(mr.profile, powered, [test])
+    refusal(mr.profile, powered, [test], match="power 4")
+    refusal(mr.profile, fit, [test], parameters=("k", "k"), match="k, k")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from posterior_samples import independent_errors
+from refusals import refusal
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
-from sentences import Refused
 from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 
 from mrwork import identify
@@ -123,9 +123,9 @@ def test_a_block_that_settles_the_posterior_alone_is_told() -> None:
     assert found.pareto_k[1] < UNRELIABLE
 
 
-def test_too_little_to_leave_out_is_refused(refused: Refused) -> None:
-    refused(leave_one_out, np.zeros((200, 1)), np.zeros(200))
-    refused(leave_one_out, np.zeros((20, 3)), np.zeros(20))
+def test_too_little_to_leave_out_is_refused() -> None:
+    refusal(leave_one_out, np.zeros((200, 1)), np.zeros(200), match="one block only")
+    refusal(leave_one_out, np.zeros((20, 3)), np.zeros(20), match="20 draws")
 
 
 def test_residuals_are_those_of_the_fit(record: DamperTest, fit: Fit) -> None:

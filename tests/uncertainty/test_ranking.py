@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sentences import Refused
+from refusals import refusal
 
-from mrwork.drawing.canvas import svg_bytes
 from mrwork.identification.result import BuildingCost
-from mrwork.report import numbers
 from mrwork.report.fit.choices import ranking_figure
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
 from mrwork.uncertainty.choice.ranking import (
@@ -72,24 +70,36 @@ def ranking(*evidence: Evidence, missing: tuple[str, ...] = ()) -> Ranking:
 WOBBLE = np.array([0.004, -0.004, 0.005, -0.005, 0.006, -0.004])
 
 
-def test_a_larger_family_is_not_chosen_for_a_hair() -> None:
-    # A tenth of a point better on every test: always, but by less than rigs repeat.
-    assert verdicts(family("small", 4, TESTS), family("large", 9, TESTS - 0.0009)) == {
-        "large": "as good",
-        "small": "chosen",
-    }
+# A tenth of a point on every test is less than rigs repeat; a paired difference of 40 points with an error of 40 does
+# not excuse the family that fails on one test.
+RULES: dict[str, tuple[tuple[Evidence, ...], dict[str, str]]] = {
+    "not for a hair": (
+        (family("small", 4, TESTS), family("large", 9, TESTS - 0.0009)),
+        {"small": "chosen", "large": "as good"},
+    ),
+    "the simpler within one standard error": (
+        (family("small", 4, TESTS + 0.001 + WOBBLE), family("large", 9, TESTS)),
+        {"small": "chosen", "large": "as good"},
+    ),
+    "the better everywhere at any size": (
+        (family("small", 4, TESTS), family("large", 9, TESTS - 0.02)),
+        {"small": "behind", "large": "chosen"},
+    ),
+    "not the one that fails on a test": (
+        (family("fragile", 3, TESTS + 2.4 * np.eye(6)[5]), family("sound", 8, TESTS)),
+        {"fragile": "behind", "sound": "chosen"},
+    ),
+    "the collapsed where the simpler one failed": (
+        (family("simple", 7, None), family("rich", 11, TESTS, same_as="simple")),
+        {"simple": "failed", "rich": "chosen"},
+    ),
+}
 
 
-def test_within_one_standard_error_the_simpler_is_chosen() -> None:
-    assert verdicts(family("small", 4, TESTS + 0.001 + WOBBLE), family("large", 9, TESTS)) == {
-        "large": "as good",
-        "small": "chosen",
-    }
-
-
-def test_a_family_that_is_better_everywhere_is_chosen_at_any_size() -> None:
-    found = verdicts(family("small", 4, TESTS), family("large", 9, TESTS - 0.02))
-    assert found == {"large": "chosen", "small": "behind"}
+@pytest.mark.parametrize("rule", RULES)
+def test_which_family_is_chosen(rule: str) -> None:
+    families, expected = RULES[rule]
+    assert verdicts(*families) == expected
 
 
 def test_the_pairing_tells_what_the_scatter_of_tests_hides() -> None:
@@ -100,12 +110,6 @@ def test_the_pairing_tells_what_the_scatter_of_tests_hides() -> None:
     assert found[1].left_out_error is not None
     assert found[1].left_out_behind_error is not None
     assert found[1].left_out_behind_error < 0.01 * found[1].left_out_error
-
-
-def test_one_test_that_goes_wrong_does_not_excuse_a_family() -> None:
-    # The paired difference is 40 points with an error of 40.
-    failing = TESTS + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.4])
-    assert verdicts(family("fragile", 3, failing), family("sound", 8, TESTS))["fragile"] == "behind"
 
 
 def test_the_order_does_not_depend_on_that_of_the_evidence() -> None:
@@ -142,8 +146,8 @@ def test_a_family_that_failed_is_a_row_with_its_reason() -> None:
     ]
 
 
-def test_where_all_failed_the_reasons_are_told(refused: Refused) -> None:
-    refused(rank, [family("broken", 4, None, reason="it diverged")], None)
+def test_where_all_failed_the_reasons_are_told() -> None:
+    refusal(rank, [family("broken", 4, None, reason="it diverged")], None, match="broken: it diverged")
 
 
 def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
@@ -155,25 +159,29 @@ def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
         missing=("other",),
     )
     assert found.chosen == "small"
+    assert found.doubts == ("not compared, as its predictions failed: broken (it diverged)",)
     for words in (
-        "Failed, and so not compared: Broken",
         "Of 4 families, Small with 4 parameters is chosen",
-        "6 tests, each predicted without itself",
-        "behind Large, the best, which has 5 parameters more: as good, and simpler",
+        "behind Large, the best, which has 5 parameters more",
         "Next comes Poor with 3 parameters, 20.00",
         "PSIS-LOO prefers Large",
-        "Pareto k of 3 blocks is above 0.7",
+        "Pareto k of 3 blocks",
         "BIC prefers Large",
-        "lacks other",
     ):
         assert words in found.sentence
 
 
-def test_families_that_failed_are_said_first() -> None:
-    found = ranking(family("broken", 4, None, reason="it diverged"), family("sound", 5, TESTS))
-    assert found.sentence.startswith("Failed, and so not compared: Broken. Of 2 families, Sound")
-    assert found.doubts == ("not compared, as its predictions failed: broken (it diverged)",)
-    assert ranking(family("sound", 5, TESTS)).doubts == ()
+@pytest.mark.parametrize(
+    ("elpd", "verdict"),
+    [((0.0, 0.0, 0.0), "over 12 blocks agrees"), ((4.0, 5.0, 4.5), "does not distinguish")],
+)
+def test_criteria_agree_or_do_not_distinguish(elpd: tuple[float, ...], verdict: str) -> None:
+    sentence = ranking(
+        family("good", 4, TESTS, elpd=(5.0, 3.0, 5.0)),
+        family("poor", 5, TESTS + 0.2, variance=0.05, elpd=elpd),
+    ).sentence
+    assert verdict in sentence
+    assert "BIC agrees" in sentence
 
 
 def test_a_family_is_not_chosen_because_a_far_better_one_could_not_predict() -> None:
@@ -184,29 +192,10 @@ def test_a_family_is_not_chosen_because_a_far_better_one_could_not_predict() -> 
         ("poor", "provisional"),
         ("better", "failed"),
     ]
-    assert "No family is chosen: Better, which failed, fits all tests far better" in found.sentence
-    assert "is chosen" not in found.sentence.replace("No family is chosen", "")
+    assert "No family is chosen: Better, which failed" in found.sentence
     assert found.disagreement() == ""
     # One that fits all tests no better leaves the choice as it is.
     assert ranking(poor, replace(better, fit_percent=57.5)).standings[0].verdict == "chosen"
-
-
-def test_criteria_that_agree_are_said_to() -> None:
-    sentence = ranking(
-        family("good", 4, TESTS, elpd=(5.0, 5.5, 5.2)),
-        family("poor", 5, TESTS + 0.2, variance=0.05, elpd=(0.0, 0.0, 0.0)),
-    ).sentence
-    assert "PSIS-LOO over 12 blocks agrees" in sentence
-    assert "BIC agrees" in sentence
-    assert "Pareto" not in sentence
-
-
-def test_a_difference_within_its_error_is_no_preference() -> None:
-    sentence = ranking(
-        family("good", 4, TESTS, elpd=(5.0, 3.0, 5.0)),
-        family("poor", 5, TESTS + 0.2, variance=0.05, elpd=(4.0, 5.0, 4.5)),
-    ).sentence
-    assert "PSIS-LOO does not distinguish it from Poor" in sentence
 
 
 def test_rows_are_frozen_numbers() -> None:
@@ -227,13 +216,6 @@ def test_a_family_that_has_collapsed_to_a_simpler_one_cannot_be_chosen_over_it()
     assert found.chosen == "simple"
     assert [(each.model, each.same_as) for each in found.standings] == [("simple", ""), ("rich", "simple")]
     assert "Rich counts as Simple: sigma is at upper bound" in found.sentence
-    assert found._summary().rows[1][-1] == "collapsed, sigma is at upper bound"
-
-
-def test_a_collapsed_family_stays_where_the_simpler_one_failed() -> None:
-    assert (
-        verdicts(family("simple", 7, None), family("rich", 11, TESTS, same_as="simple"))["rich"] == "chosen"
-    )
 
 
 FOLDS = np.array([0.070, 0.071, 0.072, 0.073])
@@ -242,10 +224,6 @@ FOLDS = np.array([0.070, 0.071, 0.072, 0.073])
 def remark(evidence: list[Evidence], steps: dict[str, float]) -> tuple[str, ...]:
     own = {each.model: replace(each, cost=BuildingCost(steps=steps[each.model])) for each in evidence}
     return cost_remark(rank([*own.values()], None), own)
-
-
-def test_a_cheap_choice_is_not_remarked_upon() -> None:
-    assert remark([family("loop", 7, FOLDS), family("curve", 8, FOLDS)], {"loop": 8, "curve": 2}) == ()
 
 
 def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
@@ -259,8 +237,7 @@ def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
         )
     ]
     assert verdicts(*families) == {"loop": "as good", "curve": "chosen", "line": "behind"}
-    sentence = ranking(*families).sentence
-    assert "behind Loop, the best, as good, and it takes fewer steps in a building" in sentence
+    assert "takes fewer steps in a building" in ranking(*families).sentence
 
 
 def test_a_family_that_something_speaks_against_is_not_chosen_while_others_are_left() -> None:
@@ -269,19 +246,13 @@ def test_a_family_that_something_speaks_against_is_not_chosen_while_others_are_l
     assert verdicts(dying) == {"dying": "chosen"}
 
 
-def test_a_cheap_family_that_is_not_as_good_is_the_nearest() -> None:
+def test_a_costly_choice_names_the_nearest_cheap_family() -> None:
     (found,) = remark([family("loop", 7, FOLDS), family("line", 6, FOLDS + 0.01)], {"loop": 64, "line": 2})
-    assert found.endswith(
-        "of those that take fewer than 16 Line comes nearest (91.85 % against 92.85 % left out)"
-    )
-
-
-def test_without_a_cheap_family_that_is_said() -> None:
-    (found,) = remark([family("loop", 7, FOLDS), family("line", 8, FOLDS)], {"loop": math.inf, "line": 32})
-    assert found == (
-        "the fit of Loop takes more than 512 integration steps a sample of 1 ms in a building, and so does every "
-        "other that predicts what was left out"
-    )
+    assert "Line comes nearest (91.85 % against 92.85 % left out)" in found
+    curve = [family("loop", 7, FOLDS), family("curve", 8, FOLDS)]
+    assert remark(curve, {"loop": 8, "curve": 2}) == ()
+    (found,) = remark(curve, {"loop": math.inf, "curve": 32})
+    assert "more than 512 integration steps" in found
 
 
 @pytest.fixture(scope="module")
@@ -300,51 +271,17 @@ def test_every_family_is_a_row_and_the_reasons_are_there(compared: Ranking) -> N
     table = compared.table
     rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert list(rows) == ["large", "good", "poor", "lost", "broken"]
-    assert rows["good"]["remark"] == "chosen, Pareto k above 0.7 in 1 block"
-    assert rows["large"]["remark"].startswith("as good")
-    assert rows["broken"]["remark"] == "failed, it diverged"
     assert rows["broken"]["left-out fit %"] == rows["broken"]["Δ BIC"] == "–"
     assert rows["good"]["left-out fit %"] == "94.00 ± 0.58"
     assert rows["large"]["behind, points"] == "0.00"
 
 
-def test_page_and_terminal_have_the_same_cells_of_a_ranking(compared: Ranking) -> None:
-    text, page = compared.table, compared.page_table
-    assert [row[1:] for row in text.rows] == [row[1:] for row in page.rows]
-    assert [each.lower() for each in text.columns] == [each.lower() for each in page.columns]
-    assert [row[0] for row in page.rows] == [each.title for each in compared.standings]
-
-
+@pytest.mark.words
 def test_the_figure_has_every_family_that_was_judged_within_its_axes(compared: Ranking) -> None:
-    figure = ranking_figure(compared)
-    (axes,) = figure.axes
+    (axes,) = ranking_figure(compared).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["Large, 9", "Good, 4", "Poor, 3", "Lost, 5"]
-    assert [label.get_fontweight() for label in axes.get_yticklabels()] == [
-        "normal",
-        "bold",
-        "normal",
-        "normal",
-    ]
     left, right = axes.get_xlim()
     # What lies 300 points away must not squeeze the others.
     assert right - left < 60.0
-    for line in axes.lines:
-        x = np.asarray(line.get_xdata(), dtype=float)
-        assert np.all(x <= right)
-    said = [text.get_text() for text in axes.texts]
-    assert "chosen" in said
-    assert "as good" in said
-    assert f"{numbers.MINUS}237 %" in said
-    assert svg_bytes(figure) == svg_bytes(ranking_figure(compared))
-
-
-def test_a_single_family_on_a_single_fold_can_be_drawn() -> None:
-    alone = ranking_of(
-        rank([family("only", 2, np.array([0.1]))], None),
-        held_out="later cycles",
-        n_folds=1,
-        n_blocks=None,
-        n_effective=None,
-    )
-    assert len(ranking_figure(alone).axes[0].get_yticklabels()) == 1
+    assert all(np.all(np.asarray(line.get_xdata(), dtype=float) <= right) for line in axes.lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,7 +14,6 @@ from mrwork.drawing.of_tests import Comparison
 from mrwork.report.fit.residuals import residual_section
 from mrwork.uncertainty.residual_tests import (
     LAGS,
-    LEVEL,
     ResidualTests,
     autocorrelation,
     residual_tests,
@@ -149,33 +147,15 @@ def test_autocorrelation_is_one_at_lag_zero_and_that_of_the_definition() -> None
     assert rho[3] == pytest.approx(float(centred[3:] @ centred[:-3] / (centred @ centred)), rel=1e-10)
 
 
+@pytest.mark.words
 def test_the_section_says_what_the_tests_found() -> None:
-    noise = residual_section([with_residual(white(5))])
-    assert "consistent with white noise" in noise.summary
+    noise = with_residual(white(5))
+    assert "consistent with white noise" in residual_section([noise]).summary
     spiked = 8.0 * white(5)
     spiked[np.arange(50, N_TIME, 50)] += 80.0
-    steps = residual_section([stepped(spiked, random_steps(5))])
-    assert re.fullmatch(
-        r"after steps of the command are [89]\.?\d? times as large as elsewhere\.", steps.summary
-    )
-    assert not any("no error that a better model" in sentence for sentence in steps.groups[0].prose)
-    assert any("look at its lag" in sentence for sentence in steps.groups[0].prose)
-    two = residual_section([stepped(spiked, random_steps(5)), with_residual(white(5))])
+    two = residual_section([stepped(spiked, random_steps(5)), noise])
     assert "times as large as elsewhere on 1 of 2 tests." in two.summary
-    both = residual_section([with_residual(white(5)), with_residual(coloured(5))])
-    assert "correlated on 1 of 2 tests" in both.summary
-    assert any("not a systematic error of the model" in sentence for sentence in both.groups[0].prose)
+    assert "correlated on 1 of 2 tests" in residual_section([noise, with_residual(coloured(5))]).summary
     time = 8.0 * np.arange(N_TIME) / N_TIME
     model = residual_section([with_residual(np.cos(6.0 * np.pi * time) + 0.1 * white(5))])
-    assert any("error of the model, not noise" in sentence for sentence in model.groups[0].prose)
     assert "98 % of their mean square repeats" in model.summary
-    once = comparison(n_time=N_TIME, duration=2.0)
-    short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
-    assert short.summary == "correlated on this test."
-    assert any(
-        "cannot be distinguished without repeated cycles" in sentence for sentence in short.groups[0].prose
-    )
-    table = both.groups[0].table
-    assert table is not None
-    assert [row[2] for row in table.rows][1] == "< 0.001"
-    assert LEVEL == 0.01
