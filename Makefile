@@ -24,7 +24,7 @@ test: $(VENV)/.built $(VENV)/.dev
 
 # After a change of wording: `tests/sentences.toml` anew, to be read as a diff.
 sentences: $(VENV)/.built $(VENV)/.dev
-	MRWORK_SENTENCES=write $(BIN)/python -m pytest
+	MRWORK_TESTS=all MRWORK_SENTENCES=write $(BIN)/python -m pytest
 
 # What a user may do wrong, in the long form: planted faults, several mistakes of a study, every property twenty times.
 faults: $(VENV)/.built $(VENV)/.dev
