@@ -33,10 +33,6 @@ def test_time_displacement_and_force_are_needed(tmp_path: Path, refused: Refused
         refused(read_damper_test, renamed(tmp_path, missing))
 
 
-def test_two_columns_for_one_quantity_are_both_named(tmp_path: Path, refused: Refused) -> None:
-    refused(read_damper_test, renamed(tmp_path, "force_n", "force_n", "Force_kN"))
-
-
 def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
     path = renamed(tmp_path, "force_n", "force_n", "F:cell 1")
     test = read_damper_test(path, columns={"force": "F:cell 1:kN"})
@@ -54,11 +50,6 @@ def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
 def test_a_wrong_mapping_is_refused(tmp_path: Path, columns: dict[str, str], word: str) -> None:
     path = write_text(tmp_path / "rig.csv", clean_columns())
     refusal(read_damper_test, path, columns=columns, match=word)
-
-
-def test_a_column_option_is_split_once_checked() -> None:
-    assert parse_column_option("force=F:kN") == ("force", "F:kN")
-    assert parse_column_option("time= t : ms ") == ("time", "t : ms")
 
 
 @pytest.mark.parametrize(

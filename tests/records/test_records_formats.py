@@ -158,13 +158,6 @@ def test_parquet_reads_like_text(tmp_path: Path) -> None:
     refusal(read_damper_test, path, match="'force_n' holds object values")
 
 
-def test_without_pyarrow_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    path = tmp_path / "rig.parquet"
-    path.write_bytes(b"PAR1")
-    refusal(read_damper_test, path, match=r"pip install 'mrwork\[parquet\]'")
-
-
 def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
     for name in ("b.csv", "a.csv", "c[1].csv"):
         write_text(tmp_path / name, clean_columns())
@@ -190,3 +183,16 @@ def test_the_hash_of_arrays_depends_on_every_value() -> None:
 
     assert digest(0.0, 0.5) == digest(0.0, 0.5)
     assert len({digest(0.0, 0.5), digest(1e-9, 0.5), digest(0.0, 0.6)}) == 3
+
+
+@pytest.mark.parametrize(
+    ("extension", "module", "remedy"),
+    [("parquet", "pyarrow", "parquet"), ("tdms", "nptdms", "tdms"), ("xlsx", "python_calamine", "xlsx")],
+)
+def test_without_its_library_a_format_names_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extension: str, module: str, remedy: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    path = tmp_path / f"rig.{extension}"
+    path.write_bytes(b"PAR1")
+    refusal(read_damper_test, path, match=rf"pip install 'mrwork\[{remedy}\]'")

@@ -71,12 +71,17 @@ def test_marker_lines_are_told_together_and_skipped_by_one_answer(
     assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
 
 
-def test_a_text_in_a_cell_is_no_marker(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("row", "word"),
+    [
+        ("0.245,overload,3.2", "line 61, column 'x_mm' holds 'overload'"),
+        ("0.3,-3.45e-06", "line 61 has 2 fields"),
+    ],
+)
+def test_a_wrong_row_is_no_marker(tmp_path: Path, row: str, word: str) -> None:
     lines = text("t_s,x_mm,F_N", TIME, STROKE, FORCE)
-    path = write(tmp_path / "a.csv", [*lines[:50], "0.245,overload,3.2", *lines[51:]])
-    refusal(
-        read_damper_test, path, columns={"markers": "skip"}, match="line 51, column 'x_mm' holds 'overload'"
-    )
+    path = write(tmp_path / "a.csv", [*lines[:60], row, *lines[61:]])
+    refusal(read_damper_test, path, columns={"markers": "skip"}, match=word)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6)])
@@ -126,26 +131,6 @@ def test_a_name_with_two_commands_is_asked_about(tmp_path: Path) -> None:
     test = read_damper_test(path)
     assert not test.commands
     assert any("says 0 A and 2 A" in each.message for each in test.findings)
-
-
-def test_characterise_says_which_row_to_set_back(tmp_path: Path) -> None:
-    rows = ["file,use,command"]
-    for number, (use, current) in enumerate([("fit", 0), ("fit", 0), ("fit", 1), ("test", 1)]):
-        stroke, force = (1.0 + 0.5 * number) * STROKE, (1.0 + current) * FORCE
-        write(tmp_path / f"test{number}.csv", text("t_s,x_mm,F_N", TIME, stroke, force))
-        rows.append(f"test{number}.csv,{use},{current} A")
-    write(tmp_path / "tests.csv", rows)
-    remedy = "set the use of test3.csv back to fit, and type: mrwork"
-    said = command_refusal("characterise", tmp_path, "--out", tmp_path / "out", match=remedy)
-    assert "--law" not in said
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_row_that_lost_a_field_marks_no_event_whatever_its_exponent(tmp_path: Path) -> None:
-    lines = text("t_s,x_mm,F_N", TIME, STROKE, FORCE)
-    path = write(tmp_path / "a.csv", [*lines[:60], "0.3,-3.45e-06", *lines[61:]])
-    for columns in ({}, {"markers": "skip"}):
-        refusal(read_damper_test, path, columns=columns, match="line 61 has 2 fields")
 
 
 def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -19,7 +17,6 @@ from rig_files import lvm, tdms_channels, write_matlab_73, write_tdms
 from sentences import Refused
 
 from mrwork.records import read_damper_test
-from mrwork.store.input_file import RECORD
 
 MM, KN = 1e3, 1e-3
 
@@ -141,15 +138,6 @@ def test_micrometres_of_a_latin_1_header_are_micrometres(tmp_path: Path) -> None
     np.testing.assert_allclose(test.force, 1e-3 * columns["force_n"], rtol=1e-8)
 
 
-def test_columns_without_names_are_given_by_number(tmp_path: Path, refused: Refused) -> None:
-    path = tmp_path / "rig.txt"
-    path.write_text(text(seconds_and_loop()))
-    refused(read_damper_test, path)
-    assert_is_the_test(
-        read_damper_test(path, columns={"time": "1:s", "displacement": "2:mm", "force": "3:kN"})
-    )
-
-
 def test_what_the_header_leaves_open_is_asked_for(tmp_path: Path, refused: Refused) -> None:
     for header in (
         ["Time\tStroke\tForce", "s\tmm\tstone"],
@@ -161,13 +149,6 @@ def test_what_the_header_leaves_open_is_asked_for(tmp_path: Path, refused: Refus
         path = tmp_path / "rig.txt"
         path.write_text(text(header, seconds_and_loop()))
         refused(read_damper_test, path)
-
-
-def test_two_force_cells_are_asked_for(tmp_path: Path, refused: Refused) -> None:
-    path = tmp_path / "rig.txt"
-    path.write_text(text(["Time (s)\tStroke (mm)\tAxial Force (kN)\tLoad cell (kN)"], seconds_and_loop("f")))
-    refused(read_damper_test, path)
-    assert_is_the_test(read_damper_test(path, columns={"force": "Load cell (kN):kN"}))
 
 
 def test_set_points_and_voltages_of_sensors_are_no_measured_signals(tmp_path: Path) -> None:
@@ -189,21 +170,6 @@ def test_commas_that_mean_two_things_are_refused(tmp_path: Path, refused: Refuse
         path = tmp_path / "rig.csv"
         path.write_text(text(lines))
         refused(read_damper_test, path)
-
-
-def test_a_wrong_cell_below_a_header_block_is_named_by_its_line(tmp_path: Path, refused: Refused) -> None:
-    body = rows("n", "t", "x", "f")
-    body[100] = body[100].rpartition("\t")[0] + "\toverload"
-    path = tmp_path / "rig.txt"
-    path.write_text(text(MTS, body))
-    refused(read_damper_test, path)
-
-
-def test_a_file_larger_than_any_test_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "rig.txt"
-    path.write_text(text(MTS, rows("n", "t", "x", "f")))
-    monkeypatch.setattr("mrwork.files.open_table.RECORD", replace(RECORD, largest=1000))
-    refusal(read_damper_test, path, match="at most; export one test")
 
 
 @pytest.mark.parametrize(("cuts", "comma"), [((), False), ((100, 150), True)])
@@ -276,12 +242,3 @@ def test_a_tdms_file_reads_like_a_plain_table(tmp_path: Path) -> None:
         assert_is_the_test(read_damper_test(path))
     write_tdms(path, tdms_channels())
     refusal(read_damper_test, path, match="no column for the time among 'Stroke', 'Axial Force'")
-
-
-def test_without_nptdms_the_remedy_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refused
-) -> None:
-    monkeypatch.setitem(sys.modules, "nptdms", None)
-    path = tmp_path / "rig.tdms"
-    path.write_bytes(b"TDSm")
-    refused(read_damper_test, path)

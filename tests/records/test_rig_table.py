@@ -234,13 +234,6 @@ def test_a_fit_keeps_the_columns_that_a_table_gave(rig: Path) -> None:
     assert reopen(place).tests[0].current == 0.2
 
 
-def test_a_table_that_exists_is_not_overwritten(rig: Path) -> None:
-    path = table(rig, *FULL)
-    command_refusal("check", rig, "--table", match="there already")
-    assert "z.csv,test" in path.read_text()
-    assert mrwork("check", rig, "--table", rig / "guess.csv").returncode == 0
-
-
 def test_check_reads_a_folder_and_says_each_refusal_once(rig: Path) -> None:
     (rig / "damaged.mat").write_bytes(b"MATLAB 5.0")
     ended = mrwork("check", rig, "--json")

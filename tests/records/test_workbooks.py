@@ -99,17 +99,3 @@ def test_what_is_no_workbook_with_a_record_is_refused(tmp_path: Path, content: b
     path = tmp_path / "rig.xlsx"
     path.write_bytes(content)
     refusal(read_damper_test, path, match=word)
-
-
-def test_without_the_library_one_sentence_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    find = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util,
-        "find_spec",
-        lambda name, *rest: None if name == "python_calamine" else find(name, *rest),
-    )
-    path = tmp_path / "rig.xlsx"
-    path.write_bytes(workbook({"Run 1": HEAD + BODY}))
-    refusal(read_damper_test, path, match=r"pip install 'mrwork\[xlsx\]'")
