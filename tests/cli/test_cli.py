@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import sys
 from pathlib import Path
@@ -54,12 +53,6 @@ def test_check_carries_its_estimates_as_numbers(tmp_path: Path, record: Path) ->
     (offset,) = [finding for finding in facts["findings"] if finding["code"] == "force_offset"]
     assert offset["measured"]["value"] == pytest.approx(200.0, abs=1.0)
     assert offset["measured"]["unit"] == "N"
-
-
-def test_repairs_are_made_on_request_and_logged(record: Path) -> None:
-    text = printed("check", record, "--repair", "offset=100", "--repair", "velocity")
-    assert "repaired: a static force of +100 N was subtracted" in text
-    assert "no velocity to repair" in text
 
 
 def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) -> None:
@@ -170,28 +163,3 @@ def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
     shows_help = f"from mrwork.cli.door import parser\nparser().format_help()\n{check}"
     helped = ran(sys.executable, "-c", shows_help, check=True)
     assert helped.stdout.strip() == "[]"
-
-
-TOLD = """
-import atexit, gc, os, sys
-before = gc.get_threshold()
-atexit.register(lambda: print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold() == before, file=sys.stderr))
-from mrwork.cli import main
-"""
-
-
-def told_by(code: str, **environment: str) -> list[str]:
-    """Threads of OpenBLAS at the end of a process, and whether garbage is looked for as before."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
-    inherited = {name: value for name, value in os.environ.items() if name not in names}
-    run = ran(sys.executable, "-c", TOLD + code, "--version", env=inherited | environment, check=True)
-    return run.stderr.split()
-
-
-def test_a_command_multiplies_matrices_on_one_thread_unless_the_user_has_set_another_number() -> None:
-    assert told_by("main()") == ["1", "False"]
-    assert told_by("main()", OMP_NUM_THREADS="2") == ["None", "False"]
-
-
-def test_the_process_of_a_calling_program_stays_as_it_is() -> None:
-    assert told_by("main(['--version'])") == ["None", "True"]

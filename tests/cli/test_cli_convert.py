@@ -46,11 +46,7 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it() -> None
     ("words", "word"),
     [
         (["spencer", *SPENCER, "--to", "normalised", "--error", "0.01"], "--error is of the solver"),
-        (["spencer", *SPENCER, "--to", "spencer"], "already are spencer"),
         (["spencer", *SPENCER[1:-1], "--to", "normalised"], "also needs n"),
-        (["spencer", *SPENCER, "n=3", "--to", "normalised"], "n is given twice"),
-        (["spencer", *SPENCER, "x0=nan", "--to", "normalised"], "'nan' in 'x0=nan'"),
-        (["spencer", *SPENCER, "--to", "normalised", "--scale", "3"], "--scale sets A or Ao"),
         (["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"], "rho is 0"),
     ],
 )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -13,9 +11,7 @@ from command_line import printed
 
 import mrwork as mr
 from mrwork import load
-from mrwork.cli.profile import write_interrupted
-from mrwork.errors import Interrupted
-from mrwork.identification.fit_file import addition_content, read_fit, reopen
+from mrwork.identification.fit_file import read_fit
 
 
 @pytest.fixture(scope="module")
@@ -61,31 +57,6 @@ def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
     assert written["profiles"] == document["profiles"]
     assert (document["level"], document["status"]) == (0.5, "finished")
     assert document["directions"]
-
-
-def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    place = tmp_path / "run"
-    shutil.copytree(run, place)
-    opened, path = reopen(place), place / "profiles.json"
-
-    def press(progress: object) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        mr.profile(opened.fit, opened.tests, parameters=["c"], threads=1, on_progress=press)
-    so_far, options = caught.value.result, argparse.Namespace(json=False)
-    for damaged in ('{"profiles": 3}', "{", "[]"):
-        path.write_text(damaged)
-        assert write_interrupted(opened, so_far, options) == 130
-        assert json.loads(path.read_text())["status"] == "interrupted"
-        assert "has the profiles so far" in capsys.readouterr().err
-    finished = replace(so_far, status="finished")
-    path.write_bytes(addition_content(asdict(finished), opened.fit))
-    before = path.read_bytes()
-    assert write_interrupted(opened, so_far, options) == 130
-    assert path.read_bytes() == before
 
 
 def test_identify_says_what_the_data_do_not_see(run: Path) -> None:

@@ -101,20 +101,3 @@ def test_what_verbs_have_added_to_a_fit_and_what_was_edited_is_named(folder: Pat
     # What is resumed is written again.
     assert mrwork(*command, "--resume").returncode == 0
     assert mrwork(*command).returncode == 0
-
-
-@pytest.mark.machine
-@pytest.mark.parametrize(
-    ("verb", "more"), [("identify", ()), ("respond", ("--replace",)), ("tune", ("--resume",))]
-)
-def test_the_folder_of_a_web_app_is_no_run_folder(
-    verb: str, more: tuple[str, ...], inputs: Path, tmp_path: Path
-) -> None:
-    place = tmp_path / "app"
-    (place / "models").mkdir(parents=True)
-    (place / "manifest.json").write_text('{"name": "app", "start_url": "/"}')
-    for name in ("models/weights.bin", "results.json", "plan.json"):
-        (place / name).write_text("of the app")
-    before = contents(tmp_path)
-    command_refusal(*words(verb, inputs), "--out", place, *more, match="the folder is left as it is")
-    assert contents(tmp_path) == before

@@ -7,12 +7,9 @@ import shutil
 import signal
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, printed, started, wait_until
 from refusals import command_refusal
-
-from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
 @pytest.fixture(scope="module")
@@ -69,20 +66,3 @@ def test_one_sampling_at_a_time_and_ctrl_c_keeps_its_chain(run: Path, tmp_path: 
 )
 def test_what_cannot_be_sampled_is_refused(run: Path, words: tuple[str, ...], word: str) -> None:
     command_refusal("sample", run, *words, "--quiet", match=word)
-
-
-def test_the_line_tells_rate_agreement_and_time_left() -> None:
-    from mrwork.uncertainty.posterior.draws import Diagnosis
-
-    told = np.array([1.0])
-    diagnosis = Diagnosis(
-        names=("c",), n_steps=150, tau=10.0 * told, rhat=1.02 * told, ess_bulk=told, ess_tail=told
-    )
-    progress = SamplingProgress(
-        steps=200, most_steps=1000, seconds=4.0, steps_per_second=50.0, diagnosis=diagnosis
-    )
-    assert (
-        progress.in_words
-        == "step 200, 50 steps/s, R-hat 1.020, 15 autocorrelation times, 4 s, at least 9 s, at most 16 s left"
-    )
-    assert progress.most_seconds == 16.0

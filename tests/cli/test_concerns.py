@@ -13,7 +13,6 @@ import pytest
 from command_line import mrwork, printed
 from odd_files import MM, NEWTON, TIME, write_table
 from record_files import Columns, codes, write_text
-from refusals import command_refusal
 
 import mrwork as mr
 from mrwork.dampers import damper
@@ -192,20 +191,6 @@ def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
     calibrated = mrwork("calibrate", tmp_path / "run", *files[1:], "--quiet", "--json")
     assert json.loads(calibrated.stdout)["tests"] == [str(files[1])]
     assert "temperature, pressure, pre-load?" in calibrated.stderr
-
-
-@pytest.mark.parametrize("factor", [1000.0, -39.37])
-def test_a_velocity_that_is_a_known_factor_off_ends_a_verb(made: Run, tmp_path: Path, factor: float) -> None:
-    columns = recorded(1.0)
-    file = write_text(tmp_path / "off.csv", columns | {"velocity_mps": factor * columns["velocity_mps"]})
-    for command in (
-        ("identify", file, "--model", "bingham", "--quiet", "--out", tmp_path / "run"),
-        ("predict", made.folder, file),
-        ("calibrate", made.folder, file, "--quiet"),
-    ):
-        command_refusal(*command, match="times the displacement's derivative.*--repair velocity")
-    printed("predict", made.folder, file, "--repair", "velocity")
-    assert "warning: the velocity is" in printed("check", file)
 
 
 def test_a_fit_that_has_not_converged_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -235,19 +235,6 @@ def test_every_misspelt_option_is_answered_by_its_verb(verb: str) -> None:
         assert ended.stderr.startswith(f"mrwork {verb}: no option is called '{wrong}', did you mean --")
 
 
-def test_misspelt_entries_of_a_rig_name_the_nearest(tmp_path: Path, refused: Refused) -> None:
-    typed("mrwork init rig rig", tmp_path)
-    table = tmp_path / "rig" / "tests.csv"
-    text = table.read_text()
-    for right, wrong in (
-        ("force", "forse"),
-        (",calibration,", ",calibraton,"),
-        ("Axial Force", "Axial Forse"),
-    ):
-        table.write_text(text.replace(right, wrong, 1))
-        refused.command("identify", tmp_path / "rig", "--model", "bingham")
-
-
 # Completion
 
 

@@ -87,15 +87,6 @@ def test_a_study_whose_page_fails_is_complete(
     assert "<svg" in (out / "report.html").read_text()
 
 
-def test_fragilities_whose_figures_fail_have_their_table(study: Path, failing: pytest.MonkeyPatch) -> None:
-    out, table = study.parent / "out", study.parent / "limit.csv"
-    undrawn("respond", study, "--out", out, "--quiet")
-    document = json.loads(undrawn("fragility", out, "--output", table, "--json"))
-    assert document["files"] == [str(table)]
-    assert "2 records are few" in document["cautions"][0]
-    assert len(table.read_text().splitlines()) == 1 + 3 * len(document["arrangements"])
-
-
 def test_a_fit_whose_page_fails_is_complete_and_takes_what_later_verbs_add(
     tmp_path: Path, failing: pytest.MonkeyPatch
 ) -> None:

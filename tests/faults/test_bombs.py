@@ -20,7 +20,6 @@ from mrwork.buildings import read_building
 from mrwork.files.matrices import read_matrix
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
-from mrwork.store.parse import json_value
 
 MATLAB_5 = b"MATLAB 5.0 MAT-file".ljust(124, b" ") + struct.pack("<H", 0x0100) + b"IM"
 # Memory that a reader takes at most, beyond the largest file.
@@ -75,8 +74,3 @@ def test_a_file_that_would_take_much_memory_is_refused_before(case: int, tmp_pat
     refusal(read, tmp_path / name, match="")
     more = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used)
     assert more < MOST_MEMORY + (tmp_path / name).stat().st_size
-
-
-def test_a_document_of_too_many_values_is_refused_before_it_is_read() -> None:
-    with pytest.raises(ValueError, match="more than 16,000,000 values"):
-        json_value("[" + "[]," * 8_000_000 + "[]]")

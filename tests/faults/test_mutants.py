@@ -35,24 +35,7 @@ from mrwork.records import read_damper_test, read_test_table
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 TOKENS = st.sampled_from(
     [
-        *(
-            "",
-            " ",
-            "\t",
-            "\r",
-            "\0",
-            "\x1b[31m",
-            "\u202e",
-            "\ufeff",
-            "x",
-            "true",
-            "[]",
-            "{}",
-            '"',
-            "=",
-            ",",
-            "#",
-        ),
+        *("", " ", "\t", "\r", "\0", "\x1b[31m", "\u202e", "\ufeff", "x", "true", "[]", "{}", '"', "=", ","),
         *("nan", "-inf", "1e999", "1e308", "5e-324", "2147483648", "-1", "0", "1,5", '"1 kg"', "9" * 400),
         *("[" * 3000, "[nan]", "../x"),
     ]

@@ -69,18 +69,7 @@ FILES = {
         MTS, rows("n", "t", "x", "f")[:150], MTS, rows("n", "t", "x", "f")[150:]
     ),
     "Instron": text(INSTRON, rows("t", "n", "x", "f", delimiter=",")),
-    "Instron, quoted": text(
-        ["Time,Extension,Load", "(s),(mm),(kN)"], seconds_and_loop(delimiter=",", form='"{:.9g}"')
-    ),
     "decimal commas": text(GERMAN, seconds_and_loop(delimiter=";", comma=True)),
-    "decimal commas in quotes": text(
-        ["t_s,x_mm,f_kN"], seconds_and_loop(delimiter=",", form='"{:.9g}"')
-    ).replace(".", ","),
-    "blanks": text(
-        ["  Time (s)   Axial Displacement (mm)   Axial Force (kN)"],
-        seconds_and_loop(delimiter="   ", form="{:12.9g}"),
-    ),
-    "savetxt": text(["# t_s x_mm f_kN"], seconds_and_loop(delimiter=" ")),
     "a column of remarks": text(
         ["Zeit;Weg;Kraft;Bemerkung", "s;mm;kN;"], [f"{row};" for row in seconds_and_loop(delimiter=";")]
     ),
@@ -88,17 +77,10 @@ FILES = {
         ["Clock,Time,Stroke,Force", "-,s,mm,kN"],
         [f"12:00:{row % 60:02d},{each}" for row, each in enumerate(seconds_and_loop(delimiter=","))],
     ),
-    "a rule below the names": text(["t_s\tx_mm\tf_kN", "-----\t-----\t-----"], seconds_and_loop()),
-    "three hundred lines of settings": text(
-        [f"setting {k}\t{k}\t{k}" for k in range(300)], MTS, rows("n", "t", "x", "f")
-    ),
     "a table of a calibration above": text(
         ["Calibration"], [f"{k}\t{2.5 * k}" for k in range(30)], ["t_s\tx_mm\tf_kN"], seconds_and_loop()
     ),
     "units above the names": text(["s\tmm\tkN", "Time\tStroke\tForce"], seconds_and_loop()),
-    "a remark on each column below the units": text(
-        ["Time\tStroke\tForce", "s\tmm\tkN", "run 1\trun 1\trun 1"], seconds_and_loop()
-    ),
     "a spreadsheet's first line": text(
         ["sep=;", "Zeit;Weg;Kraft", "s;mm;kN"], seconds_and_loop(delimiter=";", comma=True)
     ),

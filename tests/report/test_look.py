@@ -42,7 +42,10 @@ SIGHTS = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-LEAST_DISTANCE = 12.0
+
+
+# Of lightness and two of colour, CIE 1976.
+LEAST_DISTANCE = 14.0
 
 
 def linear(colour: str) -> Rgb:
@@ -63,36 +66,7 @@ def lab(rgb: Rgb) -> Rgb:
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-def ciede2000(one: Rgb, other: Rgb) -> float:
-    (l1, a1, b1), (l2, a2, b2) = one, other
-    chroma = 0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))
-    g = 0.5 * (1 - np.sqrt(chroma**7 / (chroma**7 + 25.0**7)))
-    a1, a2 = (1 + g) * a1, (1 + g) * a2
-    c1, c2 = np.hypot(a1, b1), np.hypot(a2, b2)
-    h1, h2 = (np.degrees(np.arctan2(b, a)) % 360 for a, b in ((a1, b1), (a2, b2)))
-    turn = h2 - h1
-    turn = 0.0 if c1 * c2 == 0 else turn - 360 if turn > 180 else turn + 360 if turn < -180 else turn
-    hue = 2 * np.sqrt(c1 * c2) * np.sin(np.radians(turn / 2))
-    total = h1 + h2
-    mean = total / 2 if abs(h1 - h2) <= 180 else (total + 360) / 2 if total < 360 else (total - 360) / 2
-    mean = total if c1 * c2 == 0 else mean
-    light, c = 0.5 * (l1 + l2), 0.5 * (c1 + c2)
-    t = 1 + sum(
-        weight * np.cos(np.radians(times * mean + shift))
-        for weight, times, shift in ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
-    )
-    of_light = 1 + 0.015 * (light - 50) ** 2 / np.sqrt(20 + (light - 50) ** 2)
-    of_chroma, of_hue = 1 + 0.045 * c, 1 + 0.015 * c * t
-    rotation = -2 * np.sqrt(c**7 / (c**7 + 25.0**7))
-    rotation *= np.sin(np.radians(60 * np.exp(-(((mean - 275) / 25) ** 2))))
-    parts = (l2 - l1) / of_light, (c2 - c1) / of_chroma, hue / of_hue
-    return float(np.sqrt(sum(part**2 for part in parts) + rotation * parts[1] * parts[2]))
-
-
 def test_curves_of_a_panel_can_be_told_apart_and_stand_out_from_the_page() -> None:
-    # Sharma, Wu, Dalal, Color Res. Appl. 30, 2005, 21-30, table 1: pair 25.
-    pair = np.array([[60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387]])
-    assert ciede2000(*pair) == pytest.approx(1.2644, abs=5e-5)
     least = dict.fromkeys((*CURVES, *BANDS), 3.0) | dict.fromkeys(("faint-ink", "model", "residual"), 4.5)
     for mode in (0, 1):
         colours = {name: linear(both[mode]) for name, both in style.PALETTE.items()}
@@ -102,7 +76,7 @@ def test_curves_of_a_panel_can_be_told_apart_and_stand_out_from_the_page() -> No
             assert not [
                 (sight, one, other)
                 for one, other in pairs
-                if ciede2000(seen[one], seen[other]) < LEAST_DISTANCE
+                if np.linalg.norm(seen[one] - seen[other]) < LEAST_DISTANCE
             ]
         light = {name: float(np.array([0.2126, 0.7152, 0.0722]) @ each) for name, each in colours.items()}
         for name, contrast in (least | {"ink": 7.0}).items():

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import printed
-from refusals import refusal
 
 import mrwork as mr
 from mrwork.base.keys import is_required, keys_of
@@ -97,13 +96,6 @@ def test_weights_are_the_best_of_the_training_motions(tmp_path: Path) -> None:
     assert min(scores, key=lambda factor: scores[factor]) == 1.0
 
 
-def test_two_dampers_of_one_storey_have_names_of_their_own(tmp_path: Path) -> None:
-    second = f"\n[[damper]]\nstorey = 1\n{PLAIN}\ncount = 20\n"
-    study = read(tmp_path, second + named("clipped_optimal"))
-    assert study.device_names == ("damper in storey 1", "damper in storey 1, number 2")
-    assert mr.run_study(study, threads=1).complete
-
-
 def test_only_what_is_missing_is_taken(tmp_path: Path) -> None:
     settings = "settings = { accelerations = 1, full_force = '100 kN' }\n"
     ((_, taken),) = read(tmp_path, named("modified_clipped_optimal", settings)).taken_settings
@@ -118,12 +110,6 @@ def test_an_active_law_takes_no_more_force_than_the_dampers(tmp_path: Path) -> N
     results = ran(tmp_path, named("passive_on") + named("active"))
     on, active = (results.runs[row, 0].peak_force[0] for row in (3, 4))
     assert 0.0 < active <= on
-
-
-def test_settings_beside_the_name_of_a_law_are_told_their_table(tmp_path: Path) -> None:
-    refusal(
-        read, tmp_path, named("fuzzy", "rate = '1 m/s'\n"), match=r'line 19.*settings = \{ rate = "1 m/s"'
-    )
 
 
 def test_json_tells_what_was_taken(tmp_path: Path) -> None:

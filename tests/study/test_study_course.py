@@ -43,32 +43,6 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(
     assert 0.0 <= min(shares) <= max(shares) <= 1.0
 
 
-DAMPER = """storey = 1
-model = "normalised_bouc_wen"
-largest_command = 1
-parameters = { c = [300, 800], k = 0, x0 = 0, k_w = [100, 800], rho = 1e5, sigma = 1e3, n = 1 }
-"""
-
-
-def test_reading_tells_the_time_that_settings_take_and_the_stiff_damper_that_is_why(tmp_path: Path) -> None:
-    seen: list[StudyProgress] = []
-    path = tuning_samples.study_file(
-        tmp_path, building=tuning_samples.TWO_STOREYS, motions=tuning_samples.motion("A", 1),
-        tune='[[controller]]\nlaw = "clipped_optimal"\n',
-    )  # fmt: skip
-    text = path.read_text()
-    start, end = text.index("storey = 1"), text.index("[[motion]]")
-    path.write_text(text[:start] + DAMPER + text[end:])
-    told = mr.read_study(path, on_progress=seen.append)
-    assert told.arrangements[-1].taken == mr.read_study(path).arrangements[-1].taken
-    # Those at i = 0 and at the largest command, and 13 candidates.
-    assert {progress.total for progress in seen} == {15}
-    assert all(progress.left is not None for progress in seen[1:])
-    (reasons,) = {progress.reasons for progress in seen[1:]}
-    assert "settings of clipped_optimal" in reasons[0]
-    assert "n = 1 on a bound of the model" in reasons[1]
-
-
 def course(clock: list[float], expected: float) -> tuple[Course, list[StudyProgress]]:
     """A course of two parts, of which the trials of a share take this time of all."""
     seen: list[StudyProgress] = []
@@ -101,19 +75,6 @@ def test_trials_tell_the_time_of_all_and_runs_correct_it(monkeypatch: pytest.Mon
     assert seen[-1].left == pytest.approx(80.0, rel=0.01)
     assert seen[-1].later(30.0).left == pytest.approx(50.0, rel=0.01)
     assert "left" not in seen[-1].later(90.0).in_words
-
-
-def test_a_resumed_study_counts_what_was_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [0.0]
-    monkeypatch.setattr("mrwork.study.course.time.perf_counter", lambda: clock[0])
-    told, seen = course(clock, expected=50.0)
-    told.begin((0, "runs"), "first", 0, recalling=True)
-    told.begin((1, "runs"), "second", 100)
-    # Half of the runs were recalled; a trial of the rest has taken little.
-    assert 0.5 <= seen[-1].share < 0.55  # type: ignore[operator] # it is known
-    clock[0] += 25.0
-    told.advance(50, 100)
-    assert seen[-1].share == pytest.approx(0.75, abs=0.03)
 
 
 def test_an_excerpt_is_the_part_with_the_most_energy() -> None:

@@ -87,37 +87,6 @@ def test_a_passive_damper_may_be_called_passive_off(without_laws: Path) -> None:
     assert [each.row.label for each in mr.read_study(study).arrangements] == ["uncontrolled", "on"]
 
 
-def test_a_damper_identified_with_laws_follows_its_command(tmp_path: Path) -> None:
-    model = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
-    theta = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 800.0}
-    rng = np.random.default_rng(1)
-    time = np.arange(0.0, 2.0, 0.002)
-    displacement, velocity = 0.01 * np.sin(6.0 * time), 0.06 * np.cos(6.0 * time)
-    records = []
-    for current in (0.0, 1.0):
-        loading = mr.Loading(
-            dt=0.002, displacement=displacement, velocity=velocity, command=current, command_unit="A"
-        )
-        force = mr.simulate_force(model, list(theta.values()), loading) + 5.0 * rng.standard_normal(time.size)
-        records.append(tmp_path / f"{current}.csv")
-        np.savetxt(
-            records[-1],
-            np.column_stack([time, displacement, velocity, force, np.full(time.size, current)]),
-            delimiter=",",
-            header="time_s,displacement_m,velocity_mps,force_N,current_A",
-            comments="",
-        )
-    short = ("--generations", "3", "--population", "20", "--quiet")
-    out = tmp_path / "rig" / "run"
-    printed("identify", *records, "--model", "bingham", "--law", "f_c=linear", *short, "--out", out)
-    with_laws = responded(tmp_path, more="largest_command = 1.0", controller=ON)
-    weak, strong = with_laws["Passive-off"]["criteria"], with_laws["on"]["criteria"]
-    # At 1 A the friction is nine times that at none.
-    assert strong["peak_force"] > 2.0 * weak["peak_force"]
-    assert strong["rms_drift"] < weak["rms_drift"]
-    assert with_laws["on"]["energy_error"] < 1e-6
-
-
 # Dampers of the user
 
 
@@ -187,8 +156,3 @@ def test_another_model_takes_its_place_and_says_how_close_it_is(fit: Fit, tmp_pa
     own.to_toml(tmp_path / "study.toml")
     again = mr.read_study(tmp_path / "study.toml")
     assert again.devices[0].spec == fit.spec
-
-
-def test_loadings_without_a_command_are_refused(fit: Fit) -> None:
-    loading = mr.Loading(dt=0.01, displacement=np.sin(np.arange(99.0)))
-    refusal(mr.fit_like, fit, "bingham", [loading], match="command_unit")

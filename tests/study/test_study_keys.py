@@ -16,8 +16,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 
-from mrwork.base.hints import May, node_of
-from mrwork.base.keys import in_words, is_required, keys_of, name_in_file, read_table, tables, toml_text
+from mrwork.base.hints import May
+from mrwork.base.keys import is_required, keys_of, name_in_file, read_table, tables, toml_text
 from mrwork.base.places import KeyPath, Place
 from mrwork.buildings.from_file import Addition
 from mrwork.control import SETTINGS, WeightWishes
@@ -225,22 +225,6 @@ def test_every_wrong_key_is_named_in_its_line_with_what_to_give(
         assert len(told) == len(given), list(map(str, told))
 
 
-@TABLES_OF_A_STUDY
-def test_an_absurd_number_is_read_or_refused_by_a_line(
-    document: Document, place: KeyPath, kind: type, tmp_path: Path
-) -> None:
-    """Numbers in the range of a key that hardly any study can mean."""
-    hints = get_type_hints(kind)
-    for entry in keys_of(kind):
-        found = numeric(hints[entry.name])
-        if found is None or any(map(is_dataclass, members(hints[entry.name]))):
-            continue
-        for number in (2**62,) if found is int else (1e99, 1e-99):
-            value = number if found in members(hints[entry.name]) else [number]
-            told, _ = mistakes_of(with_values(document, place, {name_in_file(entry): value}), tmp_path)
-            assert all(each.line for each in told), (entry.name, number, list(map(str, told)))
-
-
 def test_mistakes_of_several_tables_are_told_together_and_no_others(tmp_path: Path) -> None:
     rng = random.Random(1)
     inner = [(place_of(heading), kind) for heading, kind in tables(StudyTable) if is_sound(heading)]
@@ -295,11 +279,3 @@ def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, ki
         default = "required" if is_required(entry) else ""
         found = re.search(rf" {name_in_file(entry)} {default}.*{re.escape(entry.metadata['says'])} \(", words)
         assert found, entry.name
-
-
-@pytest.mark.parametrize(
-    ("hint", "words"),
-    [(str | None, "text"), (int | str, "whole number or text"), (tuple[float, ...], "array of numbers")],
-)
-def test_types_are_printed_in_words(hint: Any, words: str) -> None:
-    assert in_words(node_of(hint)) == words

@@ -123,13 +123,6 @@ def test_a_file_that_is_no_law_is_refused_with_its_line(
     refusal(mr.read_study, write(tmp_path, **changes), match=word)
 
 
-def test_a_passive_damper_takes_no_law_in_python(tmp_path: Path) -> None:
-    study = write(tmp_path)
-    passive = 'model = "dahl"\nparameters = { k_w = 1e3, rho = 1e3, f0 = 0.0 }\npassive = true'
-    study.write_text(study.read_text().replace('preset = "kwok2006"', passive))
-    refusal(mr.read_study, study, match="line 19: .*they are passive")
-
-
 SHORT_STUDY = STUDY.format(file="law.py", function="law", more="").replace("duration = 2", "duration = 0.1")
 NAMED = "mrwork: study.toml, line 17: running law.py as Python, for its function law\n"
 REFUSED = {
@@ -141,15 +134,10 @@ REFUSED = {
         "def speed(sample):\n    return sample.speed\ndef law(sample, memory):\n    return speed(sample)\n",
         "law.py, line 2: AttributeError: 'LoopSample' object has no attribute 'speed'",
     ),
-    "a BaseException at import": (
-        "class Halt(BaseException): pass\nraise Halt\n",
-        "study.toml, line 17: law.py, line 2 failed when the file was run: Halt",
-    ),
     "NaN": (
         "\ndef law(sample, memory):\n    return float('nan') * sample.rate\n",
         "law.py, line 2.*not a number",
     ),
-    "a generator": ("def law(sample, memory):\n    yield 0.0\n", "law.py, line 1.*yield"),
     "no Python": ("def law(sample, memory):\n    return (\n", "line 17: law.py, line 2 .*SyntaxError"),
     "too few arguments": ("def law(sample):\n    return 0.0\n", "line 17: .*def law\\(sample, memory\\)"),
     "a change of what it is given": (
@@ -200,21 +188,6 @@ def test_what_a_law_changes_in_the_process_is_undone(folder: Path, law: str) -> 
     assert err.startswith(NAMED)
     assert set(err.removeprefix(NAMED).splitlines()) <= {"a line of the law"}
     assert ("a line of the law" in law) == ("a line of the law" in err)
-
-
-def test_files_of_a_study_are_found_after_a_law_has_left_the_folder(folder: Path) -> None:
-    (folder / "weight.csv").write_text("1\n" * 10)
-    more = '[[controller]]\nlaw = "clipped_optimal"\nsettings = { state_weight = "weight.csv", control_weight = 1 }\n'
-    (folder / "study.toml").write_text(SHORT_STUDY + more)
-    (folder / "law.py").write_text(KEPT["chdir at import"])
-    assert len(mr.read_study("study.toml").arrangements) == 5
-
-
-def test_in_python_the_file_is_named_before_it_runs_where_asked(folder: Path) -> None:
-    (folder / "law.py").write_text("raise RuntimeError\n")
-    said: list[str] = []
-    refusal(mr.read_study, "study.toml", on_python=said.append, match="RuntimeError")
-    assert said == ["study.toml, line 17: running law.py as Python, for its function law"]
 
 
 @pytest.mark.machine

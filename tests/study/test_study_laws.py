@@ -202,13 +202,6 @@ def test_a_gain_from_anywhere_is_the_gain_of_the_law(tmp_path: Path, name: str) 
     np.testing.assert_array_equal(np.asarray(gain_of(with_gain(tmp_path, law))), GAIN)
 
 
-def test_a_given_gain_has_the_responses_of_the_regulator_that_it_is_of(tmp_path: Path) -> None:
-    results = mr.run_study(with_gain(tmp_path, f"law = 'clipped_optimal'\ngain = {GAIN.tolist()}"), threads=1)
-    rows = [row.label for row in results.rows]
-    one, other = (results.criteria(rows.index(label), 0) for label in ("Clipped-optimal", "given"))
-    assert one == pytest.approx(other, rel=1e-9)
-
-
 def test_a_gain_that_cannot_be_is_told_its_shape_and_units(tmp_path: Path) -> None:
     np.save(tmp_path / "cube.npy", np.zeros((2, 2, 2)))
     scipy.io.savemat(tmp_path / "two.mat", {"K": GAIN, "L": GAIN})

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from refusals import command_refusal, refusal
-from sentences import Refused
 from tuning_samples import motion
 
 import mrwork as mr
@@ -54,12 +53,6 @@ def mistakes_of(path: Path) -> list[tuple[int, str]]:
         mr.read_study(path)
     error = refusal.value
     return [(each.line, str(each)) for each in getattr(error, "mistakes", [error])]
-
-
-def test_one_refusal_has_every_mistake_in_its_line(tmp_path: Path, refused: Refused) -> None:
-    path = study_in(tmp_path, FIVE)
-    refused(mr.read_study, path)
-    assert [line for line, _ in mistakes_of(path)] == LINES
 
 
 def test_the_command_lists_them_below_each_other(tmp_path: Path) -> None:

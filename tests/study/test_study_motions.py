@@ -217,18 +217,6 @@ def test_suites_of_other_seeds_may_be_for_training(folder: Path) -> None:
     refusal(tables, *same, folder=folder, match="are one record")
 
 
-@pytest.mark.parametrize("key", ["duration = 5", "seed = 2", "soil = { intensity = 0.1 }"])
-def test_a_key_of_synthetic_motions_is_refused_beside_a_file(folder: Path, key: str) -> None:
-    refusal(motions, f'file = "swing.csv"\n{key}', folder, match="is of synthetic motions")
-
-
-@pytest.mark.parametrize(
-    ("key", "word"), [("channel = 1", "takes no `channel`"), ("dt = 0.02", "holds the times")]
-)
-def test_a_key_of_another_format_is_refused(folder: Path, key: str, word: str) -> None:
-    refusal(motions, f'file = "swing.csv"\n{key}', folder, match=word)
-
-
 def test_a_doubtful_record_is_told_and_its_size_only_where_it_is_kept(folder: Path) -> None:
     (swing,) = tables('file = "swing.csv"', folder=folder)
     assert "is an offset" in swing.warnings[0]

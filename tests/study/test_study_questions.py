@@ -189,13 +189,6 @@ def test_respond_says_it_once_on_the_terminal_in_json_and_in_python(tmp_path: Pa
     assert sum(UNDAMPED in each for each in json.loads(ended.stdout)["warnings"]) == 1
 
 
-def test_tune_says_it_once_on_the_terminal_and_in_python(tmp_path: Path) -> None:
-    path, out = undamped(tmp_path), tmp_path / "tuned"
-    ended = mrwork("tune", path, "--out", out, "--quiet")
-    assert (ended.stdout + ended.stderr).count(UNDAMPED) == 1
-    assert sum(UNDAMPED in each for each in mr.tuning.read_tuning(out).warnings) == 1
-
-
 @pytest.mark.parametrize(
     "damping",
     [

@@ -12,11 +12,9 @@ from sentences import Refused
 
 from mrwork import Journal
 from mrwork.buildings import building
-from mrwork.dampers import DamperSpec, damper
+from mrwork.dampers import DamperSpec
 from mrwork.errors import RecordError
-from mrwork.motions import synthetic_motion
 from mrwork.study import Study, read_study, run_study
-from mrwork.uncertainty.candidate_tests import read_candidates
 
 STUDY = """\
 [building]
@@ -190,17 +188,6 @@ def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refuse
 def test_what_no_range_tells_is_refused_with_its_line(old: str, new: str, word: str, tmp_path: Path) -> None:
     assert old in STUDY
     refusal(study_of, STUDY.replace(old, new, 1), tmp_path, match=word)
-
-
-def test_what_does_not_fit_into_memory_is_refused_with_its_size(tmp_path: Path) -> None:
-    text = STUDY.replace(
-        'published = "uts"', "masses = [1e3]\nstiffnesses = [1e6]\nn_storeys = 1_000_000_000"
-    )
-    refusal(study_of, text, tmp_path, match="8 EB each; give 1,000 storeys")
-    refusal(synthetic_motion, duration=30.0, dt=1e-12, match="GB; give a shorter duration")
-    path = tmp_path / "candidates.csv"
-    path.write_text("amplitude,frequency\n" + "0.01,1\n" * 20_000)
-    refusal(read_candidates, path, damper("modified_bouc_wen"), match="1.3 GB.*give 7,989 at most")
 
 
 TRAINING = """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -18,15 +17,12 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork import Journal
-from mrwork.base.values import Floats
-from mrwork.dampers.simulation import Outcome
 from mrwork.errors import Interrupted
 from mrwork.store.codec import plain
-from mrwork.store.journal import line_of, read_lines
 from mrwork.study import Study, StudyResults, read_study, run_study
 from mrwork.study.comparison import findings
 from mrwork.study.course import StudyProgress
-from mrwork.study.run_result import Histories, RunHistory
+from mrwork.study.run_result import RunHistory
 
 # Two motions, four arrangements.
 STUDY = """\
@@ -218,41 +214,6 @@ def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later
     assert (out / "journal.jsonl").read_text() == journal
 
 
-@pytest.mark.parametrize(
-    ("word", "name", "forge"),
-    [
-        ("not finite", "rate", lambda array: np.where(np.arange(len(array))[:, None] == 3, np.nan, array)),
-        ("another shape|has the shape", "acceleration", lambda array: array[:, :1]),
-        ("its times are not", "time", lambda array: array + 1e-4 * (np.arange(array.size) == 2)),
-    ],
-)
-def test_a_forged_history_is_refused_and_simulated_again(
-    study: Study, tmp_path: Path, word: str, name: str, forge: Callable[[Floats], Floats]
-) -> None:
-    histories = Histories(tmp_path / "run", study, resume=False)
-    run_study(study, keep=histories.keep, threads=1)
-    row, motion = 1, study.histories[0]
-    path = next(each for each in histories.paths() if each.name.startswith(f"{row + 1:02d}-{motion + 1:02d}"))
-    with np.load(path) as archive:
-        arrays = dict(archive)
-    np.savez(path, **arrays | {name: forge(arrays[name])})  # type: ignore[arg-type] # no array is called allow_pickle
-    refusal(histories._read, path, row, motion, match=word)
-    assert not histories.is_stored(row, motion)
-    run_study(study, kept=histories.is_stored, keep=histories.keep, threads=1)
-    assert histories._read(path, row, motion).time.size
-
-
-def test_a_best_constant_command_that_was_not_tried_is_refused(study: Study, tmp_path: Path) -> None:
-    path = tmp_path / "study.jsonl"
-    ran(study, path)
-    entries, _ = read_lines(path.read_bytes(), path)
-    number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")
-    entries[number]["result"]["command"] = 0.01
-    # Its runs, which would be others, are still to come.
-    path.write_bytes(b"".join(map(line_of, entries[: number + 1])))
-    refusal(ran, study, path, resume=True, match="0.01 A, which is none of those that are tried")
-
-
 def test_a_damaged_history_is_simulated_again_on_resuming(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     printed("respond", path, "--out", out, "--quiet")
@@ -291,23 +252,6 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
     (said,) = [each for each in document["warnings"] if "stiff" in each]
     assert "stiff under 2 of 2 motions, as noise, 0.051 g, diverged" in said
     assert "lower the gains of the control law" in said
-
-
-def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_path: Path) -> None:
-    broken = STUDY.replace(
-        'law = "best_passive"\nlabel = "best"', 'law = "fuzzy"\nsettings = { deformation = 0.01, rate = 0.1 }'
-    )
-    broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
-    path.write_text(broken)
-    document = json.loads(printed("respond", path, "--out", tmp_path / "run", "--json"))
-    entry = document["results"][8]
-    assert (entry["controller"], entry["outcome"]) == ("Fuzzy", "failed_safe")
-    assert entry["criteria"]["peak_drift"] > 0.0
-    assert entry["energy_error"] < 1e-6
-    assert any(
-        f"noise, 0.051 g, failed safe: {Outcome.FAILED_SAFE.remedy}." in warning
-        for warning in document["warnings"]
-    )
 
 
 def test_the_verb_writes_tables_histories_and_page(path: Path, tmp_path: Path) -> None:

@@ -286,30 +286,6 @@ def test_every_key_has_the_line_where_it_stands(end: str) -> None:
     assert {path: lines[path] for path in LINES} == LINES
 
 
-VALUES = st.recursive(
-    st.sampled_from(["1", "-2.5", "true", '"a]b"', "'{'", '"""x\ny"""', "inf"]),
-    lambda inner: (
-        st.lists(inner, max_size=3).map(lambda entries: "[" + ",\n".join(entries) + "]")
-        | st.lists(inner, max_size=3).map(
-            lambda entries: "{" + ", ".join(f"k{n} = {entry}" for n, entry in enumerate(entries)) + "}"
-        )
-    ),
-    max_leaves=8,
-)
-
-
-@examples(60)
-@given(st.lists(VALUES, min_size=1, max_size=6))
-def test_a_marker_after_any_values_is_found_on_its_line(values: list[str]) -> None:
-    # TOML 1.0 wants an inline table on one line.
-    values = [value.replace("\n", " ") if "{" in value else value for value in values]
-    text = "".join(f"v{n} = {value}\n" for n, value in enumerate(values))
-    text += "marker = 1"
-    document, lines = parse(text, "a.toml")
-    assert lines[("marker",)] == text.count("\n") + 1
-    assert set(lines) == paths_of(document)
-
-
 def test_what_is_no_toml_is_refused_with_its_line() -> None:
     with pytest.raises(SettingError, match=r"a\.toml is not TOML: .*line 2"):
         parse("a = 1\nb = \n", "a.toml")
