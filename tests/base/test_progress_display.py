@@ -50,14 +50,6 @@ def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> No
     assert len(written) == 3
 
 
-def test_a_log_has_a_line_every_half_minute(clock: list[float]) -> None:
-    written: list[str] = []
-    with shown_on(PlainLines(written.append)) as shown:
-        for clock[0] in range(100):
-            shown(Report(f"step {clock[0]}", clock[0] / 100))
-    assert written == ["30 %, step 30", "60 %, step 60", "90 %, step 90"]
-
-
 def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
     widgets = pytest.importorskip("ipywidgets")
     displayed: list[Any] = []

@@ -44,17 +44,6 @@ def test_check_has_facts_and_findings_without_fitting(record: Path) -> None:
     assert {"code", "severity", "message", "measured"} == set(facts["findings"][0])
 
 
-def test_check_carries_its_estimates_as_numbers(tmp_path: Path, record: Path) -> None:
-    raised = tmp_path / "raised.csv"
-    head, *rows = record.read_text().splitlines()
-    cells = [row.split(",") for row in rows]
-    raised.write_text("\n".join([head, *(f"{t},{x},{float(f) + 0.2:.9f}" for t, x, f in cells)]) + "\n")
-    (facts,) = json.loads(mrwork("check", raised, "--json").stdout)["files"]
-    (offset,) = [finding for finding in facts["findings"] if finding["code"] == "force_offset"]
-    assert offset["measured"]["value"] == pytest.approx(200.0, abs=1.0)
-    assert offset["measured"]["unit"] == "N"
-
-
 def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     model = ("--model", "static_hysteretic", "--seed", "1")

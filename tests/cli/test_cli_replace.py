@@ -73,15 +73,6 @@ def test_the_run_of_another_verb_is_replaced_by_leave_only(folder: Path, verb: s
     repr(read[verb](folder))
 
 
-@pytest.mark.parametrize("folder", VERBS, indirect=True)
-def test_the_same_verb_replaces_its_run_without_asking(folder: Path, inputs: Path) -> None:
-    verb = json.loads((folder / "manifest.json").read_text())["verb"]
-    assert mrwork(*words(verb, inputs), "--out", folder, "--seed", 3).returncode == 0
-    stated = json.loads((folder / "manifest.json").read_text())
-    assert stated["rng" if verb == "identify" else "seed"] == 3
-    assert (folder / "notes.txt").read_text() == "oil was warm"
-
-
 @pytest.mark.parametrize("folder", ["identify"], indirect=True)
 def test_what_verbs_have_added_to_a_fit_and_what_was_edited_is_named(folder: Path, inputs: Path) -> None:
     assert mrwork("profile", folder, "--quiet", "--parameter", "c").returncode == 0

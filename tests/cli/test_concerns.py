@@ -85,27 +85,15 @@ def recorded(frequency: float, *, amplitude: float = 0.01, n_time: int = 400, rn
 def strange_records(folder: Path) -> list[Path]:
     """Records of one rig, each with several faults."""
     folder.mkdir()
-    gaps = recorded(1.0, rng=1)
+    gaps, clipped, coarse = recorded(1.0, rng=1), recorded(1.3, rng=2), recorded(17.0, amplitude=0.002, rng=4)
     gaps["force_n"][250] = 2e4
-    kept = np.ones(400, dtype=bool)
-    kept[100:140] = False
-    gaps = {name: samples[kept] for name, samples in gaps.items()}
-    clipped = recorded(1.3, rng=2)
+    gaps = {name: np.delete(samples, slice(100, 140)) for name, samples in gaps.items()}
     top = 0.8 * clipped["force_n"].max()
     clipped["force_n"] = -np.clip(clipped["force_n"], -top, top)
     clipped["velocity_mps"] = 1.3 * clipped["velocity_mps"]
-    differenced = recorded(1.6, rng=3)
-    differenced["displacement_m"] = 2e-5 * np.round(differenced["displacement_m"] / 2e-5)
-    differenced["velocity_mps"] = np.gradient(differenced["displacement_m"], 0.005)
-    coarse = recorded(17.0, amplitude=0.002, rng=4)
     del coarse["velocity_mps"]
-    moved = recorded(0.9, rng=5)
-    moved["force_n"] = moved["force_n"] + 300.0
-    # As backward differences have it.
-    moved["velocity_mps"] = np.interp(moved["t_s"] - 0.0025, moved["t_s"], moved["velocity_mps"])
-    made = (gaps, clipped, differenced, coarse, moved)
-    names = ("gaps", "clipped", "differenced", "coarse_30mm1Hz", "moved")
-    return [write_text(folder / f"{name}.csv", each) for name, each in zip(names, made, strict=True)]
+    made = {"gaps": gaps, "clipped": clipped, "coarse_30mm1Hz": coarse}
+    return [write_text(folder / f"{name}.csv", each) for name, each in made.items()]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

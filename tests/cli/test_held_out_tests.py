@@ -169,21 +169,6 @@ def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(fitte
     refusal(reopen, fitted.run, match="fit0.csv has changed")
 
 
-def test_a_check_is_of_every_use(fitted: Fitted) -> None:
-    before = outcome("check", fitted.rig.folder, "--json")
-    assert len(before["files"]) == sum(len(tests) for tests in USES.values())
-    for use in USES:
-        fitted.rig.with_noise_for((use,))
-        assert outcome("check", fitted.rig.folder, "--json") != before
-
-
-def test_a_folder_whose_table_has_another_name_does_not_stand_for_its_records(tmp_path: Path) -> None:
-    folder = Rig(tmp_path / "rig").folder
-    (folder / "tests.csv").rename(folder / "uses.csv")
-    refusal(mr.read_damper_tests, folder, use="fit", match="uses.csv")
-    assert len(mr.read_damper_tests(folder / "uses.csv", use="fit")) == len(USES["fit"])
-
-
 def test_held_out_tests_accumulate_and_each_counts_once(fitted: Fitted, tmp_path: Path) -> None:
     run = tmp_path / "run"
     # Tests before this one may have added to the run.

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import logging
 import subprocess
-import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import COMMAND, mrwork, ran
 
-from mrwork.cli.door import warnings_in_one_line
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import note, show
 
@@ -63,17 +60,3 @@ def test_control_characters_are_shown_as_escapes(capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr()
     assert shown.out == r"a\x1b[31m\x07\x9b\u202eb\r" + "\nnext\n"
     assert shown.err == r"mrwork: a\x1b[31m\x07\x9b\u202eb\r\nnext" + "\n"
-
-
-def test_warnings_of_libraries_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with warnings_in_one_line():
-        warnings.simplefilter("always")
-        warnings.warn("overflow\nin \x1b exp", RuntimeWarning, stacklevel=1)
-        logger = logging.getLogger("of_a_library")
-        # The test runner listens at the root.
-        logger.propagate = False
-        logger.warning("no\n%s", "font")
-    assert capsys.readouterr().err.splitlines() == [
-        r"mrwork: warning: a library reports RuntimeWarning: overflow\nin \x1b exp",
-        r"mrwork: warning: a library reports: no\nfont",
-    ]

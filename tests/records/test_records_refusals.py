@@ -33,12 +33,10 @@ def read(folder: Path, content: str | bytes, name: str = "rig.csv") -> object:
     ("content", "word"),
     [
         ("", "the file is empty"),
-        ("# only\n# comments\n", "no header and no data"),
         (HEADER + "\n\n# end\n", "no data line after it"),
         ("\n".join(CLEAN[:10]), "9 complete samples; a test needs at least 10"),
         ("\n".join(CLEAN[1:]), "--column time=1:s"),
         ("\n".join([HEADER, *reversed(CLEAN[1:])]), "line 3: .* from 1.995 s to 1.99 s .as do 398 more rows"),
-        ("t_s," * 100_000, "longer than 64 KiB"),
         (gzip.compress(b"t_s,force_n\n", mtime=0), "a binary file"),
     ],
 )
@@ -51,8 +49,6 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: str | bytes
     [
         ("0.075,abc,3", "'displacement_m' holds 'abc'"),
         ("0.075,,3", "no value for displacement"),
-        ("nan,nan,nan", "no value for time, displacement, force"),
-        ("0.075,inf,3", "displacement is inf"),
         ("0.075,1,1e300", r"force is 1e\+300"),
         ("0.075,0.001", "2 fields"),
         ("0,075,0,001,3,1", "6 fields .* decimal commas"),

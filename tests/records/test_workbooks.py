@@ -28,12 +28,12 @@ def read(path: Path, sheets: dict[str, Rows], **columns: str) -> DamperTest:
 
 
 SHEETS: dict[str, Rows] = {
-    "plain": HEAD + BODY,
+
     "a header block": [["Rig 3"], ["Rate", 200.0, "Hz"], ["Limits", -10.0, 10.0], [], *HEAD, *BODY],
     "a row of units": [["Zeit", "Weg", "Kraft"], ["[s]", "[mm]", "[kN]"], *BODY],
     "empty columns before": [[None, None, *row] for row in HEAD + BODY],
     "marks below": [["t", "x", "F"], ["s", '"', "N"], *zip(TIME, MM / 25.4, NEWTON, strict=True)],
-    "a break in a heading": [["Time\n(s)", "Stroke\t(mm)", "Force\n(kN)"], *BODY],
+
     "remarks": [[*HEAD[0], "Remark"], [*BODY[0], "start"], *BODY[1:]],
     "numbers as texts with commas": [*HEAD, *([f"{cell:.9f}".replace(".", ",") for cell in row] for row in BODY)],
 }  # fmt: skip

@@ -55,12 +55,6 @@ def with_model(tested: Comparison, scale: float) -> Comparison:
     return replace(tested, model_force=model, quality=quality(tested.test, model))
 
 
-def perfect(residual: float) -> Comparison:
-    tested = comparison()
-    wave = residual * np.sin(np.arange(tested.test.n_time))
-    return replace(tested, model_force=tested.test.force - wave)
-
-
 def two_samples() -> Comparison:
     whole = comparison()
     pair = slice(0, 2)
@@ -76,9 +70,7 @@ def two_samples() -> Comparison:
 CASES = {
     "ordinary": comparison(),
     "large force": comparison(peak_force=987_654.0),
-    "tiny stroke": comparison(amplitude=2.3e-6, peak_force=0.004),
     "diverged model": with_model(comparison(), float("nan")),
-    "perfect model": perfect(1e-7),
     "two samples": two_samples(),
 }
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import study_samples
 from blank_pictures import blank
-from counted_calls import calls_of
 
 from mrwork.drawing.of_tests import envelope
 from mrwork.report.study.fragility_section import fragilities_of_page
@@ -183,14 +182,6 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
     # What is counted is counted over all.
     assert "Worse control laws, of 100" in page
     assert "lowest score of 100 control laws" in page
-
-
-def test_the_work_of_a_page_hardly_grows_with_the_number_of_laws() -> None:
-    """What is drawn and listed is bounded; what is counted over all laws costs little."""
-    few, many = many_laws(40), many_laws(120)
-    # Strokes are Matplotlib's work, of figures that are counted in another test.
-    text_of_many(many_laws(5))
-    assert calls_of(lambda: text_of_many(many)) < 1.5 * calls_of(lambda: text_of_many(few))
 
 
 @pytest.mark.contract

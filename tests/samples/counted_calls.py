@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from types import FrameType
 
 
@@ -23,14 +22,3 @@ class Calls:
 
     def _called(self, frame: FrameType, event: str, argument: object) -> None:
         self.count += event == "call"
-
-
-def calls_of(function: Callable[[], object]) -> int:
-    """Calls while a function runs."""
-    calls = Calls()
-    calls.begin()
-    try:
-        function()
-    finally:
-        calls.end()
-    return calls.count

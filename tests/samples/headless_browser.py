@@ -58,13 +58,8 @@ class Browser:
 
     def open(self, path: Path, *, width: int, height: int = 900) -> None:
         """Load a page in a window of that width [px] and wait until it stands."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=width < 600,
-        )
+        size = {"width": width, "height": height, "deviceScaleFactor": 1}
+        self.call("Emulation.setDeviceMetricsOverride", **size, mobile=width < 600)
         self._events.clear()
         self.call("Page.navigate", url=path.resolve().as_uri())
         while not any(event["method"] == "Page.loadEventFired" for event in self._events):
@@ -105,25 +100,12 @@ def browser(program: str, profile: Path) -> Iterator[Browser]:
     theirs_in, ours_out = os.pipe()
     ours_in, theirs_out = os.pipe()
 
+    switches = ("headless", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "no-first-run")
+    switches += ("remote-debugging-pipe", f"user-data-dir={profile}")
+    ends = (str(theirs_in), str(theirs_out))
     process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            _LAUNCH,
-            str(theirs_in),
-            str(theirs_out),
-            program,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-dev-shm-usage",
-            "--no-first-run",
-            "--remote-debugging-pipe",
-            f"--user-data-dir={profile}",
-        ],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        [sys.executable, "-c", _LAUNCH, *ends, program, *(f"--{switch}" for switch in switches)],
+        **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
         pass_fds=(theirs_in, theirs_out),
         env=os.environ | {"HOME": str(profile)},
     )

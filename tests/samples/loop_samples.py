@@ -110,27 +110,29 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
     weight = strength * lyapunov_function(plant).vectors
     surface = optimal_surface(plant)
     sliding = sliding_gains(surface, peak_acceleration=2.0, largest_force=1500.0)
+    slides = {
+        "gain": strength * surface.drift,
+        "surface": -strength * surface.S,
+        "boundary": sliding.boundary,
+    }
     scale = {"deformation_scale": 2e-3 * each, "rate_scale": 0.05 * each}
+    weighed = ("lyapunov", "lyapunov_direct", "lyapunov_parabola", "lyapunov_direct_bang_bang")
+    inverses = ("inverse_direct", "inverse_parabola", "inverse_network")
     gains: dict[str, dict[str, Floats]] = {
+        **{key: {"weight": weight} for key in weighed},
+        **{key: {"gain": K} for key in ("clipped_optimal", *inverses, "signal_polynomial", "active")},
+        **{
+            key: {"gain": K, "full_force": 1000.0 * each}
+            for key in ("modified_clipped_optimal", "proportional_clipped_optimal")
+        },
         "passive": {"command": strength * each},
-        "clipped_optimal": {"gain": K},
-        "modified_clipped_optimal": {"gain": K, "full_force": 1000.0 * each},
-        "proportional_clipped_optimal": {"gain": K, "full_force": 1000.0 * each},
-        "lyapunov": {"weight": weight},
         "decentralised_bang_bang": {},
         "maximum_energy_dissipation": {},
         "modulated_homogeneous_friction": {"slope": strength * 2e5 * each},
-        "sliding_mode": {
-            "gain": strength * surface.drift,
-            "surface": -strength * surface.S,
-            "switching": strength * sliding.switching,
-            "boundary": sliding.boundary,
-        },
+        "sliding_mode": {**slides, "switching": strength * sliding.switching},
         "adaptive_sliding_mode": {
-            "gain": strength * surface.drift,
-            "surface": -strength * surface.S,
+            **slides,
             "adaptation": strength * sliding.adaptation,
-            "boundary": sliding.boundary,
             "floor": strength * sliding.floor,
             "ceiling": strength * sliding.ceiling,
         },
@@ -142,16 +144,8 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
             "integral_gain": strength * sliding.integral,
         },
         "fuzzy": scale,
-        "lyapunov_direct": {"weight": weight},
-        "lyapunov_parabola": {"weight": weight},
-        "lyapunov_direct_bang_bang": {"weight": weight},
         "proportional_direct": {"weight": weight, "slope": 5.0 * each},
-        "inverse_direct": {"gain": K},
-        "inverse_parabola": {"gain": K},
-        "inverse_network": {"gain": K},
         "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},
-        "signal_polynomial": {"gain": K},
-        "active": {"gain": K},
         "acceleration_driven": {},
         "mixed_skyhook": {"crossover": 30.0 * each},
         "predictive_rollout": {

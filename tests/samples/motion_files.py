@@ -122,21 +122,8 @@ def cosmos_lines(
 
 
 def volume_lines(first: str, points: str, unit: str, series: Sequence[str]) -> list[str]:
-    text = [
-        first,
-        "AN EARTHQUAKE",
-        "",
-        "",
-        "STATION",
-        "",
-        "COMP N00E",
-        "",
-        "",
-        "INSTR PERIOD = .04 SEC",
-        points,
-        unit,
-        "",
-    ]
+    text = [first, "AN EARTHQUAKE", "", "", "STATION", "", "COMP N00E", "", "", "INSTR PERIOD = .04 SEC"]
+    text += [points, unit, ""]
     return [*text, *["    0" * 16] * 7, *["      .000" * 8] * 7, *series, "/&"]
 
 
@@ -166,20 +153,10 @@ def smc_lines(in_gal: NDArray[np.float64], kind: str = "2 CORRECTED ACCELEROGRAM
 def geonet_lines(in_gal: NDArray[np.float64], volume: str) -> list[str]:
     header = np.zeros(100)
     header[[30, 33, 34, 35]], header[65] = in_gal.size, 0.01
-    text = [
-        f"{volume} accelerogram 2016_WTMC GNS Science",
-        *["-"] * 10,
-        "Raw readings in units of 1.00 mm/s/s",
-    ]
+    text = [f"{volume} accelerogram 2016_WTMC GNS Science", *["-"] * 10]
+    text += ["Raw readings in units of 1.00 mm/s/s", "Component N28W", *["-"] * 3]
     behind = rows(in_gal, "8.1f", 10) * (2 if volume == "Corrected" else 0)
-    return [
-        *text,
-        "Component N28W",
-        *["-"] * 3,
-        *rows(header, "8.3f", 10),
-        *rows(10.0 * in_gal, "8.0f", 10),
-        *behind,
-    ]
+    return [*text, *rows(header, "8.3f", 10), *rows(10.0 * in_gal, "8.0f", 10), *behind]
 
 
 def pair_rows(in_gal: NDArray[np.float64], width: int) -> list[str]:

@@ -7,7 +7,15 @@ from numpy.typing import NDArray
 
 from mrwork.drawing.of_tests import Comparison
 from mrwork.identification import Fit
-from mrwork.identification.fit import ErrorNorms, Estimate, FitQuality, FitStatus, Provenance, SearchTrace
+from mrwork.identification.fit import (
+    ErrorNorms,
+    Estimate,
+    FitQuality,
+    FitStatus,
+    Provenance,
+    Remark,
+    SearchTrace,
+)
 from mrwork.records import DamperTest, Finding
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
@@ -70,6 +78,18 @@ def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
     )
 
 
+# Name, unit, value, standard error, bounds and remark.
+PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, Remark], ...] = (
+    ("c", "N s/m", 1843.7263, 6.2, 0, 1e5, ""),
+    ("k", "N/m", -2310.8, 114.0, -1e5, 1e5, ""),
+    ("x0", "m", -1.2346e-4, 2.1e-5, -0.02, 0.02, ""),
+    ("k_w", "N", 512.839, 1.13, 1, 5e4, ""),
+    ("rho", "1/m", 8123.9, 35.2, 10, 1e5, ""),
+    ("sigma", "", 0.5, None, 0.5, 10, "at lower bound"),
+    ("n", "", 2.0, None, 1, 4, "fixed"),
+)
+
+
 def fit(
     *comparisons: Comparison, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
 ) -> Fit:
@@ -83,22 +103,11 @@ def fit(
         model="normalised_bouc_wen",
         tested=range_of_tests(tests, None),
         motions=tuple(RecordedMotion.of(test) for test in tests),
-        estimates=(
-            Estimate(name="c", unit="N s/m", value=1843.7263, standard_error=6.2, lower=0, upper=1e5),
-            Estimate(name="k", unit="N/m", value=-2310.8, standard_error=114.0, lower=-1e5, upper=1e5),
-            Estimate(name="x0", unit="m", value=-1.2346e-4, standard_error=2.1e-5, lower=-0.02, upper=0.02),
-            Estimate(name="k_w", unit="N", value=512.839, standard_error=1.13, lower=1, upper=5e4),
-            Estimate(name="rho", unit="1/m", value=8123.9, standard_error=35.2, lower=10, upper=1e5),
+        estimates=tuple(
             Estimate(
-                name="sigma",
-                unit="",
-                value=0.5,
-                standard_error=None,
-                lower=0.5,
-                upper=10,
-                remark="at lower bound",
-            ),
-            Estimate(name="n", unit="", value=2.0, standard_error=None, lower=1, upper=4, remark="fixed"),
+                name=name, unit=unit, value=value, standard_error=error, lower=low, upper=high, remark=remark
+            )
+            for name, unit, value, error, low, high, remark in PARAMETERS
         ),
         status=status,
         stop_reason=stop_reason,

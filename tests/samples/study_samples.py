@@ -41,15 +41,8 @@ MOTIONS = (
 
 def ranges(**changes: object) -> OperatingRange:
     """Tested ranges that no run leaves, but where they are changed."""
-    wide = OperatingRange(
-        stroke=1.0,
-        velocity=10.0,
-        frequency=(0.01, 100.0),
-        command=(0.0, 1.5),
-        command_unit="A",
-        force=1e5,
-        power=1e5,
-    )
+    limits = {"stroke": 1.0, "velocity": 10.0, "frequency": (0.01, 100.0), "force": 1e5, "power": 1e5}
+    wide = OperatingRange(**limits, command=(0.0, 1.5), command_unit="A")
     return replace(wide, **changes)
 
 
@@ -89,13 +82,10 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         return np.asarray(np.sqrt((signal**2).mean(axis=0)))
 
     shear = found.acceleration.sum(axis=1) * 1e3
-    numbers = {
-        "peak_displacement": peak(found.displacement),
-        "rms_displacement": rms(found.displacement),
-        "peak_drift": peak(found.drift),
-        "rms_drift": rms(found.drift),
-        "peak_acceleration": peak(found.acceleration),
-        "rms_acceleration": rms(found.acceleration),
+    peaks = ("displacement", "drift", "acceleration")
+    numbers = {f"peak_{name}": peak(getattr(found, name)) for name in peaks}
+    numbers |= {f"rms_{name}": rms(getattr(found, name)) for name in peaks}
+    numbers |= {
         "peak_storey_shear": np.abs(np.cumsum(found.acceleration[:, ::-1], axis=1)[:, ::-1]).max(axis=0)
         * 1e3,
         "peak_frame_shear": peak(found.drift) * 1e6,
@@ -112,13 +102,11 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         "rms_current": rms(found.command),
         "command_travel": np.abs(np.diff(found.command, axis=0)).sum(axis=0) / found.time[-1],
         "switching_rate": np.full(n_devices, 2.0),
-        "input_energy": float(found.energy[-1, 0]),
-        "kinetic_energy": float(found.energy[-1, 1]),
-        "strain_energy": float(found.energy[-1, 2]),
-        "damping_energy": float(found.energy[-1, 3]),
         "device_energy": np.full(n_devices, 0.5 * found.energy[-1, 0] / max(n_devices, 1)),
         "energy_error": 1e-9,
     }
+    energies = ("input_energy", "kinetic_energy", "strain_energy", "damping_energy")
+    numbers |= dict(zip(energies, found.energy[-1].tolist(), strict=False))
     return RunResult(outcome="finished", steps=2, numbers=numbers)
 
 
@@ -244,12 +232,6 @@ def incremental(n_records: int = 5, n_levels: int = 4) -> StudyResults:
         for row in range(len(ROWS))
         for motion in range(len(motions))
     }
-    building = BuildingFacts(
-        name="three storeys",
-        masses=(1e3, 1e3, 1e3),
-        stiffnesses=(1e6, 1e6, 1e6),
-        periods=(0.5, 0.2, 0.1),
-        damping_ratios=(0.02, 0.02, 0.02),
-        heights=(4.0, 3.0, 3.0),
-    )
+    three = {"masses": (1e3,) * 3, "stiffnesses": (1e6,) * 3, "damping_ratios": (0.02,) * 3}
+    building = BuildingFacts(name="three storeys", periods=(0.5, 0.2, 0.1), heights=(4.0, 3.0, 3.0), **three)
     return replace(with_runs(results(), runs, motions=motions), building=building)

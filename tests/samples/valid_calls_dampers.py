@@ -54,14 +54,13 @@ def damper_calls(_: Path) -> Calls:
     yield call(mr.Box, names=("c", "f0"), lower=(1.0, -5.0), upper=(9.0, 5.0), log=(True, False))
     yield call(mr.Box.of(_BINGHAM).with_bounds, bounds={"f_c": (1.0, 2.0)})
     yield call(box.theta_from_unit, unit=np.full((4, len(box.names)), 0.5))
-    yield call(box.unit_slope, theta=np.array(box.lower))
-    yield call(box.unit_from_theta, theta=np.array(box.lower))
     yield call(box.theta_from_latent, latent=np.zeros(len(box.free)))
-    yield call(box.latent_from_theta, theta=0.5 * (np.array(box.lower) + box.upper))
-    yield call(box.inside, theta=np.array(box.lower))
-    yield call(box.contains, theta=np.array(box.lower))
-    yield call(dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0)
-    material = dampers.OpenSeesBoucWen(alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0)
+    within = {"theta": 0.5 * (np.array(box.lower) + box.upper)}
+    yield from calls_with(within, box.unit_slope, box.unit_from_theta, box.latent_from_theta)
+    yield from calls_with(within, box.inside, box.contains)
+    facts = {"alpha": 0.1, "ko": 1e5, "n": 2.0, "gamma": 100.0, "beta": 100.0, "Ao": 1.0}
+    yield call(dampers.OpenSeesBoucWen, **facts)
+    material = dampers.OpenSeesBoucWen(**facts)
     yield call(material.strain_step, error=0.005)
     yield call(dampers.bouc_wen_from_opensees, material=material, c0=10.0)
     yield call(dampers.opensees_from_bouc_wen, theta=bouc_wen * (np.arange(8) != 2), Ao=1.0)
@@ -75,14 +74,8 @@ def simulation_calls(_: Path) -> Calls:
     rows = np.tile(theta, (3, 1))
     laws = _BINGHAM.with_current_laws({"f_c": "linear"})
     history = _loading().history()
-    yield call(
-        mr.Loading,
-        dt=0.01,
-        displacement=_loading().displacement,
-        velocity=_loading().velocity,
-        command=_loading().command,
-        command_unit="A",
-    )
+    fields = ("dt", "displacement", "velocity", "command", "command_unit")
+    yield call(mr.Loading, **{name: getattr(_loading(), name) for name in fields})
     yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
     yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
     values = {
@@ -105,50 +98,25 @@ def record_calls(files: Path) -> Calls:
 
     yield call(mr.read_damper_test, path=record(), columns={"force": "force_N:kN"}, keep_velocity=True)
     yield call(mr.read_damper_tests, paths=[record()], columns={"force": "force_N:kN"}, keep_velocity=True)
-    yield call(
-        records.build_damper_test,
-        name="rig",
-        time=test.time,
-        displacement=test.displacement,
-        force=test.force,
-        velocity=test.velocity,
-        current=np.full(test.n_time, 0.5),
-        voltage=1.0,
-        amplitude=0.01,
-        frequency=1.0,
-        synthetic=True,
-        path="rig.csv",
-        sha256="0",
-        locate=str,
-    )
-    yield call(
-        mr.test_from_arrays,
-        time=test.time,
-        displacement=test.displacement,
-        force=test.force,
-        command=np.full(test.n_time, 0.5),
-        command_unit="A",
-        keep_velocity=True,
-    )
-    yield call(
-        mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=np.full(test.n_time, 0.5)
-    )
+    signals = {name: getattr(test, name) for name in ("time", "displacement", "force")}
+    current = np.full(test.n_time, 0.5)
+    values = {
+        **{"name": "rig", "velocity": test.velocity, "current": current, "voltage": 1.0, "amplitude": 0.01},
+        **{"frequency": 1.0, "synthetic": True, "path": "rig.csv", "sha256": "0", "locate": str},
+    }
+    yield call(records.build_damper_test, **signals, **values)
+    yield call(mr.test_from_arrays, **signals, command=current, command_unit="A", keep_velocity=True)
+    yield call(mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=current)
     yield call(test.part, first=2, last=100, every=2)
     yield call(records.cut, test=test, start=0.1, end=1.5, every=2)
     yield call(records.repair, test=test, kinds=["offset"], amounts={"offset": 3.0})
     yield call(records.observed, test=test, observe=["average=0.02", "gain=1.1"])
-    yield call(
-        records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0).observe,
-        force=test.force,
-        dt=test.dt,
-    )
-    yield call(records.Observation(delay_seconds=0.02, average_seconds=0.05).reach, dt=test.dt)
+    observation = records.Observation(delay_seconds=0.02, average_seconds=0.05, lowpass_hz=20.0)
+    yield call(observation.observe, force=test.force, dt=test.dt)
+    yield call(observation.reach, dt=test.dt)
     yield call(records.guess_tests, files=[record()])
-    yield call(
-        records.write_test_table,
-        path=files / "tests.csv",
-        rows=[records.ListedTest(file=str(record()), use="fit")],
-    )
+    rows = [records.ListedTest(file=str(record()), use="fit")]
+    yield call(records.write_test_table, path=files / "tests.csv", rows=rows)
 
 
 def motion_calls(files: Path) -> Calls:
@@ -163,47 +131,38 @@ def motion_calls(files: Path) -> Calls:
         )
         return path
 
+    target = motions.en_1998_spectrum(2.0, "B")
     yield call(
         mr.GroundMotion, name="a", dt=0.01, acceleration=np.sin(np.arange(50.0)), source="", changes=("x",)
     )
     yield call(mr.read_motion, path=accelerogram(), unit="g", dt=0.02)
     yield call(mr.read_motions, paths=[accelerogram(True)], unit="g")
-    yield call(
-        mr.synthetic_motion,
-        spectrum=motions.KanaiTajimi(),
-        rng=3,
-        duration=2.0,
-        dt=0.02,
-        envelope=motions.Envelope(),
-        peak=2.0,
-        name="a",
-    )
-    yield call(motions.suite, soil=("firm", "soft"), n=2, rng=0, pulses="both", peak=2.0, dt=0.05, name="a")
-    yield call(mr.response_spectrum, motion=motion, periods=[0.2, 1.0], damping=0.05)
-    target = motions.en_1998_spectrum(2.0, "B")
-    yield call(motions.en_1998_spectrum, a_g=2.0, ground="B", spectrum_type=2, damping=0.02)
-    yield call(motions.asce_7_spectrum, s_ds=10.0, s_d1=6.0, t_l=8.0)
-    yield call(motions.table_spectrum, periods=[0.0, 1.0], accelerations=[2.0, 5.0], name="a", damping=0.02)
-    yield call(target.acceleration, periods=[0.0, 1.0])
-    yield call(motions.scaled_to_target, motion=motion, target=target, by="sa", period=0.5)
-    yield call(motions.check_suite, motions=[motion], target=target, period=0.5)
-    yield call(motions.scaled_to_sa, motion=motion, sa=2.0, period=0.5, damping=0.05)
-    yield call(motions.fitted_spectrum, motion=motion, kind="kanai_tajimi")
-    yield call(motions.stationary_ground, motions=[motion], kind="kanai_tajimi", frequency=15.0, damping=0.6)
-    values = {"motion": motion, "order": 1, "dt": 0.04, "factor": 0.5, "peak": 2.0, "start": 0.5, "end": 1.5}
+    values = {
+        **{"motion": motion, "motions": [motion], "target": target, "kind": "kanai_tajimi", "name": "a"},
+        **{"spectrum": motions.KanaiTajimi(), "envelope": motions.Envelope(), "rng": 3, "duration": 2.0},
+        **{"dt": 0.04, "peak": 2.0, "soil": ("firm", "soft"), "n": 2, "pulses": "both", "damping": 0.02},
+        **{"periods": [0.2, 1.0], "period": 0.5, "by": "sa", "sa": 2.0, "order": 1, "factor": 0.5},
+        **{"start": 0.5, "end": 1.5, "amplitude": 1.0, "frequency": 2.0, "cycles": 2.0, "phase": 0.3},
+        **{"a_g": 2.0, "ground": "B", "spectrum_type": 2, "s_ds": 10.0, "s_d1": 6.0, "t_l": 8.0},
+        "beyond": "scale",
+    }
     yield from calls_with(
         values,
+        *(mr.synthetic_motion, mr.response_spectrum, motions.suite, motions.en_1998_spectrum),
+        *(motions.asce_7_spectrum, motions.scaled_to_target, motions.check_suite, motions.scaled_to_sa),
+        *(
+            motions.fitted_spectrum,
+            motions.stationary_ground,
+            target.acceleration,
+            motions.ShakeTable().demand,
+        ),
         *(motions.baseline_corrected, motions.resampled_band_limited, motions.scaled, motions.scaled_to_peak),
-        *(motions.time_scaled, motions.trimmed),
+        *(motions.time_scaled, motions.trimmed, motions.sine, motions.sine_sweep, motions.near_fault_pulse),
+        *(motions.resampled, motions.ShakeTable().driven),
     )
-    yield call(motions.resampled, motion=motion, dt=0.01)
-    yield call(motions.sine, amplitude=1.0, frequency=2.0, cycles=2.0, dt=0.01)
-    yield call(motions.sine_sweep, amplitude=1.0, start=1.0, end=3.0, duration=2.0, dt=0.01)
-    yield call(motions.near_fault_pulse, amplitude=1.0, period=1.0, cycles=1.5, phase=0.3, dt=0.02)
+    yield call(motions.table_spectrum, periods=[0.0, 1.0], accelerations=[2.0, 5.0], name="a", damping=0.02)
     yield call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5))
     yield call(motions.ShakeTable().gain, frequency=[1.0, 10.0])
-    yield call(motions.ShakeTable().demand, motion=motion)
-    yield call(motions.ShakeTable().driven, motion=motion, beyond="scale")
 
 
 ROOMS = (damper_calls, simulation_calls, record_calls, motion_calls)

@@ -31,22 +31,19 @@ def material_calls(_: Path) -> Calls:
     flow = {"flow": np.array([0.0, 1e-4]), "yield_stress": 1e4, "viscosity": 0.3, "flow_index": 0.9}
     yield call(design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9)
     yield call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5))
-    yield call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1)
-    yield call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1)
-    yield call(
-        design.MagneticCircuit,
-        fluid=_FLUID,
-        steel=_STEEL,
-        turns=200,
-        gap=1e-3,
-        gap_area=5e-4,
-        areas=(3e-4, 4e-4),
-        lengths=(0.05, 0.06),
-    )
+    flow |= {"slot": _SLOT, "wall_speed": 0.1}
+    yield from calls_with(flow, design.annular_pressure, design.plate_pressure)
+    parts = {
+        "fluid": _FLUID,
+        "steel": _STEEL,
+        "gap_area": 5e-4,
+        "areas": (3e-4, 4e-4),
+        "lengths": (0.05, 0.06),
+    }
+    yield call(design.MagneticCircuit, **parts, turns=200, gap=1e-3)
     yield call(_circuit().ampere_turns, field=np.array([0.0, 1e5]))
-    yield call(_circuit().field, current=np.array([0.0, 1.0]))
-    yield call(_circuit().flux, current=np.array([0.0, 1.0]))
-    yield call(_circuit().inductance, current=np.array([0.0, 1.0]))
+    currents = {"current": np.array([0.0, 1.0])}
+    yield from calls_with(currents, _circuit().field, _circuit().flux, _circuit().inductance)
     yield call(_circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5)
 
 
@@ -55,20 +52,18 @@ def damper_design_calls(_: Path) -> Calls:
     large = design.twenty_ton_damper()
     yield call(design.DamperDesign, **SMALL)
     yield call(large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates")
-    yield call(large.yield_stress, current=np.array([0.0, 1.0]))
-    yield call(large.inductance, current=np.array([0.0, 1.0]))
+    yield from calls_with({"current": np.array([0.0, 1.0])}, large.yield_stress, large.inductance)
     yield call(large.response_time, supply=100.0)
     yield call(large.as_model, supply=100.0, transition=0.01)
     yield call(mr.report.cross_section_figure, design=large)
-    yield call(
-        design.DamperWishes,
-        **WISHES,
-        response_time=1.0,
-        current_density=4e6,
-        stress=1e8,
-        least_gap=5e-4,
-        friction=10.0,
-    )
+    further = {
+        "response_time": 1.0,
+        "current_density": 4e6,
+        "stress": 1e8,
+        "least_gap": 5e-4,
+        "friction": 10.0,
+    }
+    yield call(design.DamperWishes, **WISHES, **further)
     yield call(_WISHES.missed, design=large)
     values = {"wishes": _WISHES, "fluid": _FLUID, "steel": _STEEL, "rng": 0, "on_progress": _continue}
     yield from calls_with({**values, "search": "differential_evolution", "budget": 60}, design.size_damper)

@@ -42,16 +42,12 @@ def _begun() -> tuple[Any, Any, np.ndarray]:
 @cache
 def _other_test(frequency: float = 2.0) -> mr.DamperTest:
     time = 0.01 * np.arange(150)
-    x, v = (
-        0.005 * np.sin(2 * np.pi * frequency * time),
-        0.01 * np.pi * frequency * np.cos(2 * np.pi * frequency * time),
-    )
-    force = mr.simulate_force(
-        mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, displacement=x, velocity=v)
-    )
-    return mr.records.build_damper_test(
-        name=f"{frequency:g} Hz", time=time, displacement=x, velocity=v, force=1.1 * force
-    )
+    phase = 2.0 * np.pi * frequency * time
+    x, v = 0.005 * np.sin(phase), 0.01 * np.pi * frequency * np.cos(phase)
+    loading = mr.Loading(dt=0.01, displacement=x, velocity=v)
+    force = 1.1 * mr.simulate_force(mr.damper(MODEL), small_fit().theta, loading)
+    channels = {"time": time, "displacement": x, "velocity": v, "force": force}
+    return mr.records.build_damper_test(name=f"{frequency:g} Hz", **channels)
 
 
 def _free(coordinates: Any = "theta") -> identification.CandidateObjective:
@@ -81,20 +77,12 @@ def identification_calls(_: Path) -> Calls:
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
     still = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     yield call(mr.fit_like, fit=fit, model="bingham", loadings=[still], rng=1, threads=1)
-    yield call(fit.observed, test=test)
-    yield call(fit.seen, test=test)
-    yield call(fit.other_condition, test=test)
-    yield call(fit.outside, test=test, force=test.force)
-    yield call(
-        identification.Objective.of,
-        spec=_BINGHAM,
-        tests=(test,),
-        settings=identification.FitSettings(nuisances=("offset",), force_exponent=0.5),
-        threads=1,
-    )
+    asked = {"test": test, "force": test.force}
+    yield from calls_with(asked, fit.observed, fit.seen, fit.other_condition, fit.outside)
+    settings = identification.FitSettings(nuisances=("offset",), force_exponent=0.5)
+    yield call(identification.Objective.of, spec=_BINGHAM, tests=(test,), settings=settings, threads=1)
     yield call(objective, theta=start[None], thresholds=np.array([9.0]))
-    yield call(objective.misfits, theta=start[None])
-    yield call(objective.residuals, theta=start[None])
+    yield from calls_with({"theta": start[None]}, objective.misfits, objective.residuals)
     yield call(mr.simulate, model="bingham", theta=theta[None], record=test, threads=1)
     yield call(mr.sensitivities, model=_BINGHAM, theta=theta, record=test, threads=1)
     yield call(mr.sensitivities(_BINGHAM, theta, test).by, name="c0")
@@ -123,31 +111,20 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
     yield call(mr.save, result=fit, folder=folder / "saved")
     yield call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",))
-    yield call(
-        uncertainty.predict_left_out,
-        tests=[test, _other_test()],
-        fold="test",
-        identify_rest=lambda tests: small_fit(),
-    )
+    left_out = {"tests": [test, _other_test()], "identify_rest": lambda tests: small_fit()}
+    yield call(uncertainty.predict_left_out, fold="test", **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen")
     yield call(uncertainty.Band, kind="prediction", level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
-    yield call(
-        uncertainty.score,
-        band=uncertainty.Band.about(np.zeros(9), 1.0, level=0.9),
-        measured=np.linspace(-2.0, 2.0, 9),
-        per=2.0,
-    )
-    yield call(uncertainty.parameter_band, forces=np.ones((5, 9)), level=0.9)
-    yield call(
-        uncertainty.noise_band,
-        forces=np.ones((5, 9)),
-        noise_draws=np.full((5, 1), 0.1),
-        noise=uncertainty.noise_model("iid"),
-        level=0.9,
-        deviation=1.0,
-        mean=0.0,
-        rng=np.random.default_rng(0),
-    )
+    values = {
+        **{
+            "band": uncertainty.Band.about(np.zeros(9), 1.0, level=0.9),
+            "measured": np.linspace(-2.0, 2.0, 9),
+        },
+        **{"per": 2.0, "forces": np.ones((5, 9)), "level": 0.9, "noise_draws": np.full((5, 1), 0.1)},
+        **{"noise": uncertainty.noise_model("iid"), "deviation": 1.0, "mean": 0.0},
+        "rng": np.random.default_rng(0),
+    }
+    yield from calls_with(values, uncertainty.score, uncertainty.parameter_band, uncertainty.noise_band)
     values = {
         **{"fit": fit, "tests": test, "level": 0.9, "threads": 1, "rng": 0, "draws": small_draws()},
         **{"candidates": [uncertainty.Candidate(amplitude=0.01, frequency=1.0)], "band": "force"},
@@ -167,19 +144,12 @@ def search_calls(_: Path) -> Calls:
         search.run_search, optimiser=_SPHERE, objective=_sphere, rng=0, n_params=2, seconds=5.0, until=0.1
     )
     yield call(search.misfit_under_constraints, columns=np.array([[1.0, -1.0], [2.0, 1.0]]))
-    yield call(
-        search.StopRules,
-        target=0.1,
-        max_generations=3,
-        max_evaluations=100,
-        spread_tolerance=1e-6,
-        confidence=0.9,
-        floor_share=0.1,
-        stall_generations=3,
-        stall_tolerance=0.01,
-        min_generations=2,
-        max_seconds=9.0,
-    )
+    rules = {
+        **{"target": 0.1, "max_generations": 3, "max_evaluations": 100, "spread_tolerance": 1e-6},
+        **{"confidence": 0.9, "floor_share": 0.1, "stall_generations": 3, "stall_tolerance": 0.01},
+        **{"min_generations": 2, "max_seconds": 9.0},
+    }
+    yield call(search.StopRules, **rules)
     yield call(search.ParticleSwarm, population=6, inertia=(0.9, 0.4), own_attraction=1.0, velocity_limit=0.2)
     yield call(
         search.DifferentialEvolution, population=6, base="best", factor=(0.5, 1.0), crossover_probability=0.5

@@ -24,18 +24,20 @@ def buildings_calls(_: Path) -> Calls:
     """Buildings, what is built into them, and linear systems."""
     of, frame = mr.buildings, five_storeys()
     system = of.system_of(frame, outputs=["drift"], devices=[1])
-    matrices = {
+    facts = {
         name: getattr(frame, name)
-        for name in ("mass", "damping", "stiffness", "influence", "floors", "storeys")
-    }
-    names = {"floor_names": frame.floor_names, "storey_names": frame.storey_names}
-    built = {
-        "influence": frame.influence,
-        "floors": frame.floors,
-        "storeys": frame.storeys,
-        "mass": frame.mass,
-    }
-    yield call(mr.Building, name="x", **matrices, **names, source="s", status="ours", n_strokes=0)
+        for name in (
+            "mass",
+            "damping",
+            "stiffness",
+            "influence",
+            "floors",
+            "storeys",
+            "floor_names",
+            "storey_names",
+        )
+    } | {"name": "x", "source": "s", "status": "ours"}
+    yield call(mr.Building, **facts, n_strokes=0)
     yield call(frame.state_matrices, rows=frame.storeys)
     tall = replace(frame, heights=np.full(5, 3.0))
     yield call(
@@ -45,26 +47,17 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
     yield call(of.LinearSystem, **{name: getattr(system, name) for name in "ABCD"})
-    yield call(
-        of.LinearSystem, A=[[-1.0]], B=[[1.0]], C=[[1.0]], D=[[0.0]], input_names=["u"], output_names=["y"]
-    )
+    plain = {"A": [[-1.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]]}
+    yield call(of.LinearSystem, **plain, input_names=["u"], output_names=["y"])
     yield call(system.frequency_response, frequency=[0.1, 1.0])
     yield call(system.select, inputs=["force in storey 1"], outputs=["drift of storey 1"])
     yield call(of.system_of, building=frame, outputs=["drift", "acceleration"], devices=[1, "storey 2"])
-    yield call(of.building_of, system=of.system_of(frame), name="x", **built, **names, source="s")
+    yield from calls_with({**facts, "system": of.system_of(frame)}, of.building_of)
     yield call(of.balanced_truncation, system=system, order=4)
     yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
-    yield call(
-        of.shear_building,
-        name="x",
-        masses=[1.0, 2.0],
-        stiffnesses=[100.0, 200.0],
-        storey_damping=[1.0, 1.0],
-        floor_names=["a", "b"],
-        storey_names=["c", "d"],
-        source="s",
-        status="ours",
-    )
+    shear = {"masses": [1.0, 2.0], "stiffnesses": [100.0, 200.0], "storey_damping": [1.0, 1.0]}
+    shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}
+    yield call(of.shear_building, name="x", **shear, source="s", status="ours")
     yield call(of.with_modal_damping, building=frame, ratios=[0.02] * 5)
     values = {
         **{"building": frame, "storey": 1, "floor": 5, "mode": 1, "n_modes": 2, "name": "added"},
@@ -81,17 +74,9 @@ def buildings_calls(_: Path) -> Calls:
         *(of.with_liquid_column, of.with_optimal_liquid_column),
         *(of.with_tuned_mass, of.with_optimal_tuned_mass),
     )
-    yield call(
-        of.PassiveElement,
-        name="brace that slips",
-        row=frame.storeys[0],
-        stiffness=10.0,
-        damping=1.0,
-        head_loss=2.0,
-        yield_force=500.0,
-        yield_displacement=1e-3,
-        sharpness=5.0,
-    )
+    element = {"stiffness": 10.0, "damping": 1.0, "head_loss": 2.0, "yield_force": 500.0}
+    element |= {"yield_displacement": 1e-3, "sharpness": 5.0, "row": frame.storeys[0]}
+    yield call(of.PassiveElement, name="brace that slips", **element)
 
 
 def plants_calls(_: Path) -> Calls:
@@ -101,18 +86,12 @@ def plants_calls(_: Path) -> Calls:
     outputs = of.drifts(plant)
     measured = of.stack_outputs(of.accelerations(plant), of.deformations(plant))
     yield call(of.plant_of, building=frame, attachment=frame.storeys[:2], device_names=["a", "b"])
-    for each in (of.drifts, of.accelerations, of.deformations):
-        yield call(each, plant=plant)
+    values = {
+        **{"plant": plant, "measurements": measured, "sample_time": 1e-3, "ground_intensity": 1.0},
+        **{"noise_intensity": np.full(7, 0.02), "unmodelled": 1e-6},
+    }
+    yield from calls_with(values, of.drifts, of.accelerations, of.deformations, of.observer_of)
     yield call(Outputs, **{name: getattr(outputs, name) for name in ("names", "C", "D", "G")})
-    yield call(
-        of.observer_of,
-        plant=plant,
-        measurements=measured,
-        sample_time=1e-3,
-        ground_intensity=1.0,
-        noise_intensity=np.full(7, 0.02),
-        unmodelled=1e-6,
-    )
     yield call(of.optimal_surface, plant=plant, state_weight=plant.energy)
     yield call(of.placed_surface, plant=plant, poles=-np.arange(1.0, 9.0))
 
@@ -125,19 +104,9 @@ def gains_calls(_: Path) -> Calls:
     C, n = acceleration.C, len(plant.A)
     weighed = weighed_state(plant, plant.energy)
     values = {
-        **{
-            "plant": plant,
-            "A": plant.A,
-            "B": plant.B,
-            "C": C,
-            "scaling": plant.scaling,
-            "outputs": acceleration,
-        },
-        **{
-            "state_weight": plant.energy,
-            "control_weight": 1e-6 * np.eye(2),
-            "cross_weight": np.zeros((n, 2)),
-        },
+        **{"plant": plant, "A": plant.A, "B": plant.B, "C": C, "scaling": plant.scaling},
+        **{"outputs": acceleration, "state_weight": plant.energy, "control_weight": 1e-6 * np.eye(2)},
+        "cross_weight": np.zeros((n, 2)),
         **{"process_noise": np.eye(n), "sensor_noise": np.eye(5), "cross_noise": np.zeros((n, 5))},
         **{"time": "continuous", "threads": 1, "weight": plant.energy, "weights": np.ones(5)},
         **{"weighed": [weighed, weighed], "control_weights": [1e-7, 1e-6]},
@@ -161,21 +130,10 @@ def designs_calls(_: Path) -> Calls:
     yield call(of.RmsLimits, rms_drift=[2e-3] * 5, rms_acceleration=1.0, rms_displacement=0.01, rms_force=1e3)
     yield call(of.RmsLimits.of, given=wishes["limits"])
     yield call(of.DesignCase, name="x", building=frame, spectrum=mr.motions.KanaiTajimi())
-    yield call(
-        of.inverse_weights,
-        plant=plant,
-        gain=of.regulator_of_state(plant, plant.energy, 1e-6).gain,
-        control_weight=[1.0],
-    )
-    yield call(
-        of.DesignProblem,
-        building=frame,
-        devices=loop,
-        sample_time=1e-3,
-        amplitude=(1e-4, 1e-2),
-        velocity=(0.01, 0.2),
-        delay=0.0,
-    )
+    gain = of.regulator_of_state(plant, plant.energy, 1e-6).gain
+    yield call(of.inverse_weights, plant=plant, gain=gain, control_weight=[1.0])
+    motion = {"amplitude": (1e-4, 1e-2), "velocity": (0.01, 0.2)}
+    yield call(of.DesignProblem, building=frame, devices=loop, sample_time=1e-3, delay=0.0, **motion)
 
 
 def laws_calls(_: Path) -> Calls:
@@ -185,42 +143,27 @@ def laws_calls(_: Path) -> Calls:
     clipped = {"accelerations": [1.0] * 5, "control_weight": [1e-7, 1e-7], "full_force": 1e3}
     known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
     table = fuzzy_table()[1].ravel()
-    yield call(mr.ControlLaw, name="clipped_optimal", gains=dict(known.gains))
-    yield call(
-        mr.ControlLaw,
-        name="fuzzy",
-        gains={"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]},
-        tables={"shares": table},
-    )
-    yield call(mr.ControlLaw, name="inverse_direct", gains=dict(known.gains), curve=rd1005())
-    yield call(
-        mr.ControlLaw,
-        name="signal_polynomial",
-        gains=dict(known.gains),
-        tables={"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]},
-        signals=(of.FurtherSignal(source="ground_acceleration"),),
-    )
+    tables = {"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]}
+    signals = (of.FurtherSignal(source="ground_acceleration"),)
+    scales = {"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]}
+    gains = dict(known.gains)
+    yield call(mr.ControlLaw, name="clipped_optimal", gains=gains)
+    yield call(mr.ControlLaw, name="fuzzy", gains=scales, tables={"shares": table})
+    yield call(mr.ControlLaw, name="inverse_direct", gains=gains, curve=rd1005())
+    yield call(mr.ControlLaw, name="signal_polynomial", gains=gains, tables=tables, signals=signals)
     yield call(known.gain_rows, n_devices=2, n_states=10)
     yield call(of.settings_of, name="modified_clipped_optimal", given=clipped)
     yield call(of.design_law, name="modified_clipped_optimal", problem=problem, settings=clipped)
-    yield call(
-        of.design_law, name="lyapunov", problem=problem, settings=of.LyapunovSettings(state_weight=np.eye(10))
-    )
-    yield call(
-        of.RegulatorSettings, drifts=np.eye(5), energy=1.0, state_weight=np.ones(10), control_weight=1e-7
-    )
-    yield call(
-        of.WeightWishes,
-        rms_drift=2e-3,
-        budget=(500.0,),
-        spectrum="kanai_tajimi",
-        ground_frequency=15.0,
-        ground_damping=0.6,
-        intensity=1e-3,
-        stiffness=[0.8, 1.0],
-        semi_active=0.5,
-        sampled=False,
-    )
+    lyapunov = of.LyapunovSettings(state_weight=np.eye(10))
+    yield call(of.design_law, name="lyapunov", problem=problem, settings=lyapunov)
+    weights = {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7}
+    yield call(of.RegulatorSettings, **weights)
+    wishes = {
+        **{"rms_drift": 2e-3, "budget": (500.0,), "spectrum": "kanai_tajimi", "ground_frequency": 15.0},
+        **{"ground_damping": 0.6, "intensity": 1e-3, "stiffness": [0.8, 1.0], "semi_active": 0.5},
+        "sampled": False,
+    }
+    yield call(of.WeightWishes, **wishes)
 
 
 def loop_calls(_: Path) -> Calls:
@@ -235,42 +178,27 @@ def loop_calls(_: Path) -> Calls:
     commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
-    yield call(
-        loop[0].demand,
-        stroke=0.01,
-        velocity=0.1,
-        force=1e3,
-        energy=1.0,
-        seconds=3.0,
-        peak_command=1.0,
-        mean_command=0.5,
-    )
-    yield call(
-        mr.Hardware,
-        sample_time=1e-3,
-        step=5e-4,
-        delay=1e-3,
-        command_rate=100.0,
-        feedback="observer",
-        measured_floors=(0, 4),
-        noise_ratio=50.0,
-        acceleration_noise=0.01,
-        deformation_resolution=1e-5,
-        seed=3,
-        faults=(of.Fault(channel="force"),),
-    )
+    demand = {
+        "stroke": 0.01,
+        "velocity": 0.1,
+        "force": 1e3,
+        "energy": 1.0,
+        "seconds": 3.0,
+        "peak_command": 1.0,
+    }
+    yield call(loop[0].demand, **demand, mean_command=0.5)
+    hardware = {
+        **{"sample_time": 1e-3, "step": 5e-4, "delay": 1e-3, "command_rate": 100.0, "feedback": "observer"},
+        **{"measured_floors": (0, 4), "noise_ratio": 50.0, "acceleration_noise": 0.01, "seed": 3},
+        **{"deformation_resolution": 1e-5, "faults": (of.Fault(channel="force"),)},
+    }
+    yield call(mr.Hardware, **hardware)
     yield call(of.PrescribedCommands, interval=0.5, command=[[0.0, 1.0], [1.0, 0.5]])
     yield call(of.PrescribedCommands.of_history, command=np.ones((40, 2)), sample_time=1e-3, interval=0.01)
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
     values = {
-        **{
-            "building": frame,
-            "nominal": frame,
-            "devices": loop,
-            "law": law,
-            "motions": [motion],
-            "motion": motion,
-        },
+        **{"building": frame, "nominal": frame, "devices": loop, "law": law},
+        **{"motions": [motion], "motion": motion},
         **{"hardware": mr.Hardware(feedback="observer"), "histories": False, "step_factor": 1, "threads": 1},
         **{"shaping": [[0.01, 50.0]], "commands": commands},
         "variation": of.LoopVariation(
@@ -282,16 +210,8 @@ def loop_calls(_: Path) -> Calls:
     shared |= {name: values[name] for name in ("building", "devices", "motions", "motion", "threads")}
     yield from calls_with(shared, mr.simulate_loop)
     yield from calls_with(values | {"hardware": mr.Hardware()}, of.simulate_prescribed)
-    yield call(
-        mr.report.response_sheet_figure,
-        controlled=run.histories[0],
-        reference=run.histories[0],
-        building=frame,
-        device=1,
-        floor=4,
-        command_unit="V",
-        seconds=1.0,
-    )
+    shown = {"controlled": run.histories[0], "reference": run.histories[0], "building": frame, "device": 1}
+    yield call(mr.report.response_sheet_figure, **shown, floor=4, command_unit="V", seconds=1.0)
     yield call(run.demand, run=0, device=1)
     yield call(run.over_axes, name="peak_drift")
     yield call(run.outside, run=0)
@@ -300,52 +220,29 @@ def loop_calls(_: Path) -> Calls:
 def studies_calls(place: Path) -> Calls:
     """Studies and their results."""
     found = results()
-    yield call(
-        mr.study_of,
-        building=five_storeys(),
-        motions=[sweep(0.1)],
-        dampers=[{"storey": 1, "preset": "kwok2006"}],
-        laws=["best_passive", {"law": "passive_on"}, _viscous],
-        baselines=[{"label": "b", "building": {"viscous": {"storey": 1, "damping": 10.0}}}],
-        hardware=mr.Hardware(),
-        uncertainty={"realisations": 2, "stiffness": 0.1},
-        tune={"laws": ["lyapunov"]},
-        places={"dampers": 2},
-        report={"histories": "none"},
-        clairvoyant={"interval": 0.02},
-        design_level=float(sweep(0.1).peak),
-        references="none",
-        title="a",
-        folder=".",
-        seed=0,
-        on_progress=print,
-    )
+    baseline = {"viscous": {"storey": 1, "damping": 10.0}}
+    given = {
+        **{"building": five_storeys(), "motions": [sweep(0.1)], "hardware": mr.Hardware(), "title": "a"},
+        **{"dampers": [{"storey": 1, "preset": "kwok2006"}], "references": "none", "folder": ".", "seed": 0},
+        **{"laws": ["best_passive", {"law": "passive_on"}, _viscous], "on_progress": print},
+        **{"baselines": [{"label": "b", "building": baseline}], "tune": {"laws": ["lyapunov"]}},
+        **{"uncertainty": {"realisations": 2, "stiffness": 0.1}, "places": {"dampers": 2}},
+        **{"report": {"histories": "none"}, "clairvoyant": {"interval": 0.02}},
+        "design_level": float(sweep(0.1).peak),
+    }
+    yield call(mr.study_of, **given)
     study = mr.study_of(building=five_storeys(), motions=[sweep(0.1)])
     yield call(study.to_toml, path=place / "study.toml", replace=True)
     yield call(mr.study.compared, results=found)
-    yield call(found.criteria, row=3, motion=0)
-    yield call(found.demands, row=3, motion=0)
-    yield call(found.step_changes, row=3, motion=0)
-    yield call(
-        mr.study.TuneTable,
-        laws=["clipped_optimal"],
-        label="tuned",
-        settings={"control_weight": 1e-7},
-        free={"drifts": (1.0, 2.0)},
-        criteria={"peak_drift": 1.0},
-        relative_to="passive_off",
-        combine="mean",
-        objectives=["peak_drift", "peak_force"],
-        risk="cvar",
-        tail=0.2,
-        constraints={"peak_stroke": "20 mm"},
-        robust=False,
-        search="differential_evolution",
-        population=8,
-        budget=16,
-        gradient_steps=0,
-        seed=0,
-    )
+    yield from calls_with({"row": 3, "motion": 0}, found.criteria, found.demands, found.step_changes)
+    table = {
+        **{"laws": ["clipped_optimal"], "label": "tuned", "settings": {"control_weight": 1e-7}, "seed": 0},
+        **{"free": {"drifts": (1.0, 2.0)}, "criteria": {"peak_drift": 1.0}, "relative_to": "passive_off"},
+        **{"combine": "mean", "objectives": ["peak_drift", "peak_force"], "risk": "cvar", "tail": 0.2},
+        **{"constraints": {"peak_stroke": "20 mm"}, "robust": False, "search": "differential_evolution"},
+        **{"population": 8, "budget": 16, "gradient_steps": 0},
+    }
+    yield call(mr.study.TuneTable, **table)
 
 
 ROOMS = (buildings_calls, plants_calls, gains_calls, designs_calls, laws_calls, loop_calls, studies_calls)

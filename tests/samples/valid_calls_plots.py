@@ -16,15 +16,8 @@ def plots_calls(_: Path) -> Calls:
     """Every figure, into axes that are no one's."""
     axes = Figure().subplots()
     values = {
-        **{
-            "ax": axes,
-            "data": False,
-            "test": None,
-            "signal": "drift",
-            "over": "velocity",
-            "device": 1,
-            "motion": 1,
-        },
+        **{"ax": axes, "data": False, "test": None, "signal": "drift", "over": "velocity", "device": 1},
+        "motion": 1,
         **{"parameters": ("k_w",), "calibration": calibration(), "level": 0.9, "law": None, "damping": 0.02},
         **{"periods": np.array([0.5, 1.0]), "rows": (0, 1)},
     }

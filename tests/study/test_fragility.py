@@ -71,13 +71,24 @@ def test_stripes_have_the_likelihood_of_their_counts() -> None:
     np.testing.assert_allclose([median, dispersion], largest_likelihood(loss), rtol=1e-6)
 
 
-def test_records_that_one_intensity_separates_have_no_dispersion() -> None:
-    above, below = np.array([1.0, 2.0, 0.0, 0.0]), np.array([3.0, np.inf, 2.5, np.inf])
-    medians, dispersions = lognormal_of(
-        above, below, np.array([[1.0, 1.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-    )
-    assert medians.tolist() == [pytest.approx(math.sqrt(5.0)), math.inf, 0.0]
-    assert dispersions.tolist() == [0.0, 0.0, 0.0]
+INF = math.inf
+# The intensities between which records reach a limit, weights, and the median; none has a dispersion.
+SEPARATED: dict[str, tuple[list[float], list[float], list[float], float]] = {
+    "one intensity separates all": ([1.0, 2.0, 0.0], [3.0, INF, 2.5], [1.0, 1.0, 1.0], math.sqrt(5.0)),
+    "none reaches it": ([2.0], [INF], [1.0], INF),
+    "all at the lowest": ([0.0], [2.5], [1.0], 0.0),
+    "some at the lowest": ([0.0, 0.0, 1.0], [1.0, 1.0, 2.0], [1.0, 1.0, 1.0], 0.0),
+    # Where the likelihood has no largest dispersion.
+    "few at the highest": ([2.0] * 8 + [1.0] * 2, [INF] * 8 + [2.0] * 2, [1.0] * 10, INF),
+    "most at the highest": ([2.0] * 8 + [1.0] * 2, [INF] * 8 + [2.0] * 2, [0.0] * 7 + [1.0] * 3, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", SEPARATED)
+def test_records_that_one_intensity_separates_have_no_dispersion(name: str) -> None:
+    above, below, weights, median = SEPARATED[name]
+    medians, dispersions = lognormal_of(np.array(above), np.array(below), np.array([weights]))
+    assert (medians.tolist(), dispersions.tolist()) == ([pytest.approx(median)], [0.0])
 
 
 def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_interval_only() -> None:
@@ -257,18 +268,6 @@ def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above
     assert (unresolved.crossed[2], diverged.crossed[2]) == (0.0, pytest.approx(1.0 / 8.0))
     assert diverged.responses[0, 2] == math.inf
     assert math.isnan(unresolved.responses[0, 2])
-
-
-def test_a_level_that_few_reach_at_the_top_bounds_the_median() -> None:
-    # Two of ten reach the limit at the highest level, where the likelihood has no largest dispersion.
-    above, below = np.array([2.0] * 8 + [1.0] * 2), np.array([np.inf] * 8 + [2.0] * 2)
-    weights = np.vstack([np.ones(10), np.append(np.ones(2), np.ones(8)), np.append(np.zeros(7), np.ones(3))])
-    medians, dispersions = lognormal_of(above, below, weights)
-    # Of three records in the last row two reach it: then the level is the median.
-    assert medians.tolist() == [math.inf, math.inf, 2.0]
-    assert dispersions.tolist() == [0.0, 0.0, 0.0]
-    at_lowest = lognormal_of(np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 2.0]), np.ones((1, 3)))
-    assert at_lowest[0].tolist() == [0.0]
 
 
 def test_what_lies_beyond_the_levels_bounds_bands_and_ratios() -> None:
