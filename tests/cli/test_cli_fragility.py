@@ -66,8 +66,3 @@ def test_it_writes_its_table_and_figures_beside_it(run: Path, tmp_path: Path) ->
     assert len(lines) == 3 * 4
     command_refusal("fragility", run, "--output", table, match="--replace")
     printed("fragility", run, "--output", table, "--replace")
-
-
-def test_what_it_cannot_take_is_refused(run: Path) -> None:
-    command_refusal("fragility", run, "--limit", "peak_drift_ratio", match="peak_drift_ratio=1%")
-    command_refusal("fragility", run, "--against", "Skyhook", match="arrangement 'Skyhook'")

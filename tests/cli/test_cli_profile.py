@@ -59,24 +59,6 @@ def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
     assert document["directions"]
 
 
-def test_identify_says_what_the_data_do_not_see(run: Path) -> None:
-    stored = read_fit(run)
-    assert stored.identifiability is not None
-    doubtful = {each.name for each in stored.identifiability.verdicts if each.verdict != "identifiable"}
-    assert doubtful == {"delta"}
-
-
-def test_profiles_do_not_outlive_their_fit(run: Path, tmp_path: Path) -> None:
-    again = tmp_path / "again"
-    shutil.copytree(run, again)
-    (again / "profiles.json").write_text("{}")
-    (again / "notes.txt").write_text("mine")
-    arguments = ["synthetic:rd1005_1a", "--every", "8", "--model", "static_hysteretic", "--quiet"]
-    printed("identify", *arguments, "--out", again, "--replace")
-    assert (again / "notes.txt").read_text() == "mine"
-    assert not (again / "profiles.json").exists()
-
-
 def test_intervals_take_the_place_of_standard_errors_everywhere(run: Path, tmp_path: Path) -> None:
     place = tmp_path / "profiled"
     shutil.copytree(run, place)

@@ -14,7 +14,6 @@ import pytest
 import report_samples
 from blank_pictures import blank
 from command_line import printed
-from refusals import refusal
 from report_samples import comparison, fit, quality
 from test_report import Page, assert_links_lead_somewhere
 
@@ -118,18 +117,6 @@ def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> 
     rows = json.loads((whole / "calibration.json").read_text())["coverage"]
     for row in (row for row in rows if row["level"] == 0.9):
         assert f"Inside the 90 % band: {100 * row['samples']['coverage']:.1f} % of the samples" in shown
-
-
-def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: Path) -> None:
-    place = Path(shutil.copytree(whole, tmp_path / "run"))
-    before = (place / "report.html").read_bytes()
-    stated = json.loads((place / "calibration.json").read_text())
-    stated["coverage"][0]["test"] = "nan"
-    (place / "calibration.json").write_text(json.dumps(stated))
-    refusal(open_run, place, match="coverage of 'nan'")
-    (place / "profiles.json").write_text('{"model": 3}')
-    refusal(lambda: write_fit_page(*open_run(place)), match=r"profiles\.json")
-    assert (place / "report.html").read_bytes() == before
 
 
 def worse(number: int) -> Comparison:

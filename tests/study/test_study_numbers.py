@@ -1,4 +1,4 @@
-"""The non-causal optimum is a row of a study, ranked apart; its searches are in the journal."""
+"""Studies whose numbers are known: a published experiment, a tall building, and the non-causal optimum."""
 
 from __future__ import annotations
 
@@ -13,6 +13,79 @@ from mrwork.errors import Interrupted
 from mrwork.study import StudyResults, compared, read_study, run_study
 from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
+
+N = 40
+MASS, STIFFNESS = 3e5, 6e8
+TALL = f"""\
+[building]
+n_storeys = {N}
+masses = [{MASS}]
+stiffnesses = [{STIFFNESS}]
+rayleigh = {{ ratios = [0.02, 0.02], modes = [1, 5] }}
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+count = 2000
+
+[[damper]]
+storey = 2
+preset = "kwok2006"
+count = 2000
+
+[[controller]]
+law = "clipped_optimal"
+settings = {{ drifts = 1, control_weight = 1e-15 }}
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 6
+pga = "0.3 g"
+
+[hardware]
+sample_time = "5 ms"
+step = "2.5 ms"
+delay = "5 ms"
+feedback = "observer"
+measured_floors = [1, 20, 40]
+"""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    path = tmp_path_factory.mktemp("tall") / "study.toml"
+    path.write_text(TALL)
+    study = read_study(path)
+    # Angular frequencies of equal floors on equal springs: 2 sqrt(k/m) sin((2 j - 1) pi / (4 n + 2)).
+    orders = np.arange(1, N + 1)
+    wanted = 2.0 * np.sqrt(STIFFNESS / MASS) * np.sin((2 * orders - 1) * np.pi / (4 * N + 2))
+    assert study.building.frequencies * 2.0 * np.pi == pytest.approx(wanted, rel=1e-9)
+    return run_study(study, check_step=True)
+
+
+def test_every_run_of_forty_storeys_ends_and_its_energies_add_up(results: StudyResults) -> None:
+    assert results.complete
+    for run in results.runs.values():
+        assert run.outcome == "finished"
+        assert run.peak_drift.shape == run.peak_acceleration.shape == (N,)
+        assert run.energy_error < 1e-6
+    assert results.warnings() == []
+
+
+def test_two_dampers_behind_an_observer_take_up_energy_and_lower_the_drift(results: StudyResults) -> None:
+    off, controlled = results.runs[1, 0], results.runs[2, 0]
+    assert controlled.device_energy.shape == (2,)
+    assert (controlled.device_energy > off.device_energy).all()
+    assert (controlled.rms_current > 0.0).all()
+    assert controlled.rms_drift.max() < off.rms_drift.max() < results.runs[0, 0].rms_drift.max()
+
+
+def test_half_the_step_hardly_moves_it(results: StudyResults) -> None:
+    for row in range(len(results.rows)):
+        changes = results.step_changes(row, 0)
+        assert changes is not None
+        assert changes["peak_drift"] < 1e-3
+
 
 STUDY = """
 [building]
