@@ -60,18 +60,6 @@ def test_what_links_in_a_run_lead_to_stays(run: Path, words: tuple[object, ...])
     assert contents(precious) == before
 
 
-def test_a_folder_with_files_of_a_user_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / "manifest.json").write_text('{"name": "app", "start_url": "/"}')
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "fit.json").write_text("mine")
-    before = contents(tmp_path)
-    for name in ("thesis", "notes", "notes/fit.json", "notes/fit.json/run", "/"):
-        for options in ((), ("--replace",), ("--resume",)):
-            command_refusal(*FIT, *options, "--out", tmp_path / name, match="folder|file|run")
-    assert contents(tmp_path) == before
-
-
 def test_a_file_of_a_run_and_what_is_no_regular_file_are_not_replaced(run: Path) -> None:
     os.mkfifo(run.parent / "pipe")
     (run.parent / "to the pipe").symlink_to("pipe")

@@ -1,19 +1,25 @@
-"""The same test gives the same data from every format, delimiter and unit."""
+"""The same test gives the same data from every format, delimiter and unit; the sheet with the record is read."""
 
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import struct
 import sys
+from collections.abc import Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from record_files import DT, N_TIME, built, clean_columns, codes, write_text
+from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, workbook
+from record_files import DT, N_TIME, built, clean_columns, codes, message, write_text
 from refusals import refusal
 from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
+from mrwork.files.matlab import read_matlab_matrices as read_matrices
 from mrwork.records import DamperTest, read_damper_test, read_damper_tests
 
 
@@ -196,3 +202,131 @@ def test_without_its_library_a_format_names_the_remedy(
     path = tmp_path / f"rig.{extension}"
     path.write_bytes(b"PAR1")
     refusal(read_damper_test, path, match=rf"pip install 'mrwork\[{remedy}\]'")
+
+
+Rows = list[Sequence[object]]
+needs_calamine = pytest.mark.skipif(
+    importlib.util.find_spec("python_calamine") is None, reason="reading .xlsx needs python-calamine"
+)
+HEAD: Rows = [["Time (s)", "Stroke (mm)", "Force (kN)"]]
+BODY: Rows = [list(row) for row in zip(TIME, MM, KN, strict=True)]
+
+
+def read_workbook(path: Path, sheets: dict[str, Rows], **columns: str) -> DamperTest:
+    path.write_bytes(workbook(sheets))
+    return read_damper_test(path, columns=columns)
+
+
+SHEETS: dict[str, Rows] = {
+
+    "a header block": [["Rig 3"], ["Rate", 200.0, "Hz"], ["Limits", -10.0, 10.0], [], *HEAD, *BODY],
+    "a row of units": [["Zeit", "Weg", "Kraft"], ["[s]", "[mm]", "[kN]"], *BODY],
+    "empty columns before": [[None, None, *row] for row in HEAD + BODY],
+    "marks below": [["t", "x", "F"], ["s", '"', "N"], *zip(TIME, MM / 25.4, NEWTON, strict=True)],
+
+    "remarks": [[*HEAD[0], "Remark"], [*BODY[0], "start"], *BODY[1:]],
+    "numbers as texts with commas": [*HEAD, *([f"{cell:.9f}".replace(".", ",") for cell in row] for row in BODY)],
+}  # fmt: skip
+
+
+@needs_calamine
+@pytest.mark.parametrize("sheet", SHEETS)
+def test_a_sheet_reads_like_a_plain_table(tmp_path: Path, sheet: str) -> None:
+    assert_is_the_test(read_workbook(tmp_path / "rig.xlsx", {"Sheet 1": SHEETS[sheet]}))
+
+
+@needs_calamine
+def test_cells_of_dates_are_times(tmp_path: Path) -> None:
+    begin = datetime(2024, 2, 29, 23, 59, 59)
+    stamps = [begin + timedelta(seconds=float(each)) for each in TIME]
+    rows: Rows = [["Recorded at", "Stroke (mm)", "Force (kN)"], *zip(stamps, MM, KN, strict=True)]
+    test = read_workbook(tmp_path / "rig.xlsx", {"Sheet 1": rows})
+    assert_is_the_test(test)
+    assert test.start_time == 0.0
+
+
+@needs_calamine
+def test_the_first_sheet_with_a_record_is_read_and_the_others_are_named(tmp_path: Path) -> None:
+    longer: Rows = [["a", "b"], *([float(k), float(k)] for k in range(3000))]
+    sheets = {"Info": [["operator", "me"]], "Raw & more": longer, "Run 1": HEAD + BODY, "Empty": []}
+    test = read_workbook(tmp_path / "rig.xlsx", sheets)
+    assert_is_the_test(test)
+    assert message(test, "not_used") == "not used: sheets 'Info', 'Raw & more'"
+    assert "further_records" not in codes(test)
+
+
+@needs_calamine
+def test_further_sheets_with_a_record_are_a_warning(tmp_path: Path) -> None:
+    test = read_workbook(tmp_path / "rig.xlsx", {"Run 1": HEAD + BODY, "Run 2": HEAD + BODY, "Info": [["a"]]})
+    assert_is_the_test(test)
+    (warning,) = [each for each in test.findings if each.code == "further_records"]
+    assert warning.severity == "warning"
+    assert "have a record: 'Run 2'; save each as a file" in warning.message
+    assert message(test, "not_used") == "not used: sheet 'Info'"
+
+
+@needs_calamine
+def test_without_a_known_heading_the_longest_sheet_is_asked_about(tmp_path: Path) -> None:
+    sheets = {"Info": [["a", "b"], [1.0, 2.0]], "Run": [["Ch 1", "Ch 2", "Ch 3"], *BODY]}
+    refusal(read_workbook, tmp_path / "rig.xlsx", sheets, match="--column 'force=Ch 3:kN'")
+    given = {"time": "Ch 1:s", "displacement": "Ch 2:mm", "force": "Ch 3:kN"}
+    assert_is_the_test(read_workbook(tmp_path / "rig.xlsx", sheets, **given))
+
+
+@needs_calamine
+def test_a_wrong_cell_is_named_by_its_sheet_and_row(tmp_path: Path) -> None:
+    body = [*BODY[:100], [*BODY[100][:2], "overload"], *BODY[101:]]
+    sheets = {"Run 1": [[], *HEAD, *body]}
+    refusal(
+        read_workbook, tmp_path / "rig.xlsx", sheets, match=r"sheet 'Run 1': line 103, column 'Force \(kN\)'"
+    )
+
+
+@needs_calamine
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [(b"t_s,x_mm,F_N\n0,0,0\n", "not a readable .xlsx"), (workbook({"Notes": [["me"]]}), "'Notes'")],
+)
+def test_what_is_no_workbook_with_a_record_is_refused(tmp_path: Path, content: bytes, word: str) -> None:
+    path = tmp_path / "rig.xlsx"
+    path.write_bytes(content)
+    refusal(read_damper_test, path, match=word)
+
+
+FULL = np.array([[4.0, -1.0, 0.0], [0.5, 3.0, 0.0]])
+
+
+@pytest.mark.parametrize(("version", "compressed"), [("4", False), ("5", False), ("5", True)])
+def test_full_and_sparse_matrices_come_back_as_they_were(
+    tmp_path: Path, version: str, compressed: bool
+) -> None:
+    path = tmp_path / "frame.mat"
+    stored = {"K": FULL, "S": csc_matrix(FULL), "row": np.array([[1, 2, 3]], dtype=np.uint8)}
+    # A sparse matrix without columns is none.
+    savemat(path, stored | {"none": csc_matrix((0, 0))}, format=version, do_compression=compressed)
+    matrices = read_matrices(path)
+    assert set(matrices) == set(stored)
+    np.testing.assert_array_equal(matrices["K"], FULL)
+    np.testing.assert_array_equal(matrices["S"], FULL)
+    np.testing.assert_array_equal(matrices["row"], [[1.0, 2.0, 3.0]])
+
+
+def test_matrices_in_a_struct_are_found(tmp_path: Path) -> None:
+    path = tmp_path / "frame.mat"
+    savemat(path, {"building": {"K": FULL, "S": csc_matrix(FULL)}})
+    np.testing.assert_array_equal(read_matrices(path)["S"], FULL)
+
+
+@pytest.mark.parametrize("length", [160, 200])
+def test_a_cut_file_is_refused(tmp_path: Path, length: int) -> None:
+    path = tmp_path / "frame.mat"
+    savemat(path, {"S": csc_matrix(FULL)})
+    path.write_bytes(path.read_bytes()[:length])
+    refusal(read_matrices, path, match="cut off or damaged")
+
+
+def test_a_sparse_item_outside_its_matrix_is_refused(tmp_path: Path) -> None:
+    triplets = np.array([[5.0, 1.0, 2.0], [2.0, 2.0, 0.0]])
+    path = tmp_path / "frame.mat"
+    path.write_bytes(struct.pack("<5i", 2, 2, 3, 0, 2) + b"S\0" + triplets.ravel(order="F").tobytes())
+    refusal(read_matrices, path, match="outside its 2 x 2")

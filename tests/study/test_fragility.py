@@ -282,21 +282,6 @@ def test_what_lies_beyond_the_levels_bounds_bands_and_ratios() -> None:
     assert high == math.inf
 
 
-@pytest.mark.words
-def test_a_sentence_says_what_each_law_changes() -> None:
-    found = mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"})
-    ratio, (low, high) = found.ratio("Clipped-optimal", "uncontrolled")
-    assert 1.0 <= low <= ratio <= high
-    sentences = found.in_words()
-    assert [each.partition(":")[0] for each in sentences] == [
-        "Isolation",
-        "Clipped-optimal",
-        "Lyapunov <1 A>",
-    ]
-    assert f"90 % band of the ratio {low:.2f} to {high:.2f}" in sentences[1]
-    assert "falls from" in found.in_words("Lyapunov <1 A>")[0]
-
-
 def test_arrays_by_record_and_intensity_are_those_by_motion(results: StudyResults) -> None:
     tree = results.to_xarray(by_record=True)
     drift, plain = tree["criteria/peak_drift"], results.to_xarray()["criteria/peak_drift"]

@@ -123,14 +123,6 @@ def test_many_laws_are_counted_where_they_are_worse() -> None:
     assert (counts["peak_acceleration"], counts["peak_drift"]) == (1, 0)
 
 
-@pytest.mark.words
-def test_a_law_has_its_verdict_in_words() -> None:
-    for results in (with_constant(), shaken()):
-        assert verdict(compared(results), SHAKEN).startswith(
-            "better in drift on 2, in acceleration on 1 of 2"
-        )
-
-
 def test_a_verdict_names_what_did_not_finish() -> None:
     results = with_constant()
     runs = results.runs | {(SHAKEN, 0): replace(results.runs[SHAKEN, 0], outcome="diverged")}

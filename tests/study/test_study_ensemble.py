@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from command_line import printed
 from record_files import write_test
-from refusals import command_refusal, refusal
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
@@ -148,17 +147,3 @@ def test_an_ensemble_says_which_verdict_changes_and_is_read_back(apart: Path, tm
     out = ("--out", str(tmp_path / "run"), "--resume")
     respond(apart, *out)
     assert respond(apart, "--ensemble", *out)["ensemble"] == found["ensemble"]
-
-
-def test_sets_that_are_missing_or_of_another_fit_are_refused(folder: Path, tmp_path: Path) -> None:
-    place = Path(shutil.copytree(folder, tmp_path / "folder"))
-    kept = (place / "run" / NEAR_SETS).read_text()
-    for old, new, word in (
-        ('"of_fit": "', '"of_fit": "0', "another fit"),
-        ('csv": "', 'csv": "0', "other tests"),
-    ):
-        (place / "run" / NEAR_SETS).write_text(kept.replace(old, new))
-        refusal(mr.load, place / "run", match=word)
-    (place / "run" / NEAR_SETS).unlink()
-    assert mr.load(place / "run", mr.StoredRun).others is None
-    command_refusal("respond", place / "study.toml", "--ensemble", match="--law auto")

@@ -1,0 +1,232 @@
+"""Verbs that add to the run folder of a fit, profile, sample, plan and calibrate: a table, JSON, and files in it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from command_line import COMMAND, PATIENCE, mrwork, printed, started, wait_until
+from refusals import command_refusal
+
+import mrwork as mr
+from mrwork import load
+from mrwork.identification.fit_file import read_fit
+
+
+@pytest.fixture(scope="module")
+def profiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("profile") / "run"
+    fitted = ("synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic")
+    printed("identify", *fitted, "--quiet", "--out", place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def valley(profiled: Path) -> Path:
+    """The profiled with delta and x_s halved, which the force hardly shows: the fit is at a bound of delta."""
+    place = profiled.parent / "valley"
+    shutil.copytree(profiled, place)
+    document = json.loads((place / "fit.json").read_text())
+    for estimate in document["estimates"]:
+        if estimate["name"] in ("delta", "x_s"):
+            estimate |= {"value": 0.5 * estimate["value"], "remark": ""}
+    (place / "fit.json").write_text(json.dumps(document))
+    # That of a fit with other parameters would be refused.
+    (place / "manifest.json").write_text("{}")
+    return place
+
+
+def test_a_profile_says_what_the_data_settle(valley: Path) -> None:
+    text = printed("profile", valley, "--quiet")
+    (alpha,) = [line for line in text.splitlines() if line.strip().startswith("alpha ")]
+    assert alpha.endswith("identifiable")
+    (delta,) = [line for line in text.splitlines() if line.strip().startswith("delta ")]
+    assert "open" in delta
+    assert "weakly identifiable" in delta or "not identifiable" in delta
+    assert "delta/x_s is better identifiable" in text
+    document = json.loads((valley / "profiles.json").read_text())
+    assert [each["name"] for each in document["profiles"]] == [*mr.damper("static_hysteretic").names]
+
+
+def test_json_is_one_object_and_what_is_written(valley: Path) -> None:
+    document = json.loads(printed("profile", valley, "--json", "--level", "0.5", "--parameter", "c"))
+    (c,) = document["profiles"]
+    assert c["lower"] < c["estimate"] < c["upper"]
+    written = json.loads((valley / "profiles.json").read_text())
+    assert written["profiles"] == document["profiles"]
+    assert (document["level"], document["status"]) == (0.5, "finished")
+    assert document["directions"]
+
+
+def test_intervals_take_the_place_of_standard_errors_everywhere(profiled: Path, tmp_path: Path) -> None:
+    place = tmp_path / "profiled"
+    shutil.copytree(profiled, place)
+    (place / "profiles.json").unlink(missing_ok=True)
+    # Of one parameter only: the table keeps its standard errors, as it has one kind of uncertainty.
+    printed("profile", place, "--quiet", "--parameter", "c")
+    assert load(place).fit.intervals is None
+    document = json.loads(printed("profile", place, "--json"))
+    (c,) = [each for each in document["profiles"] if each["name"] == "c"]
+    fit = load(place).fit
+    assert fit == read_fit(place)
+    assert "standard error" not in repr(fit)
+    assert f"{c['lower']:.4g} to {c['upper']:.4g}" in repr(fit)
+    stored = json.loads((place / "fit.json").read_text())["intervals"]
+    assert (stored["kind"], stored["level"]) == ("profile", 0.95)
+    judged = {each["name"]: each["verdict"] for each in document["profiles"]}
+    assert {name: fit.verdict_on(name)[0] for name in judged} == judged
+
+
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("run") / "run"
+    model = ("--model", "static_hysteretic", "--search", "genetic", "--generations", "3")
+    printed("identify", "synthetic:rd1005_1a", "--every", "20", *model, "--quiet", "--out", place)
+    return place
+
+
+def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> None:
+    import xarray
+
+    text = printed("sample", sampled, "--steps", "300", "--walkers", "20", "--threads", "1")
+    assert "Not converged after 300 steps" in text
+    with xarray.open_datatree(sampled / "posterior.nc", engine="h5netcdf") as tree:
+        assert tree["posterior"]["alpha"].attrs["units"] == "N"
+        assert tree.attrs["steps"] == 300
+    again = mrwork("sample", sampled, "--steps", "400", "--walkers", "20", "--resume", "--json")
+    document = json.loads(again.stdout)
+    assert document["steps"] == 400
+    expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "remark"}
+    assert set(document["parameters"]["alpha"]) >= expected
+
+
+@pytest.mark.machine
+def test_one_sampling_at_a_time_and_ctrl_c_keeps_its_chain(sampled: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(sampled, place)
+    chain = place / "posterior.jsonl.part"
+    (place / "posterior.jsonl").write_text("an earlier chain")
+    command = (*COMMAND, "sample", place, "--noise", "arma11", "--walkers", "64", "--steps", "1000000")
+    with started(*command) as process:
+        # The time is told with the first reports, which are 0.2 s apart.
+        wait_until(lambda: chain.is_file() and chain.read_bytes().count(b"\n") > 300, process, pause=0.1)
+        second = ("sample", place, "--steps", "10", "--walkers", "20", "--resume")
+        command_refusal(*second, match=f"process {process.pid} on")
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, stderr
+    assert "steps are kept in" in stderr
+    assert (place / "posterior.jsonl").read_text() == "an earlier chain"
+    assert {json.loads(line)["step"] for line in chain.read_text().splitlines()} == {"sampling", "step"}
+
+
+@pytest.mark.parametrize(
+    ("words", "word"),
+    [
+        (("--prior", "alpha=flat"), "NAME=normal"),
+        (("--noise", "pink"), "iid, student_t"),
+        (("--walkers", "4"), "an even number"),
+        (("--seed", "9", "--resume"), "another sampling"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(sampled: Path, words: tuple[str, ...], word: str) -> None:
+    command_refusal("sample", sampled, *words, "--quiet", match=word)
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("plan") / "run"
+    fitted = ("synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic", "--fix", "x_s=1e-4")
+    printed("identify", *fitted, "--quiet", "--out", place)
+    return place
+
+
+def test_a_plan_names_the_best_test_first(planned: Path) -> None:
+    lists = ("--amplitudes", "0.005,0.01,0.02", "--frequencies", "0.5,1,2")
+    text = printed("plan", planned, "--band", "c", *lists)
+    assert "Of 9 tests this one narrows the band of c most: 20 mm, 2 Hz" in text
+    gains = json.loads((planned / "plan.json").read_text())["plan"]["gains"]
+    assert [each["gain"] for each in gains] == sorted((each["gain"] for each in gains), reverse=True)
+    assert gains[0]["candidate"] == {"amplitude": 0.02, "frequency": 2.0, "command": None}
+
+
+def test_a_plan_is_one_object(planned: Path, tmp_path: Path) -> None:
+    table = tmp_path / "tests.csv"
+    table.write_text("amplitude,frequency\n0.01,1\n0.02,1\n0.03,1\n")
+    arguments = ("plan", planned, "--json", "--candidates", table, "--stroke", "0.05", "--targets", table)
+    document = json.loads(printed(*arguments))
+    assert len(document["plan"]["gains"]) == 2
+    assert document["plan"]["band"] == "force"
+    assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
+
+
+@pytest.mark.parametrize(
+    ("words", "word"),
+    [
+        (("--band", "x_s"), "x_s is fixed"),
+        (("--amplitudes", "5,10"), "--amplitudes: '5'"),
+        (("--candidates", "a.csv", "--frequencies", "1"), "one or the other"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(planned: Path, words: tuple[str, ...], word: str) -> None:
+    command_refusal("plan", planned, *words, match=word)
+
+
+def test_draws_of_the_posterior_are_used_where_there_are_some(planned: Path, tmp_path: Path) -> None:
+    with_draws = Path(shutil.copytree(planned, tmp_path / "sampled"))
+    printed("sample", with_draws, "--steps", 40, "--walkers", 16, "--threads", 1, "--quiet")
+    lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
+    assert "Draws of the posterior" in printed("plan", with_draws, *lists)
+    (with_draws / "posterior.nc").write_text("no")
+    command_refusal("plan", with_draws, *lists, match="run `mrwork sample .*sampled` again")
+
+
+# One free number: the search is over at once.
+FIXED = {"k_w": 650.0, "rho": 15000.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
+OTHERS = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("calibrate") / "run"
+    held = [f"--fix={name}={value}" for name, value in FIXED.items()]
+    tests = ["synthetic:spencer1997", "synthetic:spencer1997_fast"]
+    printed("identify", *tests, *held, "--every", "4", "--out", out, "--quiet", "--json")
+    return out
+
+
+def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(calibrated: Path) -> None:
+    command_refusal("predict", calibrated, OTHERS[0], "--level", "0.9", match="run `mrwork calibrate .*run`")
+    made = json.loads(mrwork("calibrate", calibrated, OTHERS[0], "--json").stdout)
+    assert made["tests"] == [OTHERS[0]]
+    predicted = json.loads(mrwork("predict", calibrated, OTHERS[0], "--level", "0.9", "--json").stdout)
+    # Its own quantile: all that calibration can say of a single test.
+    row = predicted["files"][0]
+    assert row["band"]["inside"] == pytest.approx(0.9, abs=0.01)
+    assert row["coverage_percent"] == 100.0 * row["band"]["inside"]
+    assert row["mean_width_n"] == 2.0 * row["band"]["half_width_n"]
+    assert row["interval_score"] >= row["mean_width_n"]
+    assert (made["level"], made["coverage_percent"]) == (0.9, None)
+    # A wider motion than those of the fit.
+    assert predicted["files"][0]["outside_tested_range"] == ["stroke"]
+    assert "outside the tested range of the fit in stroke" in predicted["files"][0]["band"]["basis"]
+
+
+def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(calibrated: Path) -> None:
+    document = json.loads(printed("calibrate", calibrated, "--json"))
+    assert len(document["coverage"]) == 2 * 3
+    at_level = [each["samples"]["coverage"] for each in document["coverage"] if each["level"] == 0.9]
+    assert (document["level"], document["coverage_percent"]) == (0.9, 100.0 * sum(at_level) / 2)
+    folds = sorted((calibrated / "left_out").iterdir())
+    assert len(folds) == 2
+    written = [path.stat().st_mtime_ns for path in folds]
+    again = mrwork("calibrate", calibrated)
+    assert "each predicted without itself" in again.stdout
+    assert [path.stat().st_mtime_ns for path in folds] == written
+
+
+def test_a_lone_fold_is_refused(calibrated: Path) -> None:
+    command_refusal("calibrate", calibrated, "--leave-out", "command", match="have one command in common")
