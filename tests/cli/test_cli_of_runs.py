@@ -26,7 +26,7 @@ def profiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def valley(profiled: Path) -> Path:
-    """The profiled with delta and x_s halved, which the force hardly shows: the fit is at a bound of delta."""
+    """The run with delta and x_s halved, which the force hardly shows: the fit is at a bound of delta."""
     place = profiled.parent / "valley"
     shutil.copytree(profiled, place)
     document = json.loads((place / "fit.json").read_text())

@@ -146,16 +146,6 @@ def test_the_model_of_the_rig_predicts_its_test_rows_inside_the_bands(folder: Pa
         assert file["band"]["inside"] > 0.75
 
 
-def test_the_next_commands_of_the_study_are_the_examples_that_run(tmp_path: Path) -> None:
-    printed = typed("mrwork init study study.toml", tmp_path)
-    following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
-    assert following == [
-        line for verb, line in EXAMPLES if verb in ("respond", "tune") and line not in PARSED_ONLY
-    ]
-    printed = typed("mrwork init study 'a folder'", tmp_path)
-    assert "mrwork respond 'a folder/study.toml'" in printed
-
-
 def test_a_sample_replaces_nothing(tmp_path: Path, refused: Refused) -> None:
     rig, study, link = tmp_path / "rig", tmp_path / "study.toml", tmp_path / "link.toml"
     rig.mkdir()

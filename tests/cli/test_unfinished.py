@@ -1,4 +1,4 @@
-"""A killed run is not begun anew without leave; a complete one has nothing to resume: the same words of every verb."""
+"""What would be lost is said before a verb computes: a killed run, a run of another verb, and what was added to one."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from command_line import COMMAND, mrwork, started, wait_until
 from record_files import write_test
 from refusals import command_refusal
 from sinusoidal_tests import MOTIONS, sinusoidal_test
+from verb_folders import words
 
 import mrwork as mr
 from mrwork.errors import JournalError
@@ -139,3 +140,92 @@ def test_a_journal_in_python_is_continued_or_replaced_by_leave_only(tmp_path: Pa
     run(mr.Journal(path, replace=True), 1)
     assert done == [0, 1, 2, 0]
     assert n_steps(path) == 1
+
+
+VERBS = ("identify", "respond", "tune")
+# What a verb writes beside its manifest, journal and page, of which a sentence names the first files.
+OWN_FILE = {"identify": "fit.json", "respond": "results.json", "tune": "chosen.toml"}
+
+
+@pytest.fixture(scope="module")
+def small_inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("inputs")
+    tuning_samples.small_files(place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def runs(small_inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder of each verb, by its name."""
+    place = tmp_path_factory.mktemp("runs")
+    for verb in VERBS:
+        assert mrwork(*words(verb, small_inputs), "--out", place / verb).returncode == 0
+    return place
+
+
+@pytest.fixture
+def run_folder(request: pytest.FixtureRequest, runs: Path, tmp_path: Path) -> Path:
+    """A copy of the run folder of a verb, with notes of the user."""
+    place = Path(shutil.copytree(runs / request.param, tmp_path / "run"))
+    (place / "notes.txt").write_text("oil was warm")
+    return place
+
+
+def everything(run_folder: Path) -> dict[str, object]:
+    """Everything below a folder, hidden files too."""
+    return {
+        str(path): path.read_bytes() if path.is_file() else None for path in sorted(run_folder.rglob("*"))
+    }
+
+
+def refused(*command: object, lost: str) -> None:
+    """The command ends with a sentence that names what would be lost, and leaves all as it is."""
+    place = Path(str(command[command.index("--out") + 1]))
+    before = everything(place.parent)
+    assert "--replace" in command_refusal(*command, match=f"would lose .*{lost}")
+    assert everything(place.parent) == before
+
+
+@pytest.mark.parametrize(
+    ("run_folder", "verb"),
+    [("respond", "identify"), ("identify", "respond"), ("respond", "tune")],
+    indirect=["run_folder"],
+)
+def test_the_run_of_another_verb_is_replaced_by_leave_only(
+    run_folder: Path, verb: str, small_inputs: Path
+) -> None:
+    other = json.loads((run_folder / "manifest.json").read_text())["verb"]
+    refused(
+        *words(verb, small_inputs),
+        "--out",
+        run_folder,
+        lost=f"the results of `mrwork {other}`, .*{OWN_FILE[other]}",
+    )
+    assert mrwork(*words(verb, small_inputs), "--out", run_folder, "--replace").returncode == 0
+    assert (run_folder / OWN_FILE[verb]).exists()
+    assert (run_folder / "notes.txt").read_text() == "oil was warm"
+    read = {"identify": mr.load, "respond": mr.study.read_results, "tune": mr.tuning.read_tuning}
+    repr(read[verb](run_folder))
+
+
+@pytest.mark.parametrize("run_folder", ["identify"], indirect=True)
+def test_what_verbs_have_added_to_a_fit_and_what_was_edited_is_named(
+    run_folder: Path, small_inputs: Path
+) -> None:
+    assert mrwork("profile", run_folder, "--quiet", "--parameter", "c").returncode == 0
+    assert mrwork("sample", run_folder, "--steps", 2, "--walkers", 16, "--quiet").returncode == 0
+    assert mrwork("report", run_folder, "--figures", "--quiet").returncode == 0
+    command = [*words("identify", small_inputs), "--out", run_folder]
+    added = "figures/, posterior.jsonl, posterior.nc, profiles.json, which other verbs or you have added"
+    changed = "fit.json, changed since the run was written"
+    refused(*command, lost=added)
+    refused(*command, "--resume", lost=added)
+    assert mrwork(*command, "--replace").returncode == 0
+    assert mr.load(run_folder).draws is mr.load(run_folder).profiles is None
+    assert not (run_folder / "figures").exists()
+    with (run_folder / "fit.json").open("a") as file:
+        file.write("\n")
+    refused(*command, lost=changed)
+    # What is resumed is written again.
+    assert mrwork(*command, "--resume").returncode == 0
+    assert mrwork(*command).returncode == 0

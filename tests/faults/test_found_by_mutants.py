@@ -1,4 +1,4 @@
-"""The smallest files that showed a defect, and small files that unpack to gigabytes: each is refused soon."""
+"""The smallest files that showed a defect, and those that claim more than they hold: each is refused soon."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import resource
 import struct
 import time
+import tracemalloc
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -20,9 +21,13 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork.buildings import read_building
+from mrwork.files.matlab import read_matlab_matrices
 from mrwork.files.matrices import read_matrix
+from mrwork.files.open_table import open_table
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
+from mrwork.store.parse import json_value, toml_table
+from mrwork.study import read_results, read_study
 
 STUDY = study_text("control_weight = 1e-13")
 STIFF = study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
@@ -142,3 +147,115 @@ def test_a_file_that_would_take_much_memory_is_refused_before(case: int, tmp_pat
     refusal(read, tmp_path / name, match="")
     more = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used)
     assert more < MOST_MEMORY + (tmp_path / name).stat().st_size
+
+
+SPARSE, DOUBLE = 5, 6
+BEYOND = 2**31 - 1
+
+
+def integers(*values: int) -> bytes:
+    return element(5, np.array(values, "<i4").tobytes())
+
+
+def matrix(kind: int, shape: tuple[int, ...], name: str, *parts: bytes) -> bytes:
+    facts = (element(6, struct.pack("<2I", kind, 0)), integers(*shape), element(1, name.encode()))
+    return element(14, b"".join((*facts, *parts)))
+
+
+def packed(name: str, column: np.ndarray) -> bytes:
+    block = matrix(DOUBLE, (column.size, 1), name, element(9, column.tobytes()))
+    content = zlib.compress(block, 9)
+    return struct.pack("<2I", 15, len(content)) + content
+
+
+def peak_of(read: Callable[[Path], object], path: Path) -> int:
+    """Largest number of bytes that a reader allocates before it refuses a file."""
+    tracemalloc.start()
+    try:
+        refusal(read, path, match=path.name)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        matrix(DOUBLE, (BEYOND, 1), "a", element(9, bytes(8))),
+        matrix(DOUBLE, (BEYOND, BEYOND, BEYOND, 0), "a", element(9, b"")),
+        matrix(DOUBLE, (-1, 1), "a", element(9, bytes(8))),
+        matrix(DOUBLE, 100 * (1,), "a", element(9, bytes(8))),
+        matrix(SPARSE, (3, 0), "a", integers(), integers(), element(9, b"")),
+        matrix(SPARSE, (3, 3), "S", integers(0), integers(0, BEYOND, -2, 0), element(9, bytes(8))),
+    ],
+    ids=["long", "no items", "negative", "100 dimensions", "no columns", "indices that wrap"],
+)
+def test_sides_that_no_array_has_are_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "frame.mat"
+    path.write_bytes(MATLAB_5 + content)
+    assert peak_of(read_matlab_matrices, path) < 1e6
+
+
+def test_rows_of_a_parquet_file_are_counted_before_they_are_read(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    rows = pyarrow.table({name: np.zeros(1_000_000) for name in ("t_s", "displacement_m", "force_n")})
+    path = tmp_path / "rig.parquet"
+    with parquet.ParquetWriter(path, rows.schema, compression="zstd") as writer:
+        for _ in range(10):
+            writer.write_table(rows)
+    assert path.stat().st_size < 1_000_000
+    assert peak_of(read_damper_test, path) < 10e6
+
+
+def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: Path) -> None:
+    time = 1e-3 * np.arange(200_000)
+    columns = {"t_s": time, "force_n": 300.0 * np.sign(np.cos(2.0 * np.pi * time))}
+    path = tmp_path / "rig.mat"
+    path.write_bytes(MATLAB_5 + b"".join(packed(name, column) for name, column in columns.items()))
+    assert path.stat().st_size < 2 * time.nbytes / 4
+    for name, column in open_table(path, lambda _: True).read(list(columns)).items():
+        np.testing.assert_array_equal(column, columns[name])
+
+
+LONG = "1" * 400
+JSON = ["[" * 100_000 + "]" * 100_000, '{"a":' * 3_000 + "1" + "}" * 3_000, LONG, "[NaN]", "", "{"]
+TOML = [
+    "x = " + "{a = " * 5_000 + "1" + "}" * 5_000,
+    "a." * 20_000 + "a = 1",
+    "x = 1\n[" + '"a" . ' * 20_000 + "a]",
+    "x = {" + "a." * 20_000 + "a = 1}",
+    f"x = {LONG}",
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [*(("a.json", each) for each in JSON), *(("a.toml", each) for each in TOML)]
+)
+def test_a_text_that_would_exhaust_its_parser_is_refused_in_a_phrase(
+    tmp_path: Path, name: str, text: str
+) -> None:
+    with pytest.raises(ValueError, match=r"^[^\n]{5,150}$"):
+        (json_value if name == "a.json" else toml_table)(text)
+    (tmp_path / "results.json").write_text(text)
+    (tmp_path / "a.toml").write_text(text)
+    if name == "a.json":
+        refusal(read_results, tmp_path, match=r"results\.json")
+    else:
+        refusal(read_study, tmp_path / name, match=r"a\.toml")
+
+
+@pytest.mark.parametrize("text", ['[{"a": {"gain": 1, "b": 2, "gain": 3}}]', '{"g\\u0061in": 1, "gain": 2}'])
+def test_a_key_that_stands_twice_in_an_object_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="the key 'gain' stands more than once"):
+        json_value(text)
+
+
+def test_sound_texts_are_read() -> None:
+    assert json_value('{"a": {"b": 1}, "b": {"a": [1.5], "b": 1}}')["b"] == {"a": [1.5], "b": 1}
+    assert toml_table("a.b.c = [[1, 2], [3, 4]] # ............ " + "a." * 300)["a"]["b"]["c"][1] == [3, 4]
+
+
+def test_a_document_of_too_many_values_is_refused_before_it_is_read() -> None:
+    with pytest.raises(ValueError, match="more than 16,000,000 values"):
+        json_value("[" + "[]," * 8_000_000 + "[]]")

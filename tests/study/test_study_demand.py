@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import study_samples
-from command_line import printed
 from study_samples import ranges
 
 import mrwork as mr
@@ -168,21 +166,6 @@ def test_a_run_that_did_not_finish_demands_nothing() -> None:
     run = replace(study_samples.run(0.1, 1), outcome="diverged").with_numbers(peak_stroke=np.array([np.inf]))
     assert demands_of(run, (device_with(),), 8.0) == ()
     assert len(demands_of(study_samples.run(0.1, 1), (device_with(),), 8.0)) == 1
-
-
-def test_a_study_of_a_run_folder_has_its_tested_ranges(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    printed("identify", "synthetic:rd1005_1a", "--model", "bingham", "--every", "4", "--out", run, "--quiet")
-    stored = json.loads((run / "fit.json").read_text())
-    stored["tested"] |= {"velocity": 1e-3}
-    (run / "fit.json").write_text(json.dumps(stored))
-    study = STUDY.partition("[[controller]]")[0].replace("count = 2", "passive = true")
-    (tmp_path / "study.toml").write_text(study + '[[motion]]\nsynthetic = "kanai_tajimi"\nduration = 2\n')
-    out = tmp_path / "out"
-    printed("respond", tmp_path / "study.toml", "--out", out, "--quiet")
-    results = mr.study.read_results(out)
-    assert any("tested to 1 mm/s" in each for each in results.warnings())
-    assert "velocity" in results.demands(1, 0)[0].outside.names
 
 
 # Ratings and forces by storey
