@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,7 +15,6 @@ from mrwork.base.progress import (
     ProgressLine,
     ProgressReport,
     TerminalBar,
-    display_here,
 )
 
 
@@ -65,22 +62,6 @@ def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
             assert bar.value == min(report.share or 0.0, 1.0)
             assert bar.layout.visibility == ("hidden" if report.share is None else "visible")
     assert bar.layout.display == "none"
-
-
-def test_the_place_decides_what_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    assert isinstance(display_here(write=print, note=print), TerminalBar)
-    monkeypatch.setattr("sys.stderr.isatty", lambda: False)
-    assert isinstance(display_here(write=print, note=print), PlainLines)
-    # A kernel, of which the modules are not looked for in files here.
-    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()))
-    monkeypatch.setitem(sys.modules, "IPython", kernel)
-    monkeypatch.setattr("mrwork.base.progress.find_spec", lambda name: None)
-    assert isinstance(display_here(write=print, note=print), PlainLines)
-    pytest.importorskip("ipywidgets")
-    monkeypatch.setattr("mrwork.base.progress.find_spec", lambda name: object())
-    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=print))
-    assert isinstance(display_here(write=print, note=print), NotebookBar)
 
 
 def test_the_time_of_compilation_is_told_in_the_end() -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 import inspect
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from command_line import mrwork
 
 import mrwork as mr
 from mrwork.base.keys import keys_of, meant, name_in_file, tables
@@ -16,7 +14,6 @@ from mrwork.base.synonyms import _WORDS, without_style
 from mrwork.cli.door import whole_parser
 from mrwork.control import SETTINGS, WeightWishes
 from mrwork.dampers.spec import damper_models
-from mrwork.errors import ArgumentError, SettingError
 from mrwork.study.arrangements import CONSTANT_LAWS
 from mrwork.study.schema import StudyTable
 
@@ -78,13 +75,3 @@ def test_a_word_of_the_field_is_answered_with_the_key(heading: str, word: str, k
     known = {**TABLES, "settings": WEIGHTS}[heading]
     assert " or ".join(meant(word, known)) == key
     assert all(meant(name, known) == [name] for name in known)
-
-
-def test_files_options_and_arguments_look_up_the_same_words(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text('[[law]]\nlaw = "passive_on"\n')
-    with pytest.raises(SettingError, match="no key 'law', did you mean controller"):
-        mr.read_study(tmp_path / "study.toml")
-    assert "did you mean --out" in mrwork("respond", tmp_path / "study.toml", "--output", "x").stderr
-    assert "did you mean --threads" in mrwork("respond", tmp_path / "study.toml", "--n-jobs", "2").stderr
-    with pytest.raises(ArgumentError, match="did you mean `threads`"):
-        mr.run_study(None, n_jobs=2)  # type: ignore[call-arg,arg-type] # wrong on purpose

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from pathlib import Path
 
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
+from command_line import COMMAND, mrwork, printed, ran
 from refusals import command_refusal
 from sentences import Refused
 from verb_folders import written_record
@@ -126,22 +125,6 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path, refused
     refused.command("identify", record, "--out", "/proc/run")
     refused.command("identify", "synthetic:none")
     refused.command("frobnicate")
-
-
-@pytest.mark.machine
-def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: Path, record: Path) -> None:
-    out = tmp_path / "run"
-    printed("identify", record, "--model", "static_hysteretic", "--out", out, *FAST)
-    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
-    # A first generation of a million candidates takes minutes.
-    settings = ("--population", "1000000", "--quiet")
-    with started(*COMMAND, "identify", "synthetic:spencer1997", "--out", out, *settings) as process:
-        wait_until((tmp_path / "run.part").exists, process)
-        process.send_signal(signal.SIGINT)
-        stdout, stderr = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, stderr
-    assert stdout == ""
-    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

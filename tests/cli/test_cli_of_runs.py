@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 from pathlib import Path
 
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, printed, started, wait_until
+from command_line import mrwork, printed
 from refusals import command_refusal
 
 import mrwork as mr
@@ -101,26 +100,6 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
     assert document["steps"] == 400
     expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "remark"}
     assert set(document["parameters"]["alpha"]) >= expected
-
-
-@pytest.mark.machine
-def test_one_sampling_at_a_time_and_ctrl_c_keeps_its_chain(sampled: Path, tmp_path: Path) -> None:
-    place = tmp_path / "run"
-    shutil.copytree(sampled, place)
-    chain = place / "posterior.jsonl.part"
-    (place / "posterior.jsonl").write_text("an earlier chain")
-    command = (*COMMAND, "sample", place, "--noise", "arma11", "--walkers", "64", "--steps", "1000000")
-    with started(*command) as process:
-        # The time is told with the first reports, which are 0.2 s apart.
-        wait_until(lambda: chain.is_file() and chain.read_bytes().count(b"\n") > 300, process, pause=0.1)
-        second = ("sample", place, "--steps", "10", "--walkers", "20", "--resume")
-        command_refusal(*second, match=f"process {process.pid} on")
-        process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, stderr
-    assert "steps are kept in" in stderr
-    assert (place / "posterior.jsonl").read_text() == "an earlier chain"
-    assert {json.loads(line)["step"] for line in chain.read_text().splitlines()} == {"sampling", "step"}
 
 
 @pytest.mark.parametrize(

@@ -49,12 +49,6 @@ def set_with(code: str) -> list[DamperTest]:
     return [*others, replace(plain, name="another", sha256="4", force=0.5 * plain.force)]
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_several_tests_with_one_finding_are_said_once(verb: Verb) -> None:
-    found = findings_for(verb, [has_finding("gaps", sha256=f"{number}") for number in range(3)])
-    assert [each.in_words for each in found] == ["warning in all 3 tests: it has gaps; do something"]
-
-
 def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> None:
     assert {code for code, verbs in CONCERNS.items() if "check" not in verbs} == set()
     assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {

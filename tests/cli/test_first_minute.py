@@ -6,13 +6,12 @@ import contextlib
 import json
 import os
 import shlex
-import signal
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, ran, started, wait_until
+from command_line import COMMAND, mrwork, ran, started
 from sentences import Refused
 
 from mrwork.cli.command_parser import examples_in
@@ -101,19 +100,6 @@ def test_the_first_run_with_nothing_compiled_ends_beside_busy_processors(tmp_pat
             env = os.environ | {"PYTHONPYCACHEPREFIX": str(place / "compiled"), "MPLCONFIGDIR": str(place)}
             ended = ran(*COMMAND, "demo", "--out", place / "demo", env=env)
             assert ended.returncode == 0, ended.stderr
-
-
-def test_an_interrupted_demo_is_resumed_to_the_same_result(folder: Path, tmp_path: Path) -> None:
-    out, journal = tmp_path / "demo", tmp_path / "demo.part" / "journal.jsonl"
-    with started(*COMMAND, "demo", "--out", out) as process:
-        wait_until(lambda: journal.is_file() and journal.read_bytes().count(b"\n") > 1, process)
-        process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, stderr
-    assert "--resume" in stderr.splitlines()[-1]
-    assert mrwork("demo", "--out", out, "--resume").returncode == 0
-    fits = [json.loads((place / "fit.json").read_text()) for place in (out, folder / "out" / "demo")]
-    assert fits[0]["estimates"] == fits[1]["estimates"]
 
 
 # Samples

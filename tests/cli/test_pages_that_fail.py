@@ -100,10 +100,3 @@ def test_a_fit_whose_page_fails_is_complete_and_takes_what_later_verbs_add(
     assert "files" in document
     undrawn("profile", out, "--quiet")
     assert (out / "profiles.json").is_file()
-    tables = json.loads(undrawn("compare", out, out, "--out", tmp_path / "compare.html", "--json"))
-    assert tables["page"] is None
-    assert tables["tables"]
-    assert not (tmp_path / "compare.html").exists()
-    failing.undo()
-    printed("report", out, "--summary")
-    assert "<svg" in (out / "summary.html").read_text()

@@ -21,10 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import valid_calls_dampers
-import valid_calls_design
 import valid_calls_fits
 import valid_calls_loop
-import valid_calls_plots
 from wrong_arguments import Calls, Nothing, ValidCall, wrong
 
 from mrwork.base.arguments import Kind, Refusal, kind_of, nodes_of
@@ -185,13 +183,7 @@ def test_what_makes_an_object_exists() -> None:
 
 # Valid calls that are made wrong
 
-ROOMS = (
-    *valid_calls_dampers.ROOMS,
-    *valid_calls_design.ROOMS,
-    *valid_calls_fits.ROOMS,
-    *valid_calls_loop.ROOMS,
-    *valid_calls_plots.ROOMS,
-)
+ROOMS = (*valid_calls_dampers.ROOMS, *valid_calls_fits.ROOMS, *valid_calls_loop.ROOMS)
 # A refusal takes milliseconds; what takes this long would run for hours.
 SECONDS = 20.0
 

@@ -73,20 +73,6 @@ def test_it_is_refused_soon(tmp_path: Path, name: str) -> None:
     assert time.process_time() - began < 5.0
 
 
-@pytest.mark.parametrize(
-    ("names", "read"), [("t_s,acceleration", read_motion), ("t_s,displacement_mm,force", read_damper_test)]
-)
-def test_names_of_many_letters_take_no_time(
-    tmp_path: Path, names: str, read: Callable[[Path], object]
-) -> None:
-    rows = "\n".join(f"{0.01 * row:.2f}" + names.count(",") * ",1.0" for row in range(50))
-    for letters in ("(", "a("):
-        (tmp_path / "a.csv").write_text(f"{names}{letters * 20_000}\n{rows}\n")
-        began = time.process_time()
-        assert len(str(refusal(read, tmp_path / "a.csv", match="a.csv"))) <= 2000
-        assert time.process_time() - began < 1.0
-
-
 def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> None:
     columns = clean_columns()
     del columns["velocity_mps"]

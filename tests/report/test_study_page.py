@@ -136,20 +136,6 @@ def test_the_page_fits_its_window_without_complaint(
     assert tab.complaints == []
 
 
-def test_of_many_motions_the_page_shows_the_spread_and_no_table_of_each() -> None:
-    results = study_samples.many_motions()
-    with blank():
-        page = study_page(results, study_samples.histories)
-    assert "Criteria under motion 3" not in page
-    assert "Criteria, median of 10 motions" in page
-    assert "Spread over motions" in page
-    assert page.count('id="front-peak-drift-title"') == 1
-    for words in ("10 test motions", "Soft soil", "Training motions", "criteria.csv"):
-        assert words in page
-    # Every motion is listed with its use.
-    assert page.count("training</td>") == 2
-
-
 def many_laws(count: int) -> StudyResults:
     """The study with so many control laws, each of which lowers the response a little more than the one before."""
     laws = tuple(Row(label=f"law {number}", kind="controller") for number in range(count))

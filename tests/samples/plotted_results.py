@@ -66,17 +66,10 @@ def predictions() -> tuple[mr.Prediction, ...]:
     found = []
     for number, frequency in enumerate((2.0, 3.0, 4.0)):
         w = 2.0 * np.pi * frequency
-        x, v = 0.005 * np.sin(w * time), 0.005 * w * np.cos(w * time)
-        force = mr.simulate_force(
-            mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, displacement=x, velocity=v)
-        )
-        test = mr.records.build_damper_test(
-            name=f"{frequency:g} Hz",
-            time=time,
-            displacement=x,
-            velocity=v,
-            force=(1.05 + 0.05 * number) * force,
-        )
+        channels = {"displacement": 0.005 * np.sin(w * time), "velocity": 0.005 * w * np.cos(w * time)}
+        force = mr.simulate_force(mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, **channels))
+        channels |= {"time": time, "force": (1.05 + 0.05 * number) * force}
+        test = mr.records.build_damper_test(name=f"{frequency:g} Hz", **channels)
         found.append(mr.predict(small_fit(), replace(test, current=float(number))))
     return tuple(found)
 
@@ -163,17 +156,9 @@ def front() -> Front:
 
 
 def tuning(*fronts: Front) -> mr.TuningResults:
-    return mr.TuningResults(
-        title="Small",
-        status="finished",
-        laws=(),
-        references=(),
-        training=("one",),
-        testing=(),
-        command_unit="A",
-        realisations=0,
-        fronts=fronts,
-    )
+    lists = dict.fromkeys(("laws", "references", "testing"), ())
+    facts = {"title": "Small", "status": "finished", "command_unit": "A", "realisations": 0}
+    return mr.TuningResults(**lists, **facts, training=("one",), fronts=fronts)
 
 
 def size_front() -> SizeFront:

@@ -1,4 +1,4 @@
-"""Valid calls of fits, of what is known about their uncertainty, and of searches, for tests that make them wrong.
+"""Valid calls of fits, of what is known about their uncertainty, of searches and figures, to be made wrong.
 
 A call is small: wrong arguments that happen to be valid must not take long.
 """
@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from plotted_results import RESULTS, calibration
 from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
 from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
-from mrwork import identification, search, uncertainty
+from mrwork import identification, plots, search, uncertainty
 from mrwork.identification import Multistart
 
 _QUICK = Multistart(samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, most_iterations=2)
@@ -159,4 +161,32 @@ def search_calls(_: Path) -> Calls:
     yield call(search.Streams, rng=0, replicate=np.array([0, 1]), generation=np.array([0, 0]))
 
 
-ROOMS = (identification_calls, jax_calls, uncertainty_calls, search_calls)
+def plots_calls(_: Path) -> Calls:
+    """Every figure, into axes that are no one's."""
+    axes = Figure().subplots()
+    values = {
+        **{"ax": axes, "data": False, "test": None, "signal": "drift", "over": "velocity", "device": 1},
+        "motion": 1,
+        **{"parameters": ("k_w",), "calibration": calibration(), "level": 0.9, "law": None, "damping": 0.02},
+        **{"periods": np.array([0.5, 1.0]), "rows": (0, 1)},
+    }
+    for figure, result, own in (
+        (plots.histories, "Fit", {"test": "0.7 A"}),
+        (plots.loops, "History", {}),
+        (plots.residuals, "Prediction", {"test": 0}),
+        (plots.commands, "History", {"device": 0}),
+        (plots.laws, "Fit", {"parameters": ("f_c",)}),
+        (plots.profiles, "Profiles", {}),
+        (plots.posterior, "Draws", {}),
+        (plots.bands, "Prediction", {"over": "time"}),
+        (plots.spectra, "GroundMotion", {"quantity": "displacement"}),
+        (plots.storey_profiles, "Responses", {"quantity": "peak_drift", "rows": (0, "candidate 2")}),
+        (plots.energies, "StudyResults", {"motion": 0}),
+        (plots.fronts, "Front", {}),
+        (plots.ida, "Fragilities", {"rows": (0,)}),
+        (plots.fragility, "Fragilities", {"rows": (0, "Passive-off")}),
+    ):
+        yield from calls_with({**values, "result": RESULTS[result](), **own}, figure)
+
+
+ROOMS = (identification_calls, jax_calls, uncertainty_calls, search_calls, plots_calls)

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import pytest
 import study_samples
-from refusals import refusal
 
 from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import MANIFEST, RESULTS
+from mrwork.store.run_folder import RESULTS
 from mrwork.study import StudyResults, compared, read_results
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
 from mrwork.study.folder import study_document
@@ -245,20 +244,3 @@ def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) ->
     assert (stored.done, stored.total, stored.complete) == (6, 10, False)
     assert stored.criteria(4, 0) is None
     assert "6 of 10 runs" in repr(stored)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "word"),
-    [
-        ("kind", "tuning", "run of `mrwork tune`"),
-        ("title", "Another", "its title"),
-        ("status", "interrupted", "its status"),
-    ],
-)
-def test_a_manifest_of_another_study_is_refused(tmp_path: Path, name: str, value: str, word: str) -> None:
-    results = study_samples.results()
-    stated = {"kind": "study", "title": results.title, "status": "finished", "seed": 0}
-    (tmp_path / MANIFEST).write_text(json_document(stated))
-    read_back(results, tmp_path)
-    (tmp_path / MANIFEST).write_text(json_document({**stated, name: value}))
-    refusal(read_results, tmp_path, match=word)

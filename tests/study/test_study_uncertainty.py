@@ -16,7 +16,7 @@ from mrwork.buildings import with_tuned_mass
 from mrwork.closed_loop import criterion, simulate
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
-from mrwork.study.course import Course, Part, StudyProgress, excerpt_of
+from mrwork.study.course import StudyProgress, excerpt_of
 from mrwork.study.folder import study_document
 from mrwork.study.loop_runs import simulate_criteria, vary_building
 from mrwork.study.results import RealisationBand
@@ -157,40 +157,6 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(
     assert any("realisations 64 of " in progress.label for progress in seen)
     shares = [progress.share for progress in seen if progress.share is not None]
     assert 0.0 <= min(shares) <= max(shares) <= 1.0
-
-
-def course(clock: list[float], expected: float) -> tuple[Course, list[StudyProgress]]:
-    """A course of two parts, of which the trials of a share take this time of all."""
-    seen: list[StudyProgress] = []
-
-    def trial(share: float) -> tuple[float, int]:
-        tried = max(share, 1e-4)
-        clock[0] += 0.01 + tried * expected
-        return tried, 4
-
-    part = Part(n_runs=100, trial=trial)
-    reasons: Any = lambda n_runs, steps: (f"{n_runs} runs of {steps} steps",)  # noqa: E731
-    return Course({(0, "runs"): part, (1, "runs"): part}, seen.append, total=200, reasons=reasons), seen
-
-
-def test_trials_tell_the_time_of_all_and_runs_correct_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = [0.0]
-    monkeypatch.setattr("mrwork.study.course.time.perf_counter", lambda: clock[0])
-    told, seen = course(clock, expected=50.0)
-    told.begin((0, "runs"), "first", 0)
-    assert seen[-1].left == pytest.approx(100.0, rel=0.01)
-    assert seen[-1].reasons == ("200 runs of 4 steps",)
-    # The trials took no more than their share.
-    assert seen[-1].seconds < 0.05 * 100.0
-    clock[0] += 40.0
-    told.advance(50, 100)
-    assert seen[-1].left == pytest.approx(40.0 + 50.0, rel=0.01)
-    clock[0] += 40.0
-    told.begin((1, "runs"), "second", 100)
-    # The first took 80 s instead of 50.
-    assert seen[-1].left == pytest.approx(80.0, rel=0.01)
-    assert seen[-1].later(30.0).left == pytest.approx(50.0, rel=0.01)
-    assert "left" not in seen[-1].later(90.0).in_words
 
 
 def test_an_excerpt_is_the_part_with_the_most_energy() -> None:
