@@ -19,7 +19,7 @@ from refusals import refusal
 from run_folders import choice_of_laws, ranking_of_two
 
 import mrwork as mr
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.labelled import WithAxes
 from mrwork.identification.fit_file import addition_content, write_run
 from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
@@ -157,16 +157,6 @@ def test_a_study_is_two_groups_and_one_table() -> None:
     row, motion = results.rows[1].label, results.motions[0].name
     assert table.loc[(row, motion, "nominal"), "peak_drift"] == results.criteria(1, 0)["peak_drift"]  # type: ignore[index] # it finished
     assert table.attrs["long_name"]["peak_drift"]
-
-
-def test_an_array_of_another_shape_than_its_axes_is_refused() -> None:
-    with pytest.raises(ValueError, match="shape"):
-        NamedArrays(
-            title="",
-            rows=("a",),
-            labels={"a": labels_of(["x", "y"])},
-            arrays={"n": NamedArray.of([1.0, 2.0, 3.0], "a")},
-        )
 
 
 def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:

@@ -142,18 +142,6 @@ def test_a_plan_is_one_object(planned: Path, tmp_path: Path) -> None:
     assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
 
 
-@pytest.mark.parametrize(
-    ("words", "word"),
-    [
-        (("--band", "x_s"), "x_s is fixed"),
-        (("--amplitudes", "5,10"), "--amplitudes: '5'"),
-        (("--candidates", "a.csv", "--frequencies", "1"), "one or the other"),
-    ],
-)
-def test_what_cannot_be_planned_is_refused(planned: Path, words: tuple[str, ...], word: str) -> None:
-    command_refusal("plan", planned, *words, match=word)
-
-
 def test_draws_of_the_posterior_are_used_where_there_are_some(planned: Path, tmp_path: Path) -> None:
     with_draws = Path(shutil.copytree(planned, tmp_path / "sampled"))
     printed("sample", with_draws, "--steps", 40, "--walkers", 16, "--threads", 1, "--quiet")

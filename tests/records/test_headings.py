@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import mrwork
 from numpy.typing import NDArray
 from odd_files import KN, MM, NEWTON, TIME, assert_is_the_test, write_table
 from record_files import clean_columns, codes, message, write_text
@@ -325,12 +324,3 @@ def test_records_that_a_table_does_not_name_are_named(tmp_path: Path) -> None:
     (rig / "tests.csv").write_text("file,use\na.txt,fit\nb.txt,unused\n")
     (test,) = read_damper_tests(rig)
     assert "files_not_read" not in codes(test)
-
-
-def test_check_says_it_once_for_the_folder_and_once_for_what_its_files_share(tmp_path: Path) -> None:
-    rig = folder_of_two(tmp_path)
-    ended = mrwork("check", rig)
-    assert ended.returncode == 0
-    assert ended.stderr == f"mrwork: of the folder {rig}, not read: old/, photo.jpg\n"
-    assert ended.stdout.count("not used") == 1
-    assert f"note in all 2 tests: {NOTE}" in ended.stdout
