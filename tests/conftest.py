@@ -145,7 +145,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("markers", f"{kind}: {meaning}")
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
     if whole and not config.option.markexpr and os.environ.get("MRWORK_TESTS") != "all":
-        config.option.markexpr = "physics or contract"
+        config.option.markexpr = "physics or contract or hypothesis"
 
 
 def _kind(item: pytest.Item) -> str:

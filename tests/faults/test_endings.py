@@ -134,6 +134,8 @@ class Stage:
         ended = done(self.job.words, folder, *self.job.resume)
         if ended.returncode == 2 and "without --resume" in ended.stderr:
             ended = done(self.job.words, folder)
+        elif ended.returncode == 2 and "with --replace" in ended.stderr:
+            ended = done(self.job.words, folder, "--replace")
         assert ended.returncode == 0, ended.stderr
         assert results(self.job, folder) == self.new
         assert (folder / "run" / "notes.txt").read_text() == "mine"

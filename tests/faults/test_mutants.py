@@ -212,6 +212,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+def says_the_same(damaged: bytes, whole: bytes) -> bool:
+    """Whether a file is the same document still, as where only blanks were removed."""
+    try:
+        return damaged == whole or bool(json.loads(damaged) == json.loads(whole))
+    except ValueError:
+        return False
+
+
 @pytest.mark.parametrize("kind", COMMANDS)
 @examples(60)
 @given(data=st.data())
@@ -227,7 +235,7 @@ def test_a_damaged_run_is_read_or_refused_and_not_replaced(
         with chdir(folder):
             if accepted and kind == "fit":
                 assert mrwork("predict", kind, "14.csv", "--json").returncode in (0, 2)
-            if damaged != whole[path]:
+            if not says_the_same(damaged, whole[path]):
                 ended = mrwork(*COMMANDS[kind].split())
                 assert (ended.returncode, ended.stdout) == (2, "")
         assert {each: each.read_bytes() for each in whole} == whole | {path: damaged}
