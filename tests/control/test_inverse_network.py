@@ -1,4 +1,4 @@
-"""A trained network finds the command for a force that the damper can give, else the end; motions that train it."""
+"""A trained network finds the command for a force that the damper can give, and says what its formula says."""
 
 from __future__ import annotations
 
@@ -18,20 +18,13 @@ RD1005 = damper("static_hysteretic").preset("kwok2006")
 SETTINGS = {"largest_command": 1.88, "amplitude": 0.01, "velocity": 0.2, "sample_time": 1e-3}
 
 
-def train(n_hidden: int, n_previous: int, rng: int) -> InverseNetwork:
-    more = {"n_hidden": n_hidden, "n_previous": n_previous, "rng": rng}
-    return train_inverse_network(RD1005.spec, RD1005.theta, **SETTINGS, **more)
+@pytest.fixture(scope="module")
+def network() -> InverseNetwork:
+    return train_inverse_network(RD1005.spec, RD1005.theta, **SETTINGS, n_hidden=8, n_previous=0, rng=1)
 
 
-@pytest.fixture(scope="module", params=[0, 1])
-def network(request) -> InverseNetwork:
-    return train(8, request.param, rng=1)
-
-
-def inputs(network: InverseNetwork, loading: Loading, wanted: np.ndarray) -> np.ndarray:
-    now = np.column_stack([loading.displacement, loading.velocity, wanted])
-    before = np.vstack([now[:1], now[:-1]])
-    return np.hstack([now, before])[:, : len(network.names)]
+def inputs(loading: Loading, wanted: np.ndarray) -> np.ndarray:
+    return np.column_stack([loading.displacement, loading.velocity, wanted])
 
 
 def motion(rng: int, velocity: float = 0.2, n_cycles: int = 30) -> Loading:
@@ -58,7 +51,7 @@ def test_the_damper_gives_what_is_wanted_at_its_command(network: InverseNetwork)
     """On another motion than those of training and judgement, and four times nearer than any constant command."""
     loading = motion(77, n_cycles=20)
     wanted = forces(loading, loading.command)
-    given = forces(loading, network.command(inputs(network, loading, wanted)))
+    given = forces(loading, network.command(inputs(loading, wanted)))
     assert fit(wanted, given) == pytest.approx(network.fit_percent, abs=4.0)
     best_constant = max(fit(wanted, forces(loading, command)) for command in np.linspace(0.0, 1.88, 20))
     assert 100.0 - fit(wanted, given) < (100.0 - best_constant) / 4.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -144,19 +143,6 @@ def test_an_interrupt_before_any_candidate_has_no_result(
         identify("dahl", record, search=search)
     assert stop.value.result is None
     assert not stop.value.stopped
-
-
-def test_an_interrupt_during_refinement_keeps_the_screened_best(record: DamperTest) -> None:
-    stages: list[str] = []
-
-    def interrupt_once_refining(progress: Progress) -> None:
-        if progress.stage == "refinement" and "refinement" not in stages:
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-        stages.append(progress.stage)
-
-    with pytest.raises(Interrupted) as stop:
-        identify("normalised_bouc_wen", record, search=SEARCH, rng=1, on_progress=interrupt_once_refining)
-    assert stop.value.result.fit_percent > 99.0
 
 
 def test_quality_of_a_perfect_model_is_perfect_and_of_the_mean_is_zero(record: DamperTest) -> None:

@@ -147,19 +147,6 @@ def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[Damp
         )
 
 
-def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> None:
-    # One yield force for all currents: no model fits, and each power shares the misfit in its own way.
-    laws = {"c": "linear"}
-    spec = damper("static_hysteretic").with_current_laws(laws)
-    rest = tests[1:]
-    least, flatter = (
-        identify(spec, rest, search=SEARCH, bounds=FIXED, power=power, rng=2) for power in (2.0, 6.0)
-    )
-    assert max(each.nrmse for each in flatter.quality) < max(each.nrmse for each in least.quality)
-    assert flatter.nrmse > least.nrmse
-    assert flatter.provenance.settings["power"] == 6.0
-
-
 def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, ...]) -> None:
     in_volts = [replace(test, current=None, voltage=test.current) for test in tests]
     refusal(identify, PRESET.spec, in_volts, search=SEARCH, match="command in A, the test has 0 V")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from refusals import command_refusal
 
 from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted
@@ -60,16 +59,6 @@ def test_a_minimisation_never_ends_above_its_start_and_agrees_with_another_metho
     assert minima.converged[best]
     there = find_minimum(objective(), FORM.box, minima.theta[best], max_evaluations=60)
     assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
-
-
-def test_a_coarser_tolerance_needs_fewer_simulations(starts: NDArray[np.float64]) -> None:
-    # Of the squared misfit in one step: each tolerance ends the minimisations earlier than the next.
-    counts = []
-    for tolerance in (1e-1, 1e-3, 1e-7):
-        counted = objective()
-        find_minima(counted, FORM.box, starts, max_iterations=80, tolerance=tolerance)
-        counts.append(counted.tally.simulations)
-    assert counts[0] < counts[1] < counts[2]
 
 
 def test_slow_starts_are_given_up_once_others_agree_and_change_no_bit_of_these() -> None:
@@ -133,14 +122,6 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
     assert not np.array_equal(found[1].theta, found[0].theta)
 
 
-def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
-    once = replace(Multistart(), starts=4, most_rounds=4, found=2)
-    found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
-    assert 8 <= len(found.misfit) <= 16
-    if found.stop_reason == "found_again":
-        assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
-
-
 def test_an_interrupt_keeps_the_best_so_far() -> None:
     def stop(found: MultistartResult, share: float) -> None:
         if len(found.best) == 4:
@@ -171,8 +152,3 @@ def test_an_insensitive_parameter_does_not_move() -> None:
     minima = find_minima(objective(), form.box, start, max_iterations=9)
     np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
     assert minima.misfit[0] == objective()(start)[0]
-
-
-def test_settings_of_another_search_are_refused() -> None:
-    search = ("--search", "multistart", "--population", "20")
-    command_refusal("identify", "synthetic:spencer1997", *search, match="--population")

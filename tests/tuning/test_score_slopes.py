@@ -162,20 +162,6 @@ def test_every_law_that_switches_is_named() -> None:
         assert f"{law} switches" in without_gradient(tuning_samples.small_study(), TuneTable(laws=(law,)))
 
 
-def test_a_setting_that_acts_on_more_than_gains_is_refused() -> None:
-    study = tuning_samples.study_with(motions=SHORT, tune="")
-    table = TuneTable(
-        laws=("signal_polynomial",),
-        settings={**HELD["signal_polynomial"], "control_weight": 1e-12},
-        free={"force": (1e3, 1e4)},
-    )
-    slopes = slopes_of(study, table)
-    refusal(slopes.check, match="no gradient in force")
-    value, found = slopes.at(slopes.space.start)
-    assert value == score(slopes, slopes.space.start)
-    assert np.isnan(found).all()
-
-
 LAW = "proportional_direct"
 
 

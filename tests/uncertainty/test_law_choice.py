@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import command_refusal, refusal
+from refusals import refusal
 from resumed_steps import stopped_and_resumed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
@@ -74,14 +74,6 @@ def test_the_laws_that_made_the_data_are_chosen(choice: LawChoice) -> None:
     assert values["k_x"] == pytest.approx(800.0, rel=0.05)
     # Noise of 2 % is all that is left.
     assert chosen.left_out_percent == pytest.approx(98.0, abs=0.4)
-
-
-def test_of_laws_as_good_as_the_best_the_simplest_is_chosen(choice: LawChoice) -> None:
-    good = [each for each in choice.table.tried if each.verdict != "behind"]
-    assert choice.table.chosen_laws.n_params == min(each.n_params for each in good)
-    assert choice.table.tried[0].left_out_percent == max(each.left_out_percent for each in choice.table.tried)
-    assert choice.table.n_folds == 3
-    assert "each predicted without the tests of its motion" in choice.table.sentence
 
 
 def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSettings) -> None:
@@ -164,11 +156,6 @@ def test_what_cannot_be_chosen_is_refused(
     tests: tuple[DamperTest, ...], chosen: slice, settings: FitSettings, word: str
 ) -> None:
     refusal(choose_laws, "viscous_dahl", tests[chosen], settings=settings, match=word)
-
-
-def test_the_command_line_takes_no_lag_and_no_start_with_chosen_laws() -> None:
-    for option, word in ((("--driver-lag",), "show no lag"), (("--start", "nowhere"), "leave --start out")):
-        command_refusal("identify", "synthetic:spencer1997", "--law", "auto", *option, match=word)
 
 
 def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
