@@ -38,7 +38,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
-SEARCH = EfficientGA(stop=StopRules(max_generations=60))
+SEARCH = EfficientGA(stop=StopRules(max_generations=25))
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +74,7 @@ def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: 
 
 def test_one_seed_repeats_and_threads_do_not_matter(record: DamperTest) -> None:
     short = EfficientGA(stop=StopRules(max_generations=8, min_generations=1))
+    record = cut(record, every=4)
     runs = [identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
     assert len({(run.theta, run.trace.best) for run in runs}) == 1
     other = identify("static_hysteretic", record, search=short, rng=6)
