@@ -30,7 +30,7 @@ PRESET = damper("static_hysteretic").preset("kwok2006")
 TRUTH = np.array(PRESET.theta)
 CURRENTS = (0.0, 0.5, 1.0, 1.5)
 NOISE_N = 5.0
-SEARCH = EfficientGA(stop=StopRules(max_generations=40))
+SEARCH = EfficientGA(stop=StopRules(max_generations=25))
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
 

@@ -30,8 +30,8 @@ from mrwork.search import EfficientGA, StopRules
 
 N_POINTS = 3
 SHORT = ["--population", "16", "--generations", "12"]
-COMMAND = ["identify", "synthetic:spencer1997", "--every", "8", "--seed", "3", *SHORT]
-DESCENTS = ["identify", "synthetic:spencer1997", "--every", "8", "--seed", "3"]
+COMMAND = ["identify", "synthetic:spencer1997", "--every", "16", "--seed", "3", *SHORT]
+DESCENTS = ["identify", "synthetic:spencer1997", "--every", "16", "--seed", "3"]
 
 
 def found(place: Path) -> dict[str, str]:

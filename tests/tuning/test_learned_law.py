@@ -22,7 +22,7 @@ TUNE = f"""
 laws = ["{LAW}"]
 search = "cma"
 population = 8
-budget = 40
+budget = 24
 """
 
 
