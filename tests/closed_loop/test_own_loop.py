@@ -19,7 +19,13 @@ LAG = 190.0
 FRAME = mr.buildings.shear_building(
     name="frame", masses=[22.7, 22.7], stiffnesses=[29.7e3, 29.7e3], heights=[3.0, 2.5]
 )
-MOTIONS = [mr.synthetic_motion(rng=rng, duration=2.0, peak=2.0) for rng in (0, 1)]
+# The second is finer than the step.
+MOTIONS = [
+    mr.synthetic_motion(rng=0, duration=2.0, peak=2.0),
+    mr.GroundMotion(
+        name="fine", dt=3.3e-4, acceleration=20.0 * np.random.default_rng(3).standard_normal(3000)
+    ),
+]
 LATE = Hardware(sample_time=2e-3, step=1e-3, delay=3e-3)
 STATIC_LAWS = {"c": "linear", "alpha": "quadratic"}
 STATIC_THETA = [20.0, 10.0, 100.0, 4.0, 9.0, -1.0, 50.0, 0.5, 1e-3, 3.0]
