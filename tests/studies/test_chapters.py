@@ -108,6 +108,8 @@ def decaying_sines(folder: Path) -> Path:
     return folder
 
 
+# Half a minute; chapter 6 and the designed weights stand for the others in every change.
+@pytest.mark.machine
 @pytest.mark.parametrize(
     ("name", "holds", "pictures"),
     [
