@@ -12,6 +12,7 @@ from refusals import refusal
 
 from mrwork.buildings import Building, with_yielding_damper
 from mrwork.closed_loop import Hardware, LoopSample, LoopVariation, Responses, UserLaw, simulate_loop
+from mrwork.closed_loop.simulate import RunsOfLoop
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 
@@ -146,3 +147,21 @@ def test_what_is_no_realisation_is_refused() -> None:
     ):
         variation = LoopVariation(buildings=(building, other), **still)
         refusal(simulate_loop, building, given, law, [sweep(0.1)], variation=variation, match=word)
+
+
+def test_a_part_of_the_runs_has_the_rows_that_it_uses() -> None:
+    candidate, motion, draw = np.indices((6, 2, 3), dtype=np.uint32).reshape(3, -1)
+    zeros = np.zeros_like(motion)
+    whole = RunsOfLoop(
+        runs=np.column_stack([candidate, motion, draw, zeros, zeros]),
+        streams=np.arange(36, dtype=np.uint64),
+        gains=np.arange(12.0).reshape(6, 2),
+        shaping=None,
+        theta=np.arange(12.0).reshape(3, 1, 4),
+    )
+    for which in (slice(0, 2), slice(7, 15), slice(30, 36)):
+        part = whole.part(which)
+        assert len(part.gains) == len({*candidate[which]})
+        np.testing.assert_array_equal(part.gains[part.runs[:, 0]], whole.gains[candidate[which]])
+        np.testing.assert_array_equal(part.theta[part.runs[:, 2]], whole.theta[draw[which]])
+        np.testing.assert_array_equal(part.streams, whole.streams[which])

@@ -152,6 +152,13 @@ def stiffer(loop: Sequence[Device]) -> LoopModel:
     return LoopModel(building=replace(frame, stiffness=1.05 * frame.stiffness), devices=weaker)
 
 
+def test_a_command_without_a_lag_acts_at_once_in_the_copy_too() -> None:
+    loop = devices(rd1005(lagged=False), second=False)
+    law = rollout(stiffer(loop), delay=2e-3)
+    ours, again = both(law, loop, Hardware(delay=2e-3), 10)
+    np.testing.assert_allclose(ours.histories[0].command, again.histories[0].command, rtol=1e-9, atol=1e-9)
+
+
 def test_no_decision_costs_more_in_the_model_than_the_base_alone() -> None:
     loop = devices(rd1005(), second=False)
     law = rollout(believed(plant_with(loop)))
@@ -252,6 +259,11 @@ def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
     given = design_law("predictive_rollout", design_problem(), REFERENCES)
     for name, gain in given.gains.items():
         np.testing.assert_array_equal(found.gains[name], gain)
+
+
+def test_a_forecast_is_chosen_by_name() -> None:
+    still = design_law("predictive_rollout", design_problem(), {**REFERENCES, "forecast": "zero"})
+    assert still.tables["forecast"][0] == 0.0
 
 
 @pytest.mark.parametrize(

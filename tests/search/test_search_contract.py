@@ -199,3 +199,16 @@ def test_a_library_can_be_told_once(name):
     assert np.array_equal(peer.ask(state).unit, proposal.unit)
     peer.tell(state, proposal, sphere(proposal.unit))
     refusal(peer.tell, state, proposal, sphere(proposal.unit), match="library is at generation 1")
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_a_library_leaves_the_random_numbers_of_others_alone(name):
+    peer = optimiser_named(name)
+    # The one generator that all of NumPy shares is the very one meant here.
+    np.random.seed(5)  # noqa: NPY002 - the global state is what is looked at
+    before = np.random.get_state()[1].tobytes()  # noqa: NPY002 - the global state is what is looked at
+    state = peer.start(2, rng=0)
+    for _ in range(3):
+        proposal = peer.ask(state)
+        state = peer.tell(state, proposal, sphere(proposal.unit))
+    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002 - the global state is what is looked at

@@ -48,6 +48,30 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop() -> None
     assert after < before
 
 
+def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins() -> None:
+    """On where the desired force has the direction of the force and is larger, off where it opposes the force."""
+    space = space_of(
+        TuneTable(laws=(LAW,)),
+        LAW,
+        magnitudes_of(
+            benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
+        ),
+    )
+    *units, bias = space.candidate(space.start).settings["network"]
+
+    def share(force: float, wanted: float) -> float:
+        total = bias
+        for b, _, _, of_force, of_wanted, output in np.reshape(units, (4, 6)):
+            inner = of_force * force + of_wanted * wanted
+            total += output * (np.tanh(b + inner) + np.tanh(b - inner))
+        return float(0.5 * (1.0 + np.tanh(total)))
+
+    assert share(0.5, 1.0) > 0.8
+    assert share(-0.5, -1.0) == share(0.5, 1.0)
+    assert share(0.5, -1.0) < 0.05
+    assert share(1.0, 0.1) < 0.05
+
+
 def test_numbers_that_make_no_law_are_refused() -> None:
     problem = tuning_samples.small_study().problem
     assert problem is not None
