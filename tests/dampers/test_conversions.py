@@ -167,6 +167,7 @@ def test_an_unbounded_loop_has_no_normalised_form() -> None:
     require_bounded_loop(NOMINAL)
     refusal(require_bounded_loop, replace_parameter(NOMINAL, "beta", -1e6), match=r"gamma \+ beta is 0")
     refusal(require_bounded_loop, replace_parameter(NOMINAL, "gamma", -1e5), match="swap gamma and beta")
+    refusal(require_bounded_loop, replace_parameter(NOMINAL, "n", 0.5), match="n >= 1")
 
 
 def test_a_set_that_reads_both_ways_is_remarked() -> None:

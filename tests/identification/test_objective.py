@@ -175,6 +175,18 @@ def test_threads_change_no_bit_of_an_objective(n_tests: int, nuisances: tuple[Nu
     assert len({(each.tally.simulations, each.tally.steps) for each in several}) == 1
 
 
+@pytest.mark.parametrize("n_tests", [1, 2, 3, 7])
+@pytest.mark.parametrize("threads", [1, 2, 4])
+def test_results_are_in_the_order_of_the_tests_and_no_thread_is_idle(n_tests: int, threads: int) -> None:
+    given = on_every_test(n_tests, threads, lambda index, own: (index, own))
+    assert [index for index, _ in given] == list(range(n_tests))
+    # Tests that are left over share the threads.
+    for index, own in given:
+        left_over = n_tests % threads
+        is_left_over = threads > 1 and index >= n_tests - left_over
+        assert own == (threads // left_over if is_left_over else 1 if n_tests > 1 else threads)
+
+
 def test_the_error_of_the_first_test_that_fails_is_raised() -> None:
     def work(index: int, threads: int) -> int:
         if index in (1, 2):

@@ -310,6 +310,7 @@ def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path
         (at_end, "opensees", {"command": "0.5 A"}, "--bound c.1=LOWER:UPPER"),
         (replace(plain, estimates=tuple(stiff)), "opensees", {}, "sub-steps.*--fix sigma=0.5"),
         (fit, "opensees", {}, "as in 0.5A"),
+        (fit, "opensees", {"command": "0.5 V"}, "take the command in A"),
         (fit, "opensees", {"command": "3 A"}, "outside the tested commands, 0 to 1 A"),
         (fit, "opensees", {"command": "0.5 A", "error": 1e-5, "time_step": 0.01}, "122045 sub-steps"),
         (fit, "mat", {"command": "0.5 A"}, "the command is only for"),

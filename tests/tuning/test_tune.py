@@ -215,6 +215,7 @@ def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective() -> 
         ("", r"nothing to tune; give it a \[\[tune\]\]"),
         ('laws = ["lyapunov"]\nrobust = true', "line 39: robust needs an .uncertainty"),
         ('laws = ["lyapunov"]\n[[tune]]\nlaws = ["lyapunov"]', "'Lyapunov, tuned'"),
+        ('laws = ["lyapunov"]\nbudget = 6\npopulation = 8', "one generation takes 8"),
         ('laws = ["clipped_optimal"]\nsettings = { drifts = [1, 2] }', "2 weights, and there are 5 storeys"),
         ('laws = ["lyapunov"]\ncriteria = ["rms_current"]', "rms_current is 0 at i = 0"),
         ('laws = ["lyapunov"]\nconstraints = { peak_drift_ratio = "1 %" }', "height or heights"),
