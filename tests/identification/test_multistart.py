@@ -122,6 +122,14 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
     assert not np.array_equal(found[1].theta, found[0].theta)
 
 
+def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
+    once = replace(Multistart(), starts=4, most_rounds=4, found=2)
+    found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
+    assert 8 <= len(found.misfit) <= 16
+    if found.stop_reason == "found_again":
+        assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
+
+
 def test_an_interrupt_keeps_the_best_so_far() -> None:
     def stop(found: MultistartResult, share: float) -> None:
         if len(found.best) == 4:
