@@ -127,7 +127,7 @@ KINDS = {
     "physics": "equations, conservation, references outside, statistics, search",
     "contract": "registries, bits, the public face, formats to their numbers, resumed to the same result",
     "words": "sentences, pages, colours, prose",
-    "machine": "kills, full disks, hostile files",
+    "machine": "kills, full disks, hostile files, long studies and benchmarks",
 }
 _OF_FOLDER = {
     "physics": (

@@ -199,14 +199,8 @@ UTS_WITH = 'published = "uts"\n'
     [
         ("", "none of them"),
         (f"{SHEAR}{UTS_WITH}", "by published and masses"),
-        ("massses = [1.0]", "did you mean masses"),
         (f"{UTS_WITH}storey_damping = [1.0]", "storey_damping goes with masses"),
-        ('masses = [1.0, "2"]\nstiffnesses = [1.0, 1.0]', r"masses\[1\] is the text '2'"),
         (f"{SHEAR}n_storeys = 3", "2 numbers for 3 storeys"),
-        ("mass = [[1.0]]", "found mass"),
-        ("mass = [[1.0, 2.0], [3.0]]\nstiffness = [[1.0]]", "different lengths, 2 and 1"),
-        ('file = "nowhere.mat"', "no such file"),
-        (f"{UTS_WITH}[rayleigh]\na0 = 1.0", "has no a1"),
         (f"{UTS_WITH}[rayleigh]\na0 = 1.0\nratios = [0.1, 0.1]", "a0 and a1 or by ratios and modes"),
         (
             f"{UTS_WITH}[rayleigh]\na0 = 1.0\na1 = 0.0\n[modal_damping]\nratios = [0.1]",
@@ -217,7 +211,6 @@ UTS_WITH = 'published = "uts"\n'
             "[lead_rubber]\nmass = 1.0\nperiod = 2.0\nyield_force = 1.0",
             "isolation and lead_rubber both",
         ),
-        (f"{UTS_WITH}[[viscous]]\nstorey = 9\ndamping = 1.0", "no storey 9"),
         (
             f"{UTS_WITH}[tuned_mass]\nfloor = 5\nmass_ratio = 0.1\nmass = 3.0",
             "mass_ratio, tuning and mode or",
@@ -248,23 +241,6 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
         (tmp_path / "M.csv").write_text(text)
         known = stated('mass = "M.csv"\nstiffness = [[5, -2], [-2, 2]]', tmp_path)
         np.testing.assert_array_equal(known.mass, [[2.0, 0.0], [0.0, 1.0]])
-
-
-def test_a_file_that_leads_back_to_itself_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text('file = "b.toml"')
-    (tmp_path / "b.toml").write_text('file = "a.toml"')
-    refusal(read_building, tmp_path / "a.toml", match="back to itself")
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "word"),
-    [("a.toml", b"masses = 1.0.0", "line 1"), ("a.mat", b"", "empty"), ("a.csv", b"1,2", "M.csv, C.csv")],
-)
-def test_a_damaged_file_is_refused_with_its_name(
-    tmp_path: Path, name: str, content: bytes, word: str
-) -> None:
-    (tmp_path / name).write_bytes(content)
-    refusal(read_building, tmp_path / name, match=f"{name}.*{word}")
 
 
 def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
@@ -354,10 +330,7 @@ OF_FORCES = {"A": A, "B": np.column_stack([E, B[:, 2]])}
     [
         ({"M": FRAME.mass, "B": E}, None, "found M, B"),
         ({"A": SCALED @ A @ np.linalg.inv(SCALED), "M": FRAME.mass}, None, "0 of the 10 rows"),
-        ({"A": np.pad(A, (0, 1)), "M": FRAME.mass}, None, "5 of the 11 rows"),
         ({"A": A, "M": np.diag([1.0, 2.0, 3.0, 4.0, 5.0])}, None, "not symmetric"),
-        ({"A": A, "M": np.eye(4)}, None, "not 5 x 5"),
-        (OF_FORCES, '["ground"]', "1 name, and B has 2 columns"),
         (OF_FORCES, '["ground", 2]', "no masses give these columns"),
         ({"A": A, "B": BLIND[:, None]}, "[1]", "move 1 of 5 modes"),
     ],

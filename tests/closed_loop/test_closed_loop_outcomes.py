@@ -178,13 +178,3 @@ def test_what_is_no_loop_is_refused() -> None:
     dense = Hardware(sample_time=1e-9, step=1e-9)
     refusal(simulate_loop, building, loop, PASSIVE, [still()], dense, match="a longer `sample_time`")
     refusal(simulate_loop, building, loop, PASSIVE, [still()], nominal=building, match="to 'observer'")
-
-
-def test_a_building_whose_loop_would_take_long_to_prepare_is_refused() -> None:
-    n, eye = 1501, np.eye(1501)
-    large = mr.Building(
-        name="large", mass=eye, damping=eye, stiffness=eye, influence=np.ones(n), floors=eye[:1],
-        storeys=eye[:1], floor_names=("floor",), storey_names=("storey",),
-    )  # fmt: skip
-    device = replace(devices(rd1005())[0], row=eye[0])
-    refusal(simulate_loop, large, [device], ONE, [still(0.1)], match="at most 1,500")

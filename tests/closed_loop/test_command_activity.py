@@ -17,7 +17,6 @@ from loop_samples import (
     rd1005,
     sweep,
 )
-from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
@@ -162,20 +161,6 @@ def test_a_shaped_law_has_the_same_bits_alone_and_in_a_batch(instruction_set: st
     many = simulate_loop(five_storeys(), devices(rd1005()), batch, [sweep(0.6)], threads=2)
     for quantity, numbers in alone.numbers.items():
         np.testing.assert_array_equal(many.numbers[quantity][7], numbers[0], err_msg=quantity)
-
-
-def test_a_slope_beside_largest_commands_of_candidates_is_refused() -> None:
-    law, loop = replace(law_of("clipped_optimal"), command_slope=50.0), devices(rd1005())
-    largest = [1.0, 1.5]
-    refusal(
-        simulate_loop,
-        five_storeys(),
-        loop,
-        law,
-        [sweep(0.1)],
-        largest_commands=largest,
-        match="nor a rate limit",
-    )
 
 
 def test_a_law_of_accelerations_reads_them_with_noise_and_faults() -> None:

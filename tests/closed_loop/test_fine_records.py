@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import own_dampers
 import pytest
 from loop_samples import devices, five_storeys, law_with_gains, plant_with, rd1005
 from scipy.linalg import expm
@@ -20,7 +19,6 @@ from mrwork.closed_loop import (
     UserLaw,
     simulate_loop,
 )
-from mrwork.closed_loop.clairvoyant_search import ClairvoyantProblem
 from mrwork.closed_loop.simulate import GainChanges, LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
@@ -145,58 +143,6 @@ def test_records_about_as_long_as_the_step_are_read_at_points() -> None:
         halves = half_steps(acceleration, dt, step, count)
         at_points = np.stack([halves[:-1:2], halves[1::2], halves[2::2]], axis=1)
         np.testing.assert_array_equal(stage_values(acceleration, dt, step, count), at_points)
-
-
-@pytest.mark.parametrize("dt", [1e-4, 3.3e-4])
-def test_the_twin_of_dampers_of_the_user_follows(dt: float) -> None:
-    laws, theta = (
-        {"c": "linear", "k_w": "linear"},
-        [10.0, 10.0, 100.0, 1e-3, 4.0, 8.0, 500.0, 0.8, 1.5, 190.0],
-    )
-    frame = mr.buildings.shear_building(name="frame", masses=[22.7, 22.7], stiffnesses=[29.7e3, 29.7e3])
-    law = ControlLaw(name="clipped_optimal", gains={"gain": [[10.0, -40.0, -120.0, 15.0]]})
-    hardware = Hardware(sample_time=2e-3, step=1e-3, delay=3e-3)
-    motions = [noisy(0.7, dt), replace(noisy(0.5, 0.01), name="coarse")]
-    own, expected = (
-        simulate_loop(
-            frame,
-            [
-                mr.Device(
-                    name="damper",
-                    spec=plain.with_current_laws(laws, lagged=True),
-                    theta=theta,
-                    row=frame.storeys[0],
-                    largest_command=2.0,
-                )
-            ],
-            law,
-            motions,
-            hardware,
-            histories=True,
-        )
-        for plain in (own_dampers.loop, mr.damper("normalised_bouc_wen"))
-    )
-    # Some hundred steps with another order of summation.
-    for name, values in expected.numbers.items():
-        np.testing.assert_allclose(own.numbers[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
-    for one, other in zip(own.histories, expected.histories, strict=True):
-        for name, rows in other.numbers.items():
-            least = 1e-9 * np.abs(rows).max(initial=0.0)
-            np.testing.assert_allclose(one.numbers[name], rows, rtol=0.0, atol=least, err_msg=name)
-
-
-def test_the_twin_of_prescribed_commands_follows() -> None:
-    loop, motion, interval = devices(rd1005(), second=False), noisy(1.0), 0.02
-    problem = ClairvoyantProblem(
-        building=five_storeys(),
-        devices=tuple(loop),
-        motion=motion,
-        hardware=Hardware(step=1e-3),
-        interval=interval,
-    )
-    commands = np.random.default_rng(3).uniform(0.0, 1.88, (50, 1))
-    ratios = [problem.criteria_of(problem.simulate(each)) for each in (commands, 0.0 * commands)]
-    np.testing.assert_allclose(problem._twin_of(1e-3).ratios(commands), ratios[0] / ratios[1], rtol=1e-9)
 
 
 def test_neighbours_threads_and_instructions_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,18 +8,13 @@ import inspect
 import pickle
 import pkgutil
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-from multiprocessing import get_context
 from typing import Any
 
-import numpy as np
 import pytest
 
 import mrwork
-import mrwork as mr
 from mrwork import errors
-from mrwork.errors import Interrupted, InvalidSettingError, MrworkError, RecordError
+from mrwork.errors import Interrupted, MrworkError, RecordError
 
 
 def errors_of_the_package() -> Iterator[type[BaseException]]:
@@ -87,16 +82,3 @@ def test_an_interrupt_says_in_another_process_that_a_callback_has_ended_the_run(
     interrupt.__cause__ = Interrupted(2, "search", stopped=True)
     read = pickle.loads(pickle.dumps(interrupt))
     assert (str(read), read.result, read.stopped) == ("fit interrupted", 3, True)
-
-
-def test_a_pool_of_processes_hands_on_an_error_of_a_setting() -> None:
-    call = partial(mr.buildings.PassiveElement, name="brace", row=np.ones(1), sharpness=0.5)
-    with pytest.raises(InvalidSettingError) as here:
-        call()
-    with (
-        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
-        pytest.raises(InvalidSettingError) as there,
-    ):
-        pool.submit(call).result()
-    assert facts_of(there.value)[:3] == facts_of(here.value)[:3]
-    assert there.value.key == here.value.key

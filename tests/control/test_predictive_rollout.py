@@ -31,6 +31,8 @@ from mrwork.dampers.simulation import Outcome
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SHORT = sweep(0.6)
+# The copy takes milliseconds for a decision.
+COPIED = mr.motions.trimmed(SHORT, end=0.35)
 HOLD = 0.01
 LATE = {"delay": 3.5e-3, "sample_time": 1e-3}
 NOISY = {
@@ -83,7 +85,7 @@ def rollout(
 
 def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, list[RolloutInNumPy]]:
     """The copy as a law in Python, for one run; a run that is repeated begins anew."""
-    times = SHORT.dt * np.arange(SHORT.n_time)
+    times = COPIED.dt * np.arange(COPIED.n_time)
     copies: list[RolloutInNumPy] = []
 
     def command(sample: LoopSample, memory: object) -> Floats:
@@ -94,7 +96,7 @@ def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, 
                     hardware.sample_time,
                     steps=steps,
                     preview=hardware.ground_preview,
-                    shaking=lambda time: float(np.interp(time, times, SHORT.acceleration, right=0.0)),
+                    shaking=lambda time: float(np.interp(time, times, COPIED.acceleration, right=0.0)),
                 )
             )
         again = copies[-1]
@@ -114,7 +116,7 @@ def both(
 ) -> tuple[Responses, Responses]:
     again, _ = in_numpy(law, hardware, steps)
     return tuple(
-        simulate_loop(five_storeys(), loop, each, [SHORT], hardware, histories=True) for each in (law, again)
+        simulate_loop(five_storeys(), loop, each, [COPIED], hardware, histories=True) for each in (law, again)
     )
 
 
@@ -218,7 +220,7 @@ def test_a_still_ground_forecasts_a_still_ground() -> None:
     # Nothing is read of the ground.
     lost = Fault(channel="ground_acceleration", start=0.1, end=0.2, value=np.nan)
     law = rollout(believed(plant_with(loop)), order=0)
-    deaf = simulate_loop(five_storeys(), loop, law, [SHORT], Hardware(faults=(lost,)), histories=True)
+    deaf = simulate_loop(five_storeys(), loop, law, [COPIED], Hardware(faults=(lost,)), histories=True)
     np.testing.assert_array_equal(deaf.histories[0].command, ours.histories[0].command)
 
 

@@ -351,27 +351,3 @@ def test_parts_that_no_weight_sees_have_the_gain_of_scipy(
         found.check()
         root = np.sqrt(R)
         assert np.linalg.norm(root @ (found.gain[0] * units - gain)) < 1e-6 * np.linalg.norm(root @ gain)
-
-
-def test_a_frame_with_floors_that_turn_has_a_regulator() -> None:
-    """Matrices of finite elements: rotations without mass to speak of give modes of some 30 kHz."""
-    frame = mr.Building(
-        name="beams",
-        mass=np.diag([1e5, 0.02, 1e5, 0.02]),
-        damping=np.zeros((4, 4)),
-        stiffness=1e8
-        * np.array(
-            [[2.4, 0.0, -1.2, 1.8], [0.0, 7.2, -1.8, 1.8], [-1.2, -1.8, 1.2, -1.8], [1.8, 1.8, -1.8, 3.6]]
-        ),
-        influence=np.array([1.0, 0.0, 1.0, 0.0]),
-        floors=np.eye(4)[[0, 2]],
-        storeys=np.array([[1.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0]]),
-        floor_names=("1", "2"),
-        storey_names=("1", "2"),
-    )
-    frame = mr.buildings.with_modal_damping(frame, ratios=[0.02])
-    system = mr.control.plant_of(frame, frame.storeys[:1])
-    for control_weight in (1e-12, 1e-10, 1e-8):
-        found = regulator_of_outputs(system, drifts(system), 1.0, control_weight)
-        assert found.residual < 1e-7
-        assert found.poles.real.max() < -0.02 * 2.0 * np.pi * frame.frequencies[0]

@@ -12,37 +12,7 @@ from command_line import ran
 import run_blocks
 from check import findings
 from mrwork.cli.door import whole_parser
-from run_blocks import blocks_of, commands_of, pages
-
-PAGE = """# Title
-
-```python
-first = 1
-```
-
-<!-- not run: needs a rig -->
-```python
-second = first + missing
-```
-
-```console
-$ mrwork never
-```
-
-<!-- run -->
-```console
-$ mrwork models \\
-  --json
-shown
-$ echo done > done.txt
-```
-"""
-
-
-def test_python_is_run_and_consoles_only_where_asked():
-    python, console = blocks_of(PAGE)
-    assert (python.language, python.text, python.line) == ("python", "first = 1\n", 4)
-    assert commands_of(console.text) == ["mrwork models \\\n  --json", "echo done > done.txt"]
+from run_blocks import pages
 
 
 @pytest.mark.parametrize(

@@ -178,7 +178,6 @@ def test_it_goes_to_another_process(test: mr.DamperTest) -> None:
     ("settings", "word"),
     [
         ({"loss": "huber"}, "`loss_scale`"),
-        ({"loss_scale": 3.0}, "linear loss has none"),
         ({"weights": [1.0], "nuisances": ("offset",)}, "`nuisances`"),
         ({"masks": [np.zeros(251, dtype=bool)]}, "none of its 251 samples"),
     ],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -39,7 +38,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
-SEARCH = EfficientGA(stop=StopRules(max_generations=60))
+SEARCH = EfficientGA(stop=StopRules(max_generations=25))
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +74,7 @@ def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: 
 
 def test_one_seed_repeats_and_threads_do_not_matter(record: DamperTest) -> None:
     short = EfficientGA(stop=StopRules(max_generations=8, min_generations=1))
+    record = cut(record, every=4)
     runs = [identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
     assert len({(run.theta, run.trace.best) for run in runs}) == 1
     other = identify("static_hysteretic", record, search=short, rng=6)
@@ -144,19 +144,6 @@ def test_an_interrupt_before_any_candidate_has_no_result(
         identify("dahl", record, search=search)
     assert stop.value.result is None
     assert not stop.value.stopped
-
-
-def test_an_interrupt_during_refinement_keeps_the_screened_best(record: DamperTest) -> None:
-    stages: list[str] = []
-
-    def interrupt_once_refining(progress: Progress) -> None:
-        if progress.stage == "refinement" and "refinement" not in stages:
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-        stages.append(progress.stage)
-
-    with pytest.raises(Interrupted) as stop:
-        identify("normalised_bouc_wen", record, search=SEARCH, rng=1, on_progress=interrupt_once_refining)
-    assert stop.value.result.fit_percent > 99.0
 
 
 def test_quality_of_a_perfect_model_is_perfect_and_of_the_mean_is_zero(record: DamperTest) -> None:

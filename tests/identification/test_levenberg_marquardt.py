@@ -8,7 +8,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 import own_dampers
 import pytest
@@ -30,7 +29,6 @@ from mrwork.identification.result import Slopes, covariance_at, remark_of, stand
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.reading import synthetic_test
-from mrwork.twins.models import keep_compiled
 
 LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
 # Of the static model the switch of side is sharper than the data can tell.
@@ -184,7 +182,7 @@ for factor in (1.0, 1.1):
 """
 
 
-@pytest.mark.contract
+@pytest.mark.machine
 def test_a_model_is_compiled_once_and_found_again_by_the_next_process(tmp_path: Path) -> None:
     own = {name: value for name, value in os.environ.items() if "COMPILATION_CACHE" not in name}
     own |= {"XDG_CACHE_HOME": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
@@ -202,29 +200,3 @@ def test_a_model_is_compiled_once_and_found_again_by_the_next_process(tmp_path: 
     next_process, _ = told()
     assert next_process["cache_hits"] == next_process["compile_requests_use_cache"]
     assert {path.name for path in tmp_path.rglob("*-cache")} == kept
-
-
-def test_the_cache_can_be_left_off_and_one_that_is_set_is_respected(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in [name for name in os.environ if "COMPILATION_CACHE" in name]:
-        monkeypatch.delenv(name)
-    before = jax.config.values["jax_compilation_cache_dir"]
-
-    def kept_in(home: Path, configured: str | None = None) -> str | None:
-        monkeypatch.setenv("XDG_CACHE_HOME", str(home))
-        jax.config.update("jax_compilation_cache_dir", configured)
-        try:
-            keep_compiled.__wrapped__()
-            found: str | None = jax.config.values["jax_compilation_cache_dir"]
-            return found
-        finally:
-            jax.config.update("jax_compilation_cache_dir", before)
-
-    assert Path(kept_in(tmp_path) or "").is_relative_to(tmp_path / "mrwork")
-    assert kept_in(tmp_path, "elsewhere") == "elsewhere"
-    # A file where the folder would be: nothing is kept, and nothing said.
-    (tmp_path / "file").touch()
-    assert kept_in(tmp_path / "file") is None
-    monkeypatch.setenv("MRWORK_COMPILATION_CACHE", "off")
-    assert kept_in(tmp_path) is None

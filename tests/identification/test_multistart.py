@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from refusals import command_refusal
 
 from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted
@@ -62,16 +61,6 @@ def test_a_minimisation_never_ends_above_its_start_and_agrees_with_another_metho
     assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
 
 
-def test_a_coarser_tolerance_needs_fewer_simulations(starts: NDArray[np.float64]) -> None:
-    # Of the squared misfit in one step: each tolerance ends the minimisations earlier than the next.
-    counts = []
-    for tolerance in (1e-1, 1e-3, 1e-7):
-        counted = objective()
-        find_minima(counted, FORM.box, starts, max_iterations=80, tolerance=tolerance)
-        counts.append(counted.tally.simulations)
-    assert counts[0] < counts[1] < counts[2]
-
-
 def test_slow_starts_are_given_up_once_others_agree_and_change_no_bit_of_these() -> None:
     # Of these eight starts some creep along a valley, far above the misfit on which the others agree.
     unit = np.random.default_rng(2).uniform(0.02, 0.98, (8, len(SEARCHED.free)))
@@ -121,7 +110,7 @@ def test_a_start_whose_derivatives_overflow_does_not_move(
 
 
 def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
-    found = [search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=rng) for rng in range(3)]
+    found = [search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=rng) for rng in range(2)]
     least = min(each.misfit[0] for each in found)
     for each in found:
         assert each.misfit[0] == pytest.approx(least, rel=Multistart().closeness)
@@ -171,8 +160,3 @@ def test_an_insensitive_parameter_does_not_move() -> None:
     minima = find_minima(objective(), form.box, start, max_iterations=9)
     np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
     assert minima.misfit[0] == objective()(start)[0]
-
-
-def test_settings_of_another_search_are_refused() -> None:
-    search = ("--search", "multistart", "--population", "20")
-    command_refusal("identify", "synthetic:spencer1997", *search, match="--population")

@@ -48,10 +48,8 @@ def strange() -> object:
     own_equations._TRUSTED.update(known)
 
 
-@pytest.mark.parametrize(
-    ("own", "model"), [(own_dampers.guo, own_dampers.GUO), (own_dampers.bounded_loop, own_dampers.LOOP)]
-)
-def test_estimates_are_those_of_the_model(own: mr.DamperSpec, model: mr.DamperSpec) -> None:
+def test_estimates_are_those_of_the_model() -> None:
+    own, model = own_dampers.bounded_loop, own_dampers.LOOP
     ours, theirs = (mr.identify(spec, TEST, rng=1) for spec in (own, model))
     errors = np.array([each.standard_error for each in theirs.estimates], dtype=float)
     assert (np.abs(np.array(ours.theta) - np.array(theirs.theta)) <= 1e-6 * errors).all()
@@ -76,10 +74,11 @@ def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path:
     )
     np.testing.assert_allclose(ours.theta, theirs.theta, rtol=1e-6)
     choices = [own_dampers.guo, "bingham"]
-    here = mr.choose_model(TEST, choices)
+    test = cut(TEST, every=4)
+    here = mr.choose_model(test, choices)
     assert here.ranking.chosen == "my_guo"
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        there = mr.choose_model(TEST, choices, executor=pool)
+        there = mr.choose_model(test, choices, executor=pool)
     np.testing.assert_allclose(there.fits[0].theta, here.fits[0].theta, rtol=1e-12)
 
 

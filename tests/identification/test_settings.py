@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import pytest
-from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.identification import FitSettings, Multistart
-from mrwork.identification.fit_file import fit_from_json
-from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.settings import UnregisteredSearch, resize_search, search_named, searches
-from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
-from mrwork.store.codec import differences, json_document
+from mrwork.identification.settings import resize_search, search_named, searches
+from mrwork.search import EfficientGA, StopRules
+from mrwork.store.codec import differences
 
 TEST = mr.synthetic_test("rd1005_1a")
 SPEC = damper("static_hysteretic")
@@ -74,30 +71,3 @@ def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
 
 def test_settings_take_the_name_of_a_search() -> None:
     assert FitSettings(search="genetic") == FitSettings(search=search_named("genetic"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OwnSearch(DifferentialEvolution):
-    """A search of a user, which is not registered."""
-
-    note: str = "own"
-
-
-def test_a_fit_of_an_unregistered_search_can_be_used() -> None:
-    own = OwnSearch(population=12, stop=StopRules(max_generations=3, min_generations=1))
-    fit = mr.identify("dahl", TEST, search=own)
-    assert fit.settings.search == own
-    read = fit_from_json(json_document(fit.as_dict()), origin="fit.json")
-    assert read == fit
-    search = read.settings.search
-    assert isinstance(search, UnregisteredSearch)
-    assert search.kind == "OwnSearch"
-    assert search.settings["note"] == "own"
-    assert read.settings.as_record() == fit.settings.as_record()
-    again = identify_with(fit.spec, (TEST,), fit.settings.again)
-    assert again.theta == fit.theta
-    for usable in (fit, read):
-        profiles = mr.profile(usable, [TEST])
-        assert profiles.profiles
-        mr.identifiability_of(usable, [TEST])
-    refusal(identify_with, read.spec, (TEST,), read.settings.again, match="OwnSearch .* not registered")

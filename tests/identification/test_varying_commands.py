@@ -118,15 +118,6 @@ def test_the_default_search_finds_the_laws_and_the_lag_in_few_simulations() -> N
     assert fit.trace.evaluations[-1] < 3000
 
 
-def test_the_median_of_a_switching_command_misleads() -> None:
-    """What a fit was before: every test at the median of its command."""
-    tests = SETS["switching and three constants"]
-    medians = tuple(replace(test, current=float(np.median(np.asarray(test.current)))) for test in tests)
-    spec = PLAIN.with_current_laws(LAWS)
-    misled = mr.identify(spec, medians, search=SEARCH, bounds=FIXED, rng=1)
-    assert misled.rmse_n > 10.0 * NOISE_N
-
-
 def test_laws_of_more_coefficients_than_levels_are_refused(refused: Refused) -> None:
     refused(mr.identify, SPEC, record(switching), bounds=FIXED)
 
@@ -192,12 +183,6 @@ def test_a_lag_that_the_tests_do_not_show_is_left_out_and_told(command: Course) 
     assert mr.predict(fit, immediate(command, rng=8)).residual.std() == pytest.approx(NOISE_N, rel=0.1)
     again = identify_with(fit.spec, (test,), fit.settings.again, warns=False)
     assert again.theta == pytest.approx(fit.theta, rel=1e-2)
-
-
-def test_a_rate_that_is_given_is_kept() -> None:
-    fit = mr.identify(SPEC, immediate(random_waves), search=SEARCH, bounds=FIXED | {"eta": (60.0, 60.0)})
-    assert fit.theta[-1] == 60.0
-    assert fit.warnings == ()
 
 
 def ended_from(test: DamperTest, rate: float) -> FinalFit:

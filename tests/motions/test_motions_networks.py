@@ -175,13 +175,3 @@ def test_prose_above_the_numbers_is_no_name(tmp_path: Path) -> None:
         assert read_motion(path, unit="m/s2", **options).dt == 0.005
     refusal(read_motion, path, unit="m/s2", dt=0.01, match=r"header states 0.005 s")
     refusal(read_motion, path, match='unit="g"')
-
-
-def test_a_table_that_contradicts_its_header_or_has_a_gap_is_refused(tmp_path: Path) -> None:
-    path = write_lines(tmp_path / "a.csv", ["Sampling rate: 100 Hz", "t_s,a_mps2", "0,1", "0.02,2", "0.04,1"])
-    refusal(read_motion, path, match=r"header states a step of 0.01 s")
-    times = [0.01 * k + (0.5 if k > 99 else 0.0) for k in range(200)]
-    path = write_lines(
-        tmp_path / "b.csv", ["t_s,a_mps2", *(f"{time:.2f},{time % 0.7:.3f}" for time in times)]
-    )
-    refusal(read_motion, path, match=r"line 102: a gap of 0.51 s")

@@ -157,18 +157,6 @@ def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
     refusal(read_motion, path, match="'ns_gal', 'ew_gal'.*`column`")
 
 
-def test_what_a_file_says_is_not_stated_again(tmp_path: Path) -> None:
-    peer = write_lines(tmp_path / "a.AT2", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
-    refusal(read_motion, peer, unit="g", match="takes no `unit`")
-    table = write_lines(tmp_path / "a.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
-    for options, word in (
-        ({"unit": "g"}, "states mps2"),
-        ({"dt": 0.01}, "`dt`"),
-        ({"channel": 1}, "`channel`"),
-    ):
-        refusal(read_motion, table, **options, match=word)
-
-
 def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
     for name in ("b", "a"):
         write_lines(tmp_path / f"{name}.csv", ["t_s,a_mps2", "0,1", "0.01,2"])

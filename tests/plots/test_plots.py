@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -305,15 +303,3 @@ def test_what_there_is_not_is_refused_with_what_there_is() -> None:
     refusal(responses.plot.energies, rows=[7], match="3 rows")
     refusal(RESULTS["Profiles"]().plot.profiles, Figure().subplots(), match="2 axes")
     refusal(RESULTS["ResponseSpectrum"]().plot.spectra, damping=0.02, match="its own")
-
-
-def test_matplotlib_is_loaded_when_a_figure_is_asked_for() -> None:
-    code = (
-        "import sys, mrwork as mr\n"
-        "test = mr.synthetic_test('spencer1997')\n"
-        "assert 'matplotlib' not in sys.modules\n"
-        "assert 'histories' in dir(test.plot)\n"
-        "loaded = {'matplotlib', 'matplotlib.pyplot', 'pandas'} & set(sys.modules)\n"
-        "assert loaded == {'matplotlib'}, loaded\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)

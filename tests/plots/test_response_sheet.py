@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, rd1005, sweep
-from refusals import refusal
 
 import mrwork as mr
 from mrwork.control import lyapunov_function, plant_of
@@ -47,27 +46,3 @@ def test_every_panel_shows_both_runs_to_their_peaks() -> None:
         assert not solid.is_dashed()
         for line, signal in ((dotted, reference), (solid, controlled)):
             assert np.abs(line.get_ydata()).max() == pytest.approx(np.abs(signal).max(), rel=1e-12)
-
-
-def test_the_lyapunov_function_falls_where_the_ground_is_at_rest() -> None:
-    quiet = np.concatenate([np.asarray(MOTION.acceleration), np.zeros(200)])
-    history = run(0.0, GroundMotion(name="with a quiet end", dt=MOTION.dt, acceleration=quiet))
-    drawn = response_sheet_figure(history, history, FRAME, seconds=10.0).axes[3].lines[1]
-    time, value = np.asarray(drawn.get_xydata()).T
-    at_rest = value[time > MOTION.duration + MOTION.dt]
-    assert len(at_rest) > 50
-    # The damper acts against the motion, and V of the weight that is the energy falls with the energy.
-    assert np.all(np.diff(at_rest) <= 1e-9)
-    assert at_rest[-1] < 0.5 * at_rest[0]
-
-
-def test_a_long_motion_is_drawn_about_the_largest_displacement_and_the_ground_whole() -> None:
-    figure = response_sheet_figure(ON, OFF, FRAME, seconds=1.0)
-    ground, *panels = figure.axes
-    assert ground.get_xlim() == (ON.time[0], ON.time[-1])
-    low, high = panels[-1].get_xlim()
-    assert high - low == pytest.approx(1.0, abs=2e-3)
-    assert low < ON.time[np.abs(OFF.displacement[:, 0]).argmax()] < high
-    stronger = OFF.with_numbers(ground_acceleration=2.0 * np.asarray(OFF.ground_acceleration))
-    refusal(response_sheet_figure, ON, stronger, FRAME, match="different motions")
-    refusal(response_sheet_figure, ON, OFF, mr.building("dyke1996"), match="has 3")

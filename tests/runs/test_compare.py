@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from command_line import mrwork, printed
-from refusals import refusal
 
 import mrwork as mr
 
@@ -32,22 +31,6 @@ def test_what_was_predicted_is_kept(folder: Path) -> None:
     assert held_out.predictions[0].test.name == held_out.spread.worst_test
 
 
-def test_fits_are_compared_on_tests_that_none_has_seen(folder: Path) -> None:
-    runs = [folder / "one", folder / "other"]
-    alone = mr.compare_runs(runs)
-    assert "cannot be compared" in alone.verdict
-    slow, seen = mr.synthetic_test("spencer1997_slow"), mr.synthetic_test("spencer1997")
-    found = mr.compare_runs(runs, tests=[slow, seen])
-    assert [row[0] for row in found.tables[0].rows] == ["synthetic spencer1997_slow"]
-    assert found.remarks == ("Left out, because a fit has seen them: synthetic spencer1997.",)
-    fits = [float(cell) for cell in found.tables[0].rows[0][1:]]
-    expected = [
-        100.0 * (1.0 - (prediction.residual.std() / prediction.measured.std()))
-        for prediction in (mr.predict(mr.load(run, mr.StoredRun).fit, slow) for run in runs)
-    ]
-    assert fits == pytest.approx(expected, abs=0.5)
-
-
 @pytest.mark.parametrize("verb", ["study", "tuned"])
 def test_studies_and_tunings_are_compared_by_their_laws(folder: Path, verb: str) -> None:
     found = mr.compare_runs([folder / verb, folder / verb])
@@ -55,19 +38,6 @@ def test_studies_and_tunings_are_compared_by_their_laws(folder: Path, verb: str)
     assert len(found.tables[0].columns) == 1 + 2 * 3
     for row in found.tables[0].rows:
         assert row[1:4] == row[4:7]
-
-
-def test_what_cannot_be_compared_is_refused(folder: Path) -> None:
-    refusal(mr.compare_runs, [folder / "one", folder / "study"], match="different verbs")
-    tests = [mr.synthetic_test("rd1005_1a")]
-    refusal(mr.compare_runs, [folder / "study", folder / "study"], tests=tests, match="leave the tests out")
-
-
-def test_the_verb_writes_a_page_and_an_object(folder: Path, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    text = printed("compare", folder / "one", folder / "other", "--out", page, "--json")
-    assert json.loads(text)["tables"][0]["title"] == "Fits"
-    assert "Comparison of runs" in page.read_text()
 
 
 @pytest.mark.parametrize("name", ["one", "study", "tuned"])

@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -257,31 +255,6 @@ def test_tcl_and_python_make_the_same_materials(fit: Fit, tmp_path: Path) -> Non
         assert arguments_in(tcl, material) == arguments_in(python, material) != []
 
 
-@pytest.mark.skipif(shutil.which("tclsh") is None, reason="there is no interpreter of Tcl")
-def test_tcl_runs_the_commands_of_python(fit: Fit, tmp_path: Path) -> None:
-    tcl, python = (
-        opensees_text(fit, tmp_path, name, command="0.5 A", error=0.01) for name in ("d.tcl", "d.py")
-    )
-    said = subprocess.run(
-        ["tclsh"],
-        input=f'proc uniaxialMaterial {{args}} {{ puts "$args" }}\n{tcl}\ndamper 40\n',
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.splitlines()
-    called: list[list[str]] = []
-
-    class Ops:
-        @staticmethod
-        def uniaxialMaterial(*given: object) -> None:  # noqa: N802 - the name of OpenSees
-            called.append([str(each) for each in given])
-
-    namespace: dict[str, Any] = {"ops": Ops}
-    exec(python.replace("import openseespy.opensees as ops", ""), namespace)
-    namespace["damper"](40)
-    assert [line.split() for line in said] == called
-
-
 def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit, tmp_path: Path) -> None:
     # A library of the system may be missing, beside the package.
     ops = pytest.importorskip("openseespy.opensees", exc_type=(ImportError, RuntimeError))
@@ -334,16 +307,13 @@ def test_what_cannot_be_exported_is_refused(fit: Fit, plain: Fit, tmp_path: Path
     stiff = [replace(each, value=1e4) if each.name == "sigma" else each for each in plain.estimates]
     for source, to, options, word in (
         (at_bound, "opensees", {}, "--bound c=LOWER:UPPER"),
-        (at_bound, "csv", {}, "--bound c=LOWER:UPPER"),
         (at_end, "opensees", {"command": "0.5 A"}, "--bound c.1=LOWER:UPPER"),
         (replace(plain, estimates=tuple(stiff)), "opensees", {}, "sub-steps.*--fix sigma=0.5"),
-        (plain, "opensees", {"command": "0.5 A"}, "no current laws"),
         (fit, "opensees", {}, "as in 0.5A"),
         (fit, "opensees", {"command": "0.5 V"}, "take the command in A"),
         (fit, "opensees", {"command": "3 A"}, "outside the tested commands, 0 to 1 A"),
         (fit, "opensees", {"command": "0.5 A", "error": 1e-5, "time_step": 0.01}, "122045 sub-steps"),
         (fit, "mat", {"command": "0.5 A"}, "the command is only for"),
-        (fit, "csv", {"error": 0.01}, "the error is only for"),
         (results(), "opensees", {}, "no single damper"),
         (replace(plain, tested=None), "csv", {}, "tested ranges of this fit are not known"),
         (replace(plain, model="bingham"), "opensees", {}, "no material that equals bingham"),

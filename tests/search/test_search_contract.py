@@ -8,9 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from examples import examples
-from hypothesis import given
-from hypothesis import strategies as st
 from refusals import refusal
 from search_problems import (
     all_failing,
@@ -27,15 +24,10 @@ from mrwork.errors import SettingError
 from mrwork.search import (
     OPTIMISERS,
     PEERS,
-    AbortableObjective,
-    Ceiling,
-    EfficientGA,
     EliteRule,
-    StandardGA,
     StopRules,
     run_replicates,
     run_search,
-    select,
 )
 
 SHORT = StopRules(max_generations=15, min_generations=1, confidence=None, spread_tolerance=None)
@@ -66,31 +58,6 @@ def test_one_seed_repeats_and_two_differ(optimiser):
     assert bits(runs[0].course) == bits(runs[1].course)
     assert np.array_equal(runs[0].population, runs[1].population)
     assert not np.array_equal(runs[0].population, runs[2].population)
-
-
-def test_a_replicate_has_the_same_course_in_any_company(optimiser):
-    # The target ends replicates at different generations, so that the company changes on the way.
-    optimiser = replace(optimiser, stop=replace(SHORT, target=0.01))
-    eight = states(optimiser, half_failing, n_params=3, rng=5, generations=15, replicates=range(8))[-1]
-    assert len(set(eight.course.generation)) > 1
-    for number in (0, 3, 7):
-        alone = states(optimiser, half_failing, n_params=3, rng=5, generations=15, replicates=[number])[-1]
-        assert bits(select(eight, [number]).course) == bits(alone.course)
-        assert np.array_equal(eight.population[number], alone.population[0])
-    turned = states(optimiser, half_failing, n_params=3, rng=5, generations=15, replicates=[7, 3])[-1]
-    assert bits(select(turned, [1]).course) == bits(select(eight, [3]).course)
-
-
-def test_all_numbers_of_a_replicate_are_its_own(own):
-    own = replace(own, stop=SHORT)
-    five = states(own, half_failing, n_params=3, rng=5, generations=9, replicates=range(5))[-1]
-    alone = states(own, half_failing, n_params=3, rng=5, generations=9, replicates=[3])[-1]
-    assert bits(select(five, [3])) == bits(alone)
-
-
-def test_replicates_differ(optimiser):
-    state = states(optimiser, sphere, n_params=3, rng=0, generations=5, replicates=range(3))[-1]
-    assert np.unique(state.course.best_misfit).size == 3
 
 
 # Asking
@@ -205,61 +172,6 @@ def test_a_pickled_state_goes_on(own, rng):
     stored = pickle.loads(pickle.dumps(run[6]))
     rest = run_replicates(own, half_failing, rng=rng, n_params=3, replicates=[0, 5], state=stored)
     assert bits(rest.state) == bits(run[-1])
-
-
-def test_the_misfits_told_make_the_same_state_again(optimiser):
-    optimiser = replace(optimiser, stop=SHORT)
-    told = []
-    run = run_replicates(
-        optimiser,
-        half_failing,
-        rng=1,
-        n_params=3,
-        replicates=[2, 4],
-        on_generation=lambda event: told.append(event.misfit),
-    )
-    state = optimiser.start(3, 1, [2, 4])
-    for misfit in told:
-        state = optimiser.tell(state, optimiser.ask(state), misfit)
-    assert bits(state.course) == bits(run.state.course)
-
-
-# Thresholds
-
-
-def drops_values(unit, threshold):
-    """What an early abort may do: any number at or above the threshold stands for the value."""
-    value = half_failing(unit)
-    return np.where(value >= threshold, threshold, value)
-
-
-def fails(unit, threshold):
-    """What an early abort does: no value where it does not matter."""
-    value = half_failing(unit)
-    return np.where(value >= threshold, np.inf, value)
-
-
-@pytest.mark.parametrize("aborting", [fails, drops_values])
-@examples(4)
-@given(rng=st.integers(0, 2**64 - 1), n_params=st.integers(1, 5))
-def test_exact_values_beyond_the_threshold_change_not_a_bit(aborting, rng, n_params):
-    for own in OPTIMISERS.values():
-        own = replace(own, stop=SHORT)
-        if isinstance(own, EfficientGA | StandardGA):
-            own = replace(own, ceiling=Ceiling(absolute=0.5, over_median=1.5))
-        thresholds = []
-
-        def aborted(unit, threshold, thresholds=thresholds):
-            thresholds.append(threshold)
-            return aborting(unit, threshold)
-
-        runs = [
-            run_replicates(own, objective, rng=rng, n_params=n_params, replicates=[0, 1])
-            for objective in (half_failing, AbortableObjective(misfits=aborted))
-        ]
-        assert bits(runs[0].state) == bits(runs[1].state)
-        # Not one of them is without: otherwise nothing was tested.
-        assert np.isfinite(np.concatenate(thresholds[1:])).any()
 
 
 # Finding

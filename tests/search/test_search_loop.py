@@ -59,16 +59,6 @@ def test_every_rule_is_reached_and_named(reason, rules, objective):
         assert result.state.course.stop_reasons == (reason,)
 
 
-def test_each_replicate_says_which_rule_ended_it():
-    rules = StopRules(target=1e-3, max_generations=7)
-    run = run_replicates(EfficientGA(stop=rules), sphere, rng=0, n_params=3, replicates=range(12))
-    assert {result.stop_reason for result in run.results} == {"target", "max_generations"}
-    for result in run.results:
-        assert (result.best_misfit <= 1e-3) == (result.stop_reason == "target")
-        assert len(result.trace.best) == result.generations
-        assert result.trace.evaluations[-1] == result.evaluations
-
-
 def test_time_is_no_part_of_the_state():
     optimiser = only_capped(8)
     ended = run_search(
@@ -105,20 +95,6 @@ def test_callback_returning_none_or_false_goes_on():
     assert (result.generations, result.stop_reason) == (3, "callback")
 
 
-def test_a_rule_that_ended_a_replicate_goes_before_the_callback():
-    run = run_replicates(
-        EfficientGA(stop=StopRules(target=0.005)),
-        sphere,
-        rng=0,
-        n_params=3,
-        replicates=range(6),
-        on_generation=lambda event: event.n_running < 4,
-    )
-    reasons = [result.stop_reason for result in run.results]
-    assert set(reasons) == {"target", "callback"}
-    assert reasons.count("callback") < 4
-
-
 def test_events_report_what_the_result_holds():
     events = []
     result = run_search(EfficientGA(), half_failing, rng=2, n_params=3, on_generation=events.append)
@@ -130,18 +106,6 @@ def test_events_report_what_the_result_holds():
     assert [event.n_running for event in events[-2:]] == [1, 0]
     assert np.array_equal(events[-1].best_unit, result.best_unit)
     assert sum(event.misfit.size for event in events) == result.evaluations
-
-
-def test_one_call_a_generation_serves_all_replicates():
-    calls = []
-
-    def counted(unit):
-        calls.append(len(unit))
-        return sphere(unit)
-
-    run = run_replicates(only_capped(5), counted, rng=0, n_params=3, replicates=range(9))
-    assert len(calls) == 5
-    assert sum(calls) == sum(result.evaluations for result in run.results)
 
 
 # Going on

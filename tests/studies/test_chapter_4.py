@@ -10,27 +10,20 @@ import numpy as np
 import pytest
 from blank_pictures import blank
 
-from mrwork.search import StopRules
-from mrwork.search.rules import hypothesis_test
 from studies.chapter_4.decay import (
-    LITERAL,
     at_budget,
-    at_end,
-    ending,
     error_level,
     evaluations_to,
     expected_evaluations,
     holm,
-    rules,
 )
 from studies.chapter_4.excerpts import synthetic_excerpts
 from studies.chapter_4.findings import comparisons_of, findings_of
 from studies.chapter_4.page import write_page
-from studies.chapter_4.search_cells import Replicates, cells_of, run_cell
+from studies.chapter_4.search_cells import Replicates, cells_of
 from studies.chapter_4.search_runs import recall, run_cells
 from studies.chapter_4.search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import error_table, level_table, tables_of
-from studies.chapter_4.termination import expected_termination
 
 REPLICATES, POPULATION, GENERATIONS = 4, 10, 12
 
@@ -70,9 +63,6 @@ def test_few_runs_of_every_search_are_compared_kept_and_shown(tmp_path: Path) ->
     found = run()
     assert all(path.stat().st_mtime_ns == written for path, written in finished.items())
     np.testing.assert_array_equal(recall(kept, cells[0]).best, found[0].best)
-    nudged = replace(cells[0].test, force=np.nextafter(cells[0].test.force, np.inf))
-    for other in (replace(cells[0], seed=cells[0].seed + 1), replace(cells[0], test=nudged)):
-        assert recall(kept, other) is None
     for runs in found:
         assert runs.best.shape == (REPLICATES, GENERATIONS)
         assert np.all(np.diff(runs.best, axis=1) <= 0.0)
@@ -102,22 +92,6 @@ def test_few_runs_of_every_search_are_compared_kept_and_shown(tmp_path: Path) ->
     assert '<span class="tag">synthetic</span>' in text
     assert "Measured at" not in text
 
-    # With a rule the runs are those without it, cut short; at 80 % the threshold is in reach of so short a search.
-    rule = StopRules(
-        max_generations=GENERATIONS,
-        spread_tolerance=None,
-        confidence=0.8,
-        stall_generations=3,
-        stall_tolerance=1e-2,
-        min_generations=1,
-    )
-    place = next(place for place, cell in enumerate(cells) if cell.search == EFFICIENT)
-    ruled = run_cell(replace(cells[place], optimiser=replace(cells[place].optimiser, stop=rule)), threads=1)
-    ends = ending(found[place], replace(rule, max_generations=GENERATIONS + 1))
-    assert np.count_nonzero(ends >= 0) > 0
-    np.testing.assert_array_equal(at_end(found[place].best, ends), ruled.final)
-    np.testing.assert_array_equal(at_end(found[place].evaluations, ends), ruled.evaluations[:, -1])
-
 
 def test_levels_costs_and_errors_are_those_of_known_traces() -> None:
     runs = [made_of([[1.0, 0.2], [3.0, 1.0]], [[1, 2]] * 2), made_of([[1.0, 0.4], [3.0, 0.6]], [[1, 2]] * 2)]
@@ -134,27 +108,3 @@ def test_levels_costs_and_errors_are_those_of_known_traces() -> None:
     np.testing.assert_array_equal(at_budget(two, np.array([18, 19])), [2.0, 5.0])
     np.testing.assert_array_equal(at_budget(two, np.array([[9], [100]])), [[np.inf, np.inf], [1.0, 2.0]])
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.9])), [0.04, 0.09, 0.09, 0.9])
-
-
-def test_the_test_ends_a_decay_and_not_a_plateau() -> None:
-    """Halved each generation the mean over the greatest of k errors is (2 - 2^(1-k))/k: below 0.334 from k = 6 on."""
-    trace = [1.0, *0.5 ** np.arange(10.0)]
-    trace[0] = 1.5
-    ends = ending(made_of([trace, [1.0] + [0.9] * 10], [[1] * 11] * 2), rules(0.95)[LITERAL])
-    # The first improvement is generation 1, so the sixth error is that of generation 6.
-    np.testing.assert_array_equal(ends, [6, -1])
-    np.testing.assert_array_equal(at_end(np.array([np.arange(11.0)] * 2), ends), [6.0, 10.0])
-
-
-@pytest.mark.parametrize(
-    ("rate", "confidence", "flat_start"), [(0.01, 0.9, 0), (0.07, 0.95, 4), (1.0, 0.99, 0)]
-)
-def test_expected_termination_is_where_the_test_stops_on_an_exponential(rate, confidence, flat_start) -> None:
-    decay = np.concatenate([np.full(flat_start, 3.0), 3.0 * np.exp(-rate * np.arange(2000))])
-    stop = next(g for g in range(1, decay.size) if hypothesis_test(decay[: g + 1], confidence=confidence))
-    expected = expected_termination(decay[: flat_start + 6], confidence)
-    assert expected.generation == stop
-    assert expected.likelihood == pytest.approx(1.0)
-    excess = np.exp(-0.2 * np.arange(30))
-    assert expected_termination(0.1 + excess, floor=0.1).generation == expected_termination(excess).generation
-    assert expected_termination(np.array([1.0, 1.0, 1.0])) == (None, 0.0)

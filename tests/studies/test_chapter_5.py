@@ -1,8 +1,7 @@
-"""The study of chapter 5 at few currents, on dampers whose truth is known; branches of loops and free vibrations."""
+"""The study of chapter 5 at few currents, on dampers whose truth is known; branches of loops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.errors import RecordError
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.search import EfficientGA, StopRules
 from studies.chapter_5.damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, synthetic_sets
 from studies.chapter_5.loop_branches import branches
-from studies.chapter_5.outcome import STATIC, Fitting, SetOutcome, identify_each, laws_of, study_set
+from studies.chapter_5.outcome import STATIC, Fitting, SetOutcome, study_set
 from studies.chapter_5.page import write_page
 from studies.chapter_5.thickness_and_mean import compared, loops_table
-from studies.chapter_7.free_vibration import ModeEstimate, fourier_peak, logarithmic_decrement
 
 FITTING = Fitting(search=EfficientGA(population=40, stop=StopRules(max_generations=40)), rng=1)
 # Three are the fewest that a quadratic law can be found from.
@@ -53,13 +50,6 @@ def test_the_true_model_and_its_laws_are_recovered_within_their_errors(static: S
     for way in (laws.through, laws.weighted):
         values = each.values[:, names.index("alpha")]
         np.testing.assert_allclose(way.at("alpha", each.currents), values, rtol=1e-9)
-
-
-def test_a_wrong_model_and_wrong_laws_leave_more_than_the_noise(sets: tuple[TestSet, ...]) -> None:
-    largest = replace(sets[1], tests=sets[1].tests[-1:])
-    assert np.all(identify_each(STATIC, largest, FITTING).rms_n > (1.0 + SCATTER) * FORCE_NOISE_N)
-    wrong = laws_of(STATIC, RD_1005_3 | {"alpha": (32.0, 0.0, 0.0)}, sets[0])
-    assert np.all(wrong.rms_n > 10.0 * FORCE_NOISE_N)
 
 
 def test_loops_of_the_true_model_differ_by_the_scatter_of_the_cycles(static: SetOutcome) -> None:
@@ -127,54 +117,3 @@ def test_branches_split_a_loop_into_thickness_and_mean(phase: float, middle: flo
     inner = abs(from_middle) < 0.9 * AMPLITUDE
     speed = OMEGA * np.sqrt(AMPLITUDE**2 - from_middle[inner] ** 2)
     np.testing.assert_allclose(loop.thickness.mean(axis=0)[inner], 2.0 * DAMPING * speed, rtol=0.01)
-
-
-def test_the_width_is_that_of_the_loop_of_the_static_model() -> None:
-    """alpha tanh(beta v +- delta): the difference falls to its half where cosh(2 beta v) = 2 + cosh(2 delta)."""
-    beta, delta = 150.0, 0.8
-    loop = branches(recorded(700.0 * np.tanh(beta * velocity() + delta * np.sign(displacement()))))
-    assert loop.width == pytest.approx(np.arccosh(2.0 + np.cosh(2.0 * delta)) / beta, rel=0.01)
-    np.testing.assert_allclose(
-        loop.thickness[:, loop.abscissa.size // 2], 2.0 * 700.0 * np.tanh(delta), rtol=0.01
-    )
-    with pytest.raises(RecordError, match="not periodic"):
-        branches(replace(recorded(velocity()), n_settle=4 * PER_CYCLE))
-
-
-METHODS: tuple[Callable[..., ModeEstimate], ...] = (fourier_peak, logarithmic_decrement)
-DT = 0.005
-
-
-def decay(frequency: float, ratio: float, duration: float, phase: float = 0.4) -> Floats:
-    """Free vibration of one mode with unit amplitude."""
-    time = DT * np.arange(round(duration / DT))
-    omega = 2.0 * np.pi * frequency
-    damped = omega * np.sqrt(1.0 - ratio**2)
-    return np.asarray(np.exp(-ratio * omega * time) * np.cos(damped * time - phase))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_decay_gives_its_mode_and_errors_are_what_noise_really_does(
-    method: Callable[..., ModeEstimate],
-) -> None:
-    # The shortest record has decayed by a fifth only; an offset must have no effect.
-    for ratio, duration in ((0.005, 10.0), (0.03, 40.0)):
-        estimate = method(decay(3.0, ratio, duration) + 0.3, dt=DT)
-        assert estimate.frequency == pytest.approx(3.0, rel=1e-5)
-        assert estimate.damping_ratio == pytest.approx(ratio, rel=1e-3)
-    scores = []
-    for draw in range(60):
-        noise = 0.05 * np.random.default_rng(draw).normal(size=round(20.0 / DT))
-        estimate = method(decay(3.0, 0.01, 20.0, phase=float(draw)) + noise, dt=DT)
-        scores.append(
-            (
-                (estimate.frequency - 3.0) / estimate.frequency_error,
-                (estimate.damping_ratio - 0.01) / estimate.damping_ratio_error,
-            )
-        )
-    # For 60 normal draws the standard deviation is within 0.28 of one and the mean within 0.39 of zero, at 3 sigma;
-    # the errors are of first order and slightly conservative.
-    assert np.all((np.std(scores, axis=0) > 0.65) & (np.std(scores, axis=0) < 1.35))
-    assert np.all(abs(np.mean(scores, axis=0)) < 0.45)
-    with pytest.raises(RecordError, match="damping does not show"):
-        method(decay(3.0, 0.0, 5.0), dt=DT)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,9 @@ import pytest
 from command_line import ran
 
 import mrwork as mr
-from studies.common.frame import FRAME, HARDWARE, pair
-from studies.leaderboard.best_constant import best_constant, constant_commands, training_scores
-from studies.leaderboard.damper_scores import damper_rows, fit_percent, folds, score_damper
-from studies.leaderboard.entries import DAMPERS, LAWS, Entry, attempt, files_of, load
-from studies.leaderboard.law_scores import synthetic_motions, training_motions
+from studies.leaderboard.damper_scores import fit_percent, folds, score_damper
+from studies.leaderboard.entries import Entry
 from studies.leaderboard.rigs import CURRENTS, MOTIONS, synthetic_rig
-from studies.leaderboard.tables import damper_table
 
 STUDY = measured_data.ROOT / "studies" / "leaderboard" / "study.py"
 
@@ -33,16 +28,6 @@ def tests() -> tuple[mr.DamperTest, ...]:
 
 def entry(function: Any) -> Entry:
     return Entry(name="mine", title="Mine", function=function, n_params=None)
-
-
-def test_every_entry_has_its_own_name_a_title_and_a_reference() -> None:
-    assert not files_of(DAMPERS).keys() & files_of(LAWS).keys()
-    for kind in (DAMPERS, LAWS):
-        for file in files_of(kind).values():
-            assert load(file, kind).title
-            documentation = file.read_text(encoding="utf-8").split('"""')[1]
-            assert "Authors: " in documentation
-            assert "Reference: " in documentation
 
 
 def test_the_quick_form_writes_a_row_of_each_table(tmp_path: Path) -> None:
@@ -61,27 +46,6 @@ def test_the_quick_form_writes_a_row_of_each_table(tmp_path: Path) -> None:
     ]
     assert [row["name"] for row in rows] == list(names)
     assert not any(row["failure"] for row in rows)
-
-
-def test_rows_are_ranked_failures_are_last_and_workers_find_the_same(
-    tests: tuple[mr.DamperTest, ...], tmp_path: Path
-) -> None:
-    fails = tmp_path / "mine.py"
-    fails.write_text('"""A method."""\ndef identify(tests, rng): return 1 / 0', encoding="utf-8")
-    files = [fails, files_of(DAMPERS)["linear_regression"]]
-    here = [replace(row, seconds=0.0) for row in damper_rows(files, tests, lambda name: None)]
-    with mr.local_workers(1) as pool, mr.working_on(pool):
-        assert [replace(row, seconds=0.0) for row in damper_rows(files, tests, lambda name: None)] == here
-    assert here[0].failure == "ZeroDivisionError: division by zero"
-    assert here[1].score is not None
-    shown = damper_table("rig", [replace(row, n_params=3) for row in here]).rows
-    assert [row[0] for row in shown] == ["linear_regression", "mine"]
-
-    def endless() -> None:
-        while True:
-            pass
-
-    assert attempt("endless", endless, limit=0.2).failure.startswith("TimeoutError")
 
 
 def test_a_motion_is_left_out_at_every_current_and_nothing_of_its_force_is_handed_over(
@@ -113,17 +77,3 @@ def test_a_motion_is_left_out_at_every_current_and_nothing_of_its_force_is_hande
         assert all(abs(fit) < 1.0 for fit in score_damper(entry(identify), tests).fits.values())
     assert drawn[: len(MOTIONS)] == drawn[len(MOTIONS) :]
     assert fit_percent(tests[0], tests[0].force) == 100.0
-
-
-def test_passive_off_scores_one_and_the_best_constant_command_least() -> None:
-    unseen, training = synthetic_motions(), training_motions()
-    assert not {each.acceleration.tobytes() for each in unseen} & {
-        each.acceleration.tobytes() for each in training
-    }
-    few = training[:2]
-    off = constant_commands([0.0])
-    assert training_scores(off, FRAME, pair(), few, HARDWARE) == pytest.approx(1.0)
-    chosen = best_constant(FRAME, pair(), few, HARDWARE)
-    levels = constant_commands(np.linspace(0.0, pair().largest_command, 5))
-    (least,) = training_scores(chosen, FRAME, pair(), few, HARDWARE)
-    assert (least <= training_scores(levels, FRAME, pair(), few, HARDWARE)).all()

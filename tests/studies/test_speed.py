@@ -10,14 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrwork.identification import find_minima, find_minimum, find_minimum_by_optimistix
 from studies.speed import loop_ours
 from studies.speed.command_line import main
 from studies.speed.loop_plain import PlainLoop, by_python_control, by_solve_ivp
 from studies.speed.loop_workload import loop_workload
-from studies.speed.own_searches import early_aborts
-from studies.speed.refine_job import reference_job
-from studies.speed.search_job import REFERENCE, SearchJob, record
 
 # Without Numba and the libraries of searches, whose compilation would take most of the time.
 SMALL = {
@@ -28,6 +24,7 @@ SMALL = {
 }
 
 
+@pytest.mark.machine
 @pytest.mark.parametrize("subject", SMALL)
 def test_a_benchmark_has_rows(
     subject: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -59,19 +56,3 @@ def test_runs_of_a_loop_are_those_of_plain_steps_of_solve_ivp_and_of_python_cont
     np.testing.assert_allclose(by_solve_ivp(one)()[0, 0], plain[0][0], rtol=1e-3)
     pytest.importorskip("control", reason="python-control is not installed")
     np.testing.assert_allclose(by_python_control(one)()[0, 0], plain[0][0], rtol=1e-11)
-
-
-def test_our_engines_meet_in_one_minimum_and_an_early_abort_changes_nothing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("MRWORK_DATA", str(tmp_path))
-    job = reference_job(1, 1)
-    scipy = find_minimum(job.objective, job.box, job.starts[0], max_evaluations=100)
-    lanes = find_minima(job.objective, job.box, job.starts, max_iterations=100)
-    optimistix = find_minimum_by_optimistix(job.objective, job.box, job.starts[0])
-    # They stop where the squared misfit falls by less than 1e-7 and 1e-8 of itself.
-    assert scipy.converged
-    assert scipy.misfit == pytest.approx(optimistix.misfit, rel=1e-6)
-    assert lanes.misfit[0] == pytest.approx(scipy.misfit, rel=1e-6)
-    aborts = early_aborts(SearchJob.of(record(REFERENCE), 1), generations=6, seeds=1, threads=1)
-    assert all(each.identical and 0.0 < each.steps_share_done < 1.0 for each in aborts)

@@ -154,8 +154,6 @@ def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_pat
     ("places", "dampers", "word"),
     [
         ("[places]\ndampers = 9", DAMPER, "line 11: .* 220 placements"),
-        ("[places]\ndampers = 5\neach = 1", DAMPER, "give a larger each"),
-        ("[places]\nstoreys = [7]", DAMPER, "no storey 7"),
         ("[places]", DAMPER + DAMPER.replace("differential = true", "count = 2"), "differs from the first"),
         ("[places]\ndampers = 3", 2 * DAMPER, "study has 2"),
         ("[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n", "give an angle"),

@@ -69,7 +69,7 @@ def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
     assert without_times(tune(study, threads=2)) == without_times(results)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.6, 0.95, 1.0])
+@pytest.mark.parametrize("share", [0.6, 1.0])
 def test_a_journal_that_was_cut_resumes_to_the_same_bits(
     study: mr.Study, results: TuningResults, journal: Path, share: float, tmp_path: Path
 ) -> None:
@@ -140,7 +140,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
 
 @pytest.mark.parametrize(
     ("name", "unit", "share"),
-    [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7), ("switching_rate", "1/s", 0.7)],
+    [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7)],
 )
 def test_a_limit_that_holds_is_kept(name: str, unit: str, share: float, results: TuningResults) -> None:
     limit = share * results.laws[0].train.largest[name]
@@ -213,14 +213,11 @@ def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective() -> 
     ("table", "word"),
     [
         ("", r"nothing to tune; give it a \[\[tune\]\]"),
-        ('laws = ["clipped_optima"]', "line 38: .* did you mean clipped_optimal"),
         ('laws = ["lyapunov"]\nrobust = true', "line 39: robust needs an .uncertainty"),
         ('laws = ["lyapunov"]\n[[tune]]\nlaws = ["lyapunov"]', "'Lyapunov, tuned'"),
         ('laws = ["lyapunov"]\nbudget = 6\npopulation = 8', "one generation takes 8"),
         ('laws = ["clipped_optimal"]\nsettings = { drifts = [1, 2] }', "2 weights, and there are 5 storeys"),
-        ('laws = ["clipped_optimal"]\nsettings = { drifts = 1, energy = 1 }', "keep one"),
         ('laws = ["lyapunov"]\ncriteria = ["rms_current"]', "rms_current is 0 at i = 0"),
-        ('laws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]', "mean_current is 0 at i = 0"),
         ('laws = ["lyapunov"]\nconstraints = { peak_drift_ratio = "1 %" }', "height or heights"),
     ],
 )

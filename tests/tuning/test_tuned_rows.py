@@ -7,8 +7,6 @@ import tuning_samples
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.store.codec import json_document
-from mrwork.tuning.results import TuningResults, tuning_document
 
 TUNE = """
 [[tune]]
@@ -70,21 +68,6 @@ def test_scores_and_criteria_have_law_and_motion(study: mr.Study, found: mr.Tuni
     assert table.index.names == ["law", "motion"]
     assert table.loc[(law.label, found.testing[0]), "use"] == "test"
     assert found.fronts[0].to_xarray()["train"].dims == ("point", "objective")
-
-
-def test_saved_results_have_the_same_arrays_when_read_twice(found: mr.TuningResults) -> None:
-    import json
-
-    from mrwork.store.codec import record_of
-
-    text = json_document(tuning_document(found))
-    once, twice = (
-        record_of(TuningResults, json.loads(text), origin="results", name="tuning", verb="tune")
-        for _ in range(2)
-    )
-    for each in (once, twice):
-        assert each.to_xarray().identical(found.to_xarray())
-        assert each.fronts[0].to_xarray().equals(found.fronts[0].to_xarray())
 
 
 def test_what_is_no_point_or_no_objective_is_said(study: mr.Study, found: mr.TuningResults) -> None:

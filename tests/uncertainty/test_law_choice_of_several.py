@@ -68,18 +68,6 @@ def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(
     assert "of 3 models, the one of dahl with 4 parameters is chosen (k_w linear)" in table.sentence
 
 
-def test_all_laws_stand_in_one_table_that_names_their_model(choice: LawChoice) -> None:
-    table = choice.table
-    assert {each.model for each in table.tried} == set(MODELS)
-    percents = [each.left_out_percent for each in table.tried]
-    assert percents == sorted(percents, reverse=True)
-    assert all(len(each.left_out) == table.n_folds == 3 for each in table.tried)
-    assert table.table.columns[0] == "model"
-    assert all(
-        line.startswith(each.model) for line, each in zip(table.table.lines()[1:], table.tried, strict=True)
-    )
-
-
 def test_other_models_do_not_change_what_a_model_finds(
     tests: tuple[DamperTest, ...], choice: LawChoice
 ) -> None:

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from posterior_samples import MODEL, small_sampling, small_test
-from refusals import refusal
-from scipy.stats import multivariate_normal, t
+from scipy.stats import multivariate_normal
 
 import mrwork as mr
 import mrwork.twins.models
-from mrwork.uncertainty import NOISES, Iid, noise_model
+from mrwork.uncertainty import NOISES, Iid
 
 PARAMETERS = {
     "iid": [0.1],
@@ -45,12 +44,6 @@ def test_density_of_correlated_noise_is_that_of_the_joint_normal(name: str) -> N
     ours = NOISES[name].log_densities(rows, rows, np.tile(PARAMETERS[name], (3, 1))).sum(axis=1)
     # The start of an ARMA(1,1) is approximate, worth less than one unit of log-likelihood; all else is exact.
     np.testing.assert_allclose(ours, joint.logpdf(rows), atol=1e-8 if name == "ar1" else 1.0)
-
-
-def test_density_of_heavy_tails_is_that_of_student() -> None:
-    residual = np.linspace(-1.0, 1.0, 41)[None]
-    ours = noise_model("student_t").log_densities(residual, residual, np.array([[0.1, 6.0]]))
-    np.testing.assert_allclose(ours, t.logpdf(residual, 6.0, scale=0.1), rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", [each.name for each in NOISES.values() if each.differentiable])
@@ -96,10 +89,7 @@ def test_moments_of_draws_give_the_parameters_back(name: str, force: np.ndarray)
     )
 
 
-SMOOTH = [name for name, each in NOISES.items() if each.differentiable]
-
-
-@pytest.mark.parametrize("noise", SMOOTH)
+@pytest.mark.parametrize("noise", ["iid", "ar1"])
 def test_it_is_that_of_the_target_and_its_gradient_that_of_differences(noise: str) -> None:
     target = small_sampling(noise).target
     likelihood = mr.jax.log_likelihood(MODEL, small_test(), noise)
@@ -133,9 +123,3 @@ def test_noise_outside_its_range_has_no_likelihood_and_a_gradient_of_zero() -> N
     for column, value in ((-2, 0.0), (-2, -1.0), (-1, 1.0), (-1, 2.0)):
         assert likelihood(start.at[column].set(value)) == -np.inf
         assert not np.asarray(jax.grad(likelihood)(start.at[column].set(value))).any()
-
-
-def test_noise_and_objectives_without_a_likelihood_are_refused() -> None:
-    refusal(mr.jax.log_likelihood, MODEL, small_test(), "arma11", match="no derivatives")
-    weighted = mr.objective(MODEL, small_test(), weights=[2.0])
-    refusal(mr.jax.log_likelihood, weighted, match="weights")

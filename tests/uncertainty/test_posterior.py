@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -133,18 +131,6 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert "95 % posterior interval" in repr(small_fit().with_intervals(read.intervals))
     for name in ("theta", "noise", "log_posterior"):
         np.testing.assert_array_equal(getattr(read, name), getattr(draws, name))
-
-
-def test_fewer_draws_than_walkers_are_written_without_a_warning(draws: Draws) -> None:
-    few = replace(
-        draws,
-        chains=draws.chains[:, :5],
-        noise_chains=draws.noise_chains[:, :5],
-        densities=draws.densities[:, :5],
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        few.as_datatree()
 
 
 def test_a_given_prior_moves_what_the_data_leave_open() -> None:

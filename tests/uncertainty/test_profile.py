@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from refusals import refusal
 
 import mrwork as mr
 from mrwork import identify
@@ -225,9 +224,3 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
     assert "a better fit was found" in found.remark
     assert f0.verdict == "identifiable"
     assert found.misfit == pytest.approx(fit.nrmse, rel=1e-4)
-
-
-def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
-    powered = replace(fit, live_settings=replace(fit.settings, power=4.0))
-    refusal(mr.profile, powered, [test], match="power 4")
-    refusal(mr.profile, fit, [test], parameters=("k", "k"), match="k, k")

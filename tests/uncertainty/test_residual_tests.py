@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from report_samples import comparison
 
 from mrwork.drawing.of_tests import Comparison
-from mrwork.report.fit.residuals import residual_section
 from mrwork.uncertainty.residual_tests import (
     LAGS,
     ResidualTests,
@@ -145,17 +144,3 @@ def test_autocorrelation_is_one_at_lag_zero_and_that_of_the_definition() -> None
     centred = residual - residual.mean()
     assert rho[0] == 1.0
     assert rho[3] == pytest.approx(float(centred[3:] @ centred[:-3] / (centred @ centred)), rel=1e-10)
-
-
-@pytest.mark.words
-def test_the_section_says_what_the_tests_found() -> None:
-    noise = with_residual(white(5))
-    assert "consistent with white noise" in residual_section([noise]).summary
-    spiked = 8.0 * white(5)
-    spiked[np.arange(50, N_TIME, 50)] += 80.0
-    two = residual_section([stepped(spiked, random_steps(5)), noise])
-    assert "times as large as elsewhere on 1 of 2 tests." in two.summary
-    assert "correlated on 1 of 2 tests" in residual_section([noise, with_residual(coloured(5))]).summary
-    time = 8.0 * np.arange(N_TIME) / N_TIME
-    model = residual_section([with_residual(np.cos(6.0 * np.pi * time) + 0.1 * white(5))])
-    assert "98 % of their mean square repeats" in model.summary
