@@ -20,6 +20,8 @@ from mrwork.identification.minimise import polish
 from mrwork.records import DamperTest, Finding, read_damper_test
 from mrwork.records.findings import CONCERNS, Verb, findings_for
 
+pytestmark = pytest.mark.words
+
 VERBS: tuple[Verb, ...] = get_args(Verb)
 # Findings of tests together, which stand in no test.
 OF_THE_SET = ("command_mislabelled", "record_repeated")
@@ -156,6 +158,7 @@ def test_a_record_under_two_names_is_named(made: Run, tmp_path: Path) -> None:
         assert said.index(str(made.files[0])) < said.index(str(twin))
 
 
+@pytest.mark.contract
 def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
     """A hot damper under a fitted motion: of the fit's motion, and not seen by it."""
     cold, hot = recorded(1.0), recorded(1.0, rng=1)

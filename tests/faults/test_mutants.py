@@ -178,7 +178,7 @@ def test_a_damaged_text_is_read_or_refused(
     assert path.read_bytes() == content
 
 
-@examples(60)
+@examples(20)
 @given(data=st.data(), packed=st.booleans())
 def test_a_damaged_file_of_matlab_is_read_or_refused(
     data: st.DataObject, packed: bool, tmp_path_factory: pytest.TempPathFactory
@@ -221,7 +221,7 @@ def says_the_same(damaged: bytes, whole: bytes) -> bool:
 
 
 @pytest.mark.parametrize("kind", COMMANDS)
-@examples(60)
+@examples(20)
 @given(data=st.data())
 def test_a_damaged_run_is_read_or_refused_and_not_replaced(
     kind: str, data: st.DataObject, folder: Path

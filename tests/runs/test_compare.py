@@ -24,6 +24,7 @@ def folder(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.words
 def test_what_was_predicted_is_kept(folder: Path) -> None:
     held_out = mr.load(folder / "one", mr.StoredRun).held_out
     assert held_out is not None
@@ -40,6 +41,7 @@ def test_studies_and_tunings_are_compared_by_their_laws(folder: Path, verb: str)
         assert row[1:4] == row[4:7]
 
 
+@pytest.mark.words
 @pytest.mark.parametrize("name", ["one", "study", "tuned"])
 def test_every_folder_has_a_page_and_a_summary(folder: Path, name: str) -> None:
     place = folder / name

@@ -138,6 +138,7 @@ def test_the_quick_form_of_a_chapter_finds_what_is_expected(
 
 
 @measured
+@pytest.mark.machine
 def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
     found = {**found_by(Work(quick=True, records=MEASURED)), "seconds": 0.0}
     assert departures(found, STUDIES / "chapter_6/expected.toml") == []

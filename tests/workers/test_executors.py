@@ -59,6 +59,7 @@ def test_processes(here: list[str]) -> None:
         assert digests(pool) == here
 
 
+@pytest.mark.machine
 def test_loky(here: list[str]) -> None:
     from loky import ProcessPoolExecutor as LokyExecutor
 
@@ -69,6 +70,7 @@ def test_loky(here: list[str]) -> None:
         pool.shutdown(kill_workers=True)
 
 
+@pytest.mark.machine
 def test_mpi(here: list[str], tmp_path: Path) -> None:
     """Three ranks are one client and two workers."""
     program = (sys.executable, "-m", "mpi4py.futures", ROOT / "tests" / "workers" / "computations.py")
@@ -78,6 +80,7 @@ def test_mpi(here: list[str], tmp_path: Path) -> None:
     assert (tmp_path / "found").read_text().splitlines() == here
 
 
+@pytest.mark.machine
 @pytest.mark.parametrize("workers", ["cluster", "own"])
 def test_workers_of_the_command_line(workers: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     if workers == "cluster":
