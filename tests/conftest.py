@@ -149,7 +149,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _kind(item: pytest.Item) -> str:
-    if marked := [mark.name for mark in item.iter_markers() if mark.name in KINDS]:
+    marked = [mark.name for mark in item.iter_markers() if mark.name in KINDS]
+    if len(marked) > 1:
+        raise pytest.UsageError(f"{item.nodeid} is marked {marked[0]} and {marked[1]}; a test has one kind")
+    if marked:
         return marked[0]
     if "refused" in getattr(item, "fixturenames", ()):
         return "words"

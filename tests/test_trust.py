@@ -79,6 +79,8 @@ def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None
 
 def test_identification_and_its_page_open_no_connection(tmp_path: Path) -> None:
     run = tmp_path / "run"
+    # The first one to draw on a machine has Matplotlib list its fonts, by a program of the system.
+    in_fresh_process("import matplotlib.font_manager")
     in_fresh_process(
         NO_CONNECTION, "identify", "synthetic:spencer1997", "--model=bingham", "--every=8", f"--out={run}"
     )
@@ -93,7 +95,7 @@ def test_identification_and_its_page_open_no_connection(tmp_path: Path) -> None:
 
 
 def test_security_names_tests_that_exist() -> None:
-    root = PACKAGE.parent.parent
+    root = Path(__file__).parents[1]
     named = re.findall(r"`(tests/[\w/]+\.py)`", (root / "SECURITY.md").read_text(encoding="utf-8"))
     assert named
     assert [name for name in named if not (root / name).is_file()] == []

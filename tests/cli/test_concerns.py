@@ -20,8 +20,6 @@ from mrwork.identification.minimise import polish
 from mrwork.records import DamperTest, Finding, read_damper_test
 from mrwork.records.findings import CONCERNS, Verb, findings_for
 
-pytestmark = pytest.mark.words
-
 VERBS: tuple[Verb, ...] = get_args(Verb)
 # Findings of tests together, which stand in no test.
 OF_THE_SET = ("command_mislabelled", "record_repeated")
@@ -36,6 +34,7 @@ def has_finding(code: str, **changes: Any) -> DamperTest:
 
 
 @pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.words
 def test_a_verb_says_a_finding_where_the_table_has_it(verb: Verb) -> None:
     for code, verbs in CONCERNS.items():
         alone = [has_finding(code), has_finding("another", findings=())]
@@ -51,6 +50,7 @@ def set_with(code: str) -> list[DamperTest]:
     return [*others, replace(plain, name="another", sha256="4", force=0.5 * plain.force)]
 
 
+@pytest.mark.words
 def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> None:
     assert {code for code, verbs in CONCERNS.items() if "check" not in verbs} == set()
     assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {
@@ -130,6 +130,7 @@ def arguments_of(verb: Verb, run: Run) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if verb not in ("check", "identify")])
+@pytest.mark.words
 def test_the_verb_says_what_matters_to_it(made: Run, verb: Verb) -> None:
     """On stderr, once each; with --json in the object and nowhere else."""
     mattering = {code for code in made.found if verb in CONCERNS[code]}
@@ -147,6 +148,7 @@ def test_the_verb_says_what_matters_to_it(made: Run, verb: Verb) -> None:
     assert " in " not in ended.stderr
 
 
+@pytest.mark.words
 def test_a_record_under_two_names_is_named(made: Run, tmp_path: Path) -> None:
     twin = tmp_path / "copy.csv"
     twin.write_bytes(Path(made.files[0]).read_bytes())
@@ -158,7 +160,6 @@ def test_a_record_under_two_names_is_named(made: Run, tmp_path: Path) -> None:
         assert said.index(str(made.files[0])) < said.index(str(twin))
 
 
-@pytest.mark.contract
 def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
     """A hot damper under a fitted motion: of the fit's motion, and not seen by it."""
     cold, hot = recorded(1.0), recorded(1.0, rng=1)
@@ -178,6 +179,7 @@ def test_a_test_of_another_condition_counts_as_held_out(tmp_path: Path) -> None:
     assert "temperature, pressure, pre-load?" in calibrated.stderr
 
 
+@pytest.mark.words
 def test_a_fit_that_has_not_converged_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(polish, "_FINAL_EVALUATIONS", 2)
     record = write_table(tmp_path / "rig.txt", {"t_s": TIME, "x_mm": MM, "F_N": NEWTON})

@@ -44,10 +44,11 @@ def visible_texts(figure: Figure) -> list[Text]:
     beyond = set()
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            low, high = sorted(axis.get_view_interval())
+            drawn = axis.get_transform().transform
+            low, high = sorted(drawn(axis.get_view_interval()))
             slack = 1e-9 * (high - low)
             for tick in axis.get_major_ticks():
-                if not low - slack <= tick.get_loc() <= high + slack:
+                if not low - slack <= drawn(tick.get_loc()) <= high + slack:
                     beyond |= {tick.label1, tick.label2}
     texts = figure.findobj(Text)
     return [text for text in texts if text.get_visible() and text.get_text().strip() and text not in beyond]

@@ -51,7 +51,9 @@ def _timeless(value: Any) -> Any:
 
 def printed(*words: object) -> Any:
     """What a command prints as JSON, in a process of its own: Dask changes how a process pickles errors."""
-    return _timeless(json.loads(ran(*COMMAND, *words, "--quiet", "--json", check=True).stdout))
+    ended = ran(*COMMAND, *words, "--quiet", "--json")
+    assert ended.returncode == 0, ended.stderr
+    return _timeless(json.loads(ended.stdout))
 
 
 def test_processes(here: list[str]) -> None:
