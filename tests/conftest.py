@@ -127,8 +127,9 @@ KINDS = {
     "physics": "equations, conservation, references outside, statistics, search",
     "contract": "registries, bits, the public face, formats to their numbers, resumed to the same result",
     "words": "sentences, pages, colours, prose",
-    "machine": "kills, full disks, hostile files, long studies and benchmarks",
+    "machine": "kills, full disks, hostile files",
 }
+LONG = "long: seconds each; not of `make test`, where shorter tests reach the same code"
 _OF_FOLDER = {
     "physics": (
         *("buildings", "closed_loop", "control", "dampers", "identification", "motions", "search", "studies"),
@@ -143,9 +144,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """`make test` runs what must be right in every change; `MRWORK_TESTS=all`, and who names files, all kinds."""
     for kind, meaning in KINDS.items():
         config.addinivalue_line("markers", f"{kind}: {meaning}")
+    config.addinivalue_line("markers", LONG)
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
     if whole and not config.option.markexpr and os.environ.get("MRWORK_TESTS") != "all":
-        config.option.markexpr = "physics or contract or hypothesis"
+        config.option.markexpr = "(physics or contract) and not long"
 
 
 def _kind(item: pytest.Item) -> str:

@@ -152,6 +152,7 @@ def test_the_command_that_identifies_and_reports_loads_no_jax(tmp_path: Path) ->
     )
 
 
+@pytest.mark.long
 def test_standard_errors_do_not_depend_on_what_was_imported_before() -> None:
     asked = "print([each.standard_error for each in fit.estimates], mr.identifiability_of(fit, [test]))"
     plain = in_fresh_process(IDENTIFY + asked)
@@ -186,6 +187,7 @@ def imported(tree: ast.Module, known: Container[str]) -> set[str]:
     return {name for name in names if name in known}
 
 
+@pytest.mark.long
 def test_modules_import_each_other_in_no_circle_but_through_plotted() -> None:
     trees = dict(modules())
     hook = ast.unparse(trees["mrwork.base.plotted"])

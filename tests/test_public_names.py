@@ -154,6 +154,7 @@ follow_imports = skip
 """
 
 
+@pytest.mark.long
 def test_users_scripts_are_typed(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(USER_SCRIPT)
     users = [path for path in USERS.glob("*.py") if not path.name.startswith("test_")]
@@ -201,6 +202,7 @@ for name in sys.stdin.read().split():
 """
 
 
+@pytest.mark.long
 def test_every_name_that_the_docs_write_works_alone() -> None:
     names = written_names()
     assert {"mr.twins.power", "mr.jax.force", "mr.Journal"} <= set(names)

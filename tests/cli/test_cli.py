@@ -89,6 +89,7 @@ def test_several_tests_have_a_median_a_worst_and_each_finding_once(tmp_path: Pat
     assert predicted["spread"]["median_percent"] == pytest.approx(sum(percents) / 2)
 
 
+@pytest.mark.long
 def test_identify_starts_from_an_earlier_run(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     test = "synthetic:spencer1997"

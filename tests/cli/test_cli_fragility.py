@@ -107,6 +107,7 @@ def test_placements_are_in_the_json_in_the_text_and_in_the_folder(tmp_path: Path
     assert mrwork("respond", out / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0
 
 
+@pytest.mark.long
 def test_the_folder_has_the_study_that_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = tuning_samples.study_file(tmp_path, building=tuning_samples.TWO_STOREYS)
     content, computed = study.read_bytes(), tuning_run.tune

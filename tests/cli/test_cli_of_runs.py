@@ -142,6 +142,7 @@ def test_a_plan_is_one_object(planned: Path, tmp_path: Path) -> None:
     assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
 
 
+@pytest.mark.long
 def test_draws_of_the_posterior_are_used_where_there_are_some(planned: Path, tmp_path: Path) -> None:
     with_draws = Path(shutil.copytree(planned, tmp_path / "sampled"))
     printed("sample", with_draws, "--steps", 40, "--walkers", 16, "--threads", 1, "--quiet")

@@ -87,7 +87,7 @@ def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Pa
     assert json.loads(again.stdout)["fit_percent"] > 99.0
 
 
-@pytest.mark.machine
+@pytest.mark.long
 def test_the_first_run_with_nothing_compiled_ends_beside_busy_processors(tmp_path: Path) -> None:
     busy = (sys.executable, "-c", "while True: pass")
     with started(*busy), started(*busy):

@@ -97,6 +97,7 @@ def fitted(made: Fitted) -> Fitted:
     return made
 
 
+@pytest.mark.long
 def test_an_identification_sees_the_tests_for_fit_alone(fitted: Fitted, tmp_path: Path) -> None:
     fitted.rig.with_noise_for(("calibration", "test"))
     again = ("identify", fitted.rig.folder, *LAW, *SMALL, "--out")
@@ -106,6 +107,7 @@ def test_an_identification_sees_the_tests_for_fit_alone(fitted: Fitted, tmp_path
     assert outcome(*again, tmp_path / "other") != fitted.printed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "options",
     [

@@ -105,6 +105,7 @@ def test_verdicts_and_errors_are_the_same_everywhere(
         assert (each["standard_error"] is None) or not each["remark"]
 
 
+@pytest.mark.long
 def test_later_intervals_bring_their_verdicts_everywhere(tmp_path: Path) -> None:
     place = tmp_path / "run"
     path = record(tmp_path, 0.4)

@@ -186,6 +186,7 @@ def refused(*command: object, lost: str) -> None:
     assert everything(place.parent) == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("run_folder", "verb"),
     [("respond", "identify"), ("identify", "respond"), ("respond", "tune")],
@@ -208,6 +209,7 @@ def test_the_run_of_another_verb_is_replaced_by_leave_only(
     repr(read[verb](run_folder))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("run_folder", ["identify"], indirect=True)
 def test_what_verbs_have_added_to_a_fit_and_what_was_edited_is_named(
     run_folder: Path, small_inputs: Path

@@ -48,6 +48,7 @@ def found() -> Clairvoyant:
     return clairvoyant(five_storeys(), loop(), sweep(1.0), settings=FEW, starts={"given": start})
 
 
+@pytest.mark.long
 def test_the_result_is_that_of_the_loop_and_no_worse_than_any_start() -> None:
     best = found()
     run = simulate_prescribed(five_storeys(), loop(), best.commands, sweep(1.0))

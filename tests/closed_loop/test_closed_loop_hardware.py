@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 import pytest
 import scipy.linalg
-from law_formulas import Recorded, commands
 from loop_samples import (
     LAG,
     LARGEST,
@@ -33,6 +32,7 @@ from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion
+from tests.control.law_formulas import Recorded, commands
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

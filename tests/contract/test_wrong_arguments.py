@@ -20,13 +20,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import valid_calls_dampers
-import valid_calls_fits
-import valid_calls_loop
-from wrong_arguments import Calls, Nothing, ValidCall, wrong
 
 from mrwork.base.arguments import Kind, Refusal, kind_of, nodes_of
 from mrwork.errors import ArgumentError, MistakesError, MrworkError
+from tests.contract import valid_calls_dampers, valid_calls_fits, valid_calls_loop
+from tests.contract.wrong_arguments import Calls, Nothing, ValidCall, wrong
 
 NAMESPACES = (
     "mrwork.dampers",

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from law_formulas import FORMULAS, SEARCHED, Recorded, commands
 from loop_samples import (
     LARGEST,
     at_samples,
@@ -30,6 +29,7 @@ from mrwork.closed_loop import Fault, Hardware, History, Responses, simulate_loo
 from mrwork.control import ControlLaw, ControlLawSpec, control_laws
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion, trimmed
+from tests.control.law_formulas import FORMULAS, SEARCHED, Recorded, commands
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

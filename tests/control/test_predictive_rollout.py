@@ -19,7 +19,6 @@ from loop_samples import (
     sweep,
 )
 from refusals import refusal
-from rollout_formula import RolloutInNumPy
 
 import mrwork as mr
 from mrwork import Device
@@ -27,6 +26,7 @@ from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, 
 from mrwork.control import ControlLaw, LoopModel, design_law
 from mrwork.dampers import DamperSpec
 from mrwork.dampers.simulation import Outcome
+from tests.control.rollout_formula import RolloutInNumPy
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from types import FrameType
 
 import numpy as np
 import pytest
-from counted_calls import Calls
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
@@ -135,6 +136,24 @@ def test_an_interrupted_front_keeps_the_smallest_damper() -> None:
         assert result.designs[0].envelope_volume == pytest.approx(seen[-1].volume)
 
 
+class Calls:
+    """Calls of Python functions, and items that generators yield, between `begin` and `end`."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._former = sys.getprofile()
+
+    def begin(self) -> None:
+        sys.setprofile(self._called)
+
+    def end(self) -> int:
+        sys.setprofile(self._former)
+        return self.count
+
+    def _called(self, frame: FrameType, event: str, argument: object) -> None:
+        self.count += event == "call"
+
+
 @pytest.mark.parametrize("of", [size_damper, size_front])
 def test_ctrl_c_ends_a_sizing_soon(of: Callable[..., object]) -> None:
     """Within few calls, in the middle of whatever the search does: sixty candidates make a hundred thousand."""
@@ -168,6 +187,7 @@ def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: lis
         assert 8 <= design.wire_gauge <= 32
 
 
+@pytest.mark.long
 def test_front_trades_size_for_range_and_power() -> None:
     pytest.importorskip("pymoo")
     front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=12, budget=240)

@@ -118,6 +118,7 @@ def named(lines: list[tuple[str, bytes]]) -> list[tuple[str, str]]:
     return [(journal, json.loads(line)["step"]) for journal, line in lines]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("call", [descents, search, laws, models, chain, study, tuning])
 def test_a_call_goes_on_from_any_line_of_its_journals_to_the_same_bits(
     call: Callable[[Open], object], tmp_path: Path

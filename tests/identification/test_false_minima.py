@@ -24,6 +24,7 @@ measured = pytest.mark.skipif(
 )
 
 
+@pytest.mark.long
 @measured
 @pytest.mark.parametrize(("current", "at_least"), [("0x5", 92.2), ("0", 97.0), ("0x75", 92.0)])
 def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, at_least: float) -> None:

@@ -53,6 +53,7 @@ def are_close(found: Any, expected: Any, share: float = 1e-12) -> bool:
     return bool(np.all(np.abs(np.asarray(found) - expected) <= share * np.abs(expected).max()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
 def test_value_gradient_and_jacobian_are_those_of_the_objective(pipeline: dict[str, Any]) -> None:
     objective = objective_of(**pipeline)

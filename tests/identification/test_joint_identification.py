@@ -69,6 +69,7 @@ def test_the_fit_knows_its_laws(fit) -> None:
     assert quality.rmse_n == pytest.approx(NOISE_N, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_smoothed_record_misleads_a_model_that_is_not_told(tests: tuple[DamperTest, ...], fit) -> None:
     observation = Observation(average_seconds=0.1)
     smoothed = [replace(test, force=observation.observe(test.force, test.dt), n_settle=125) for test in tests]

@@ -89,6 +89,7 @@ def killed_at(command: list[str], place: Path, n_lines: int, delay: float) -> No
     assert process.wait() == -signal.SIGKILL
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("command", "uninterrupted", "point"),
     [
@@ -201,6 +202,7 @@ def record() -> DamperTest:
 SEARCH = EfficientGA(population=16, stop=StopRules(max_generations=12))
 
 
+@pytest.mark.long
 def test_a_joint_identification_is_journalled_at_each_command(record: DamperTest, tmp_path: Path) -> None:
     spec = damper("static_hysteretic").with_current_laws({"alpha": "linear", "c": "linear"}, unit="A")
     tests = [

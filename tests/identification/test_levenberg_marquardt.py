@@ -182,7 +182,7 @@ for factor in (1.0, 1.1):
 """
 
 
-@pytest.mark.machine
+@pytest.mark.long
 def test_a_model_is_compiled_once_and_found_again_by_the_next_process(tmp_path: Path) -> None:
     own = {name: value for name, value in os.environ.items() if "COMPILATION_CACHE" not in name}
     own |= {"XDG_CACHE_HOME": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}

@@ -65,6 +65,7 @@ def test_a_damper_with_the_name_of_one_of_the_package_is_refused() -> None:
     refusal(fit_from_json, json.dumps(forged, default=str), origin="fit.json", match="model of the package")
 
 
+@pytest.mark.long
 def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path: Path) -> None:
     printed("init", "rig", tmp_path / "rig")
     tests = [cut(each, every=4) for each in mr.read_damper_tests([tmp_path / "rig"])[:2]]
@@ -82,6 +83,7 @@ def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path:
     np.testing.assert_allclose(there.fits[0].theta, here.fits[0].theta, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_a_run_folder_carries_it_and_runs_it_where_it_is_trusted(tmp_path: Path, strange: None) -> None:
     run = tmp_path / "run"
     printed("identify", "synthetic:spencer1997", "--model", f"{FILE}:guo", "--out", run, "--quiet")

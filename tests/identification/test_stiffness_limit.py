@@ -59,6 +59,7 @@ def slow_test() -> DamperTest:
     )
 
 
+@pytest.mark.long
 def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
     form = identifiable_form(MODEL, {})
     objective = Objective.of(form.spec, (slow_test(),))

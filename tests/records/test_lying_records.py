@@ -237,6 +237,7 @@ def test_every_model_is_honest_in_a_sine() -> None:
     assert {name: found for name, found in told.items() if found} == {}
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)")
 def test_measured_records_have_no_finding_of_a_lie() -> None:
     tests = read_damper_tests([DATA / "utfsm", DATA / "labcontrol"])

@@ -133,6 +133,7 @@ def test_a_name_with_two_commands_is_asked_about(tmp_path: Path) -> None:
     assert any("says 0 A and 2 A" in each.message for each in test.findings)
 
 
+@pytest.mark.long
 def test_planted_faults_are_told_and_honest_rigs_are_silent() -> None:
     told, alarms = sweep(planted_rigs.FAULTS, planted_rigs.honest, len(planted_rigs.FAULTS))
     assert alarms == []

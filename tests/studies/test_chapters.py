@@ -109,7 +109,7 @@ def decaying_sines(folder: Path) -> Path:
 
 
 # Half a minute; chapter 6 and the designed weights stand for the others in every change.
-@pytest.mark.machine
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "holds", "pictures"),
     [
@@ -138,7 +138,7 @@ def test_the_quick_form_of_a_chapter_finds_what_is_expected(
 
 
 @measured
-@pytest.mark.machine
+@pytest.mark.long
 def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
     found = {**found_by(Work(quick=True, records=MEASURED)), "seconds": 0.0}
     assert departures(found, STUDIES / "chapter_6/expected.toml") == []

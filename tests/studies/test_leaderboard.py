@@ -30,6 +30,7 @@ def entry(function: Any) -> Entry:
     return Entry(name="mine", title="Mine", function=function, n_params=None)
 
 
+@pytest.mark.long
 def test_the_quick_form_writes_a_row_of_each_table(tmp_path: Path) -> None:
     names = ("linear_regression", "passive_on")
     only = (part for name in names for part in ("--only", name))

@@ -36,6 +36,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return bench_of(mr.read_study(file), threads=1)
 
 
+@pytest.mark.long
 def test_rows_of_a_level_are_found_once(bench: Bench, tmp_path: Path) -> None:
     kept = kept_in(tmp_path / "runs.json", resume=False)
     settings: dict[str, Any] = {"quick": True, "clairvoyants": (), "say": quiet}

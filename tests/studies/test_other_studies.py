@@ -27,6 +27,7 @@ def test_a_share_of_the_records_lies_above_the_highest_level(censored: float) ->
     assert above == pytest.approx(censored, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_replicate_ranks_every_free_number_and_bands_another_motion() -> None:
     found = synthetic_calibration.replicate("viscous_dahl", "iid", np.random.default_rng(3), threads=1)
     assert len(found.ranks) == 4
@@ -44,6 +45,7 @@ def test_every_family_of_one_model_for_a_rig_follows_the_command() -> None:
     assert all(set(family.laws) == set(family.spec.following) for family in families.values())
 
 
+@pytest.mark.long
 def test_a_model_written_again_has_its_estimates() -> None:
     model = "hyperbolic_tangent_guo"
     row = own_dampers.fit_row("one record", model, [mr.synthetic_test("spencer1997")], {})
@@ -51,6 +53,7 @@ def test_a_model_written_again_has_its_estimates() -> None:
     assert own_dampers.batch_row(model)["forces apart"] < 1e-12
 
 
+@pytest.mark.long
 def test_sets_of_laws_widen_the_band() -> None:
     row = sets_beyond.replicate("viscous_dahl", "of the model", 0, commands=(0.0, 1.0), threads=1)
     assert row["tests"] == 6

@@ -24,7 +24,7 @@ SMALL = {
 }
 
 
-@pytest.mark.machine
+@pytest.mark.long
 @pytest.mark.parametrize("subject", SMALL)
 def test_a_benchmark_has_rows(
     subject: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -165,6 +165,7 @@ def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: in
         assert reached == pytest.approx(0.1, rel=0.2)
 
 
+@pytest.mark.long
 def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: Path) -> None:
     pair = f"{PLAIN}\ndifferential = true"
     locked = ran(tmp_path, count=1_000_000, damper=pair)

@@ -307,6 +307,7 @@ def fit() -> Fit:
     return mr.identify(own_dampers.guo.with_current_laws({"A1": "linear"}), tests)
 
 
+@pytest.mark.long
 def test_the_twin_has_the_criteria_of_the_lanes() -> None:
     laws = ["passive_on", "best_passive"]
     own, lanes = (
@@ -326,6 +327,7 @@ def test_what_the_twin_lacks_is_refused_before_anything_runs() -> None:
     refusal(own_study, own | {"like": "bouc_wen"}, ["passive_on"], match="give a run")
 
 
+@pytest.mark.long
 def test_another_model_takes_its_place_and_says_how_close_it_is(fit: Fit, tmp_path: Path) -> None:
     near = mr.fit_like(fit, "hyperbolic_tangent_guo")
     assert near.tested == fit.tested

@@ -183,6 +183,7 @@ def test_a_sampled_design_that_cannot_be_is_refused() -> None:
     refusal(mr.control.design_law, "lyapunov", sampled_problem(None), weights, match="takes weights")
 
 
+@pytest.mark.long
 def test_a_tuned_law_may_have_a_sampled_design(tmp_path: Path) -> None:
     """Its gain is that of the same settings of a controller, from the table and from the study that is written."""
     file = tmp_path / "study.toml"

@@ -97,6 +97,7 @@ def respond(folder: Path, *words: str) -> Mapping[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folder: Path) -> None:
     run = mr.load(folder / "run", mr.StoredRun)
     assert run.laws is not None

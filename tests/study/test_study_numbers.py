@@ -132,6 +132,7 @@ def ran(folder: Path, *, resume: bool = False, stop: str = "nowhere") -> StudyRe
         with_journal.close()
 
 
+@pytest.mark.long
 def test_the_row_is_ranked_apart_and_resumes_to_the_bit(tmp_path: Path) -> None:
     whole = ran(tmp_path)
     last = len(whole.rows) - 1

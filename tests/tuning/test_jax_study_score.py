@@ -88,6 +88,7 @@ def test_other_coordinates_have_the_derivatives_of_the_chain_rule(coordinates: A
         )
 
 
+@pytest.mark.long
 def test_it_goes_through_every_transformation() -> None:
     score, points = score_of(), jnp.stack([place(), 0.8 * place(), 0.7 * place()])
     values, gradients = jax.jit(jax.vmap(jax.value_and_grad(score)))(points)

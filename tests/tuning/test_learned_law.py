@@ -26,6 +26,7 @@ budget = 24
 """
 
 
+@pytest.mark.long
 def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: Path) -> None:
     pytest.importorskip("cma", reason="needs the extra peers")
     learned = tuning_samples.tuned_law_with_its_score(tmp_path, TUNE)

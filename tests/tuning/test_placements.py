@@ -89,6 +89,7 @@ def test_scores_are_those_of_a_study_with_the_dampers_there(results: TuningResul
     assert score([1, 2]) == pytest.approx(best.test, rel=1e-9)
 
 
+@pytest.mark.long
 def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path: Path) -> None:
     study = study_with(
         tmp_path, '[places]\nstoreys = [2, "storey 3"]\ndampers = 1', dampers=f"# Here.\n{DAMPER}"

@@ -194,6 +194,7 @@ def test_scores_without_gradients_are_refused() -> None:
         refusal(check_finish, table, changed, match=word)
 
 
+@pytest.mark.long
 def test_gradients_that_are_interrupted_keep_what_the_search_found(monkeypatch: pytest.MonkeyPatch) -> None:
     followed = []
 

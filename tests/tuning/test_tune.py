@@ -193,6 +193,7 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
         assert np.array_equal(array[2], single[2], equal_nan=True)
 
 
+@pytest.mark.long
 def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective() -> None:
     more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = '2 ms'\n"
     text = tuning_samples.TUNE + 'robust = true\nrisk = "max"\n'
@@ -235,6 +236,7 @@ def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
     assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())
 
 
+@pytest.mark.long
 def test_bands_are_of_the_test_motions_and_strokes_below_the_tested_ones_are_named(
     results: TuningResults,
 ) -> None:

@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from command_line import ran
 
 # A second device of the processor, which is the default, stands for a graphics card.
@@ -56,6 +57,7 @@ assert kept == {processor}, kept
 """
 
 
+@pytest.mark.long
 def test_values_are_where_the_point_is_and_what_is_kept_leaves_the_default_device_alone(
     tmp_path: Path,
 ) -> None:

@@ -12,6 +12,7 @@ MODELS = ("hyperbolic_tangent_gavin", "normalised_bouc_wen", "backlash_bouc_wen"
 LARGE, MIDDLE, SMALL, SMALLEST = (MOTIONS[place] for place in (0, 2, 3, 4))
 
 
+@pytest.mark.long
 def test_the_model_with_backlash_is_chosen_on_a_single_test() -> None:
     ranking = mr.choose_model(backlash_test(MIDDLE, cycles=4), MODELS, threads=1).ranking
     assert ranking.chosen == "backlash_bouc_wen"
@@ -27,6 +28,7 @@ def joint() -> mr.uncertainty.Choice:
     return mr.choose_model(tests, MODELS[1:], threads=1)
 
 
+@pytest.mark.long
 def test_the_model_with_backlash_is_chosen_over_several_amplitudes(joint: mr.uncertainty.Choice) -> None:
     assert joint.ranking.chosen == "backlash_bouc_wen"
     found = dict(zip(joint.best.spec.names, joint.best.theta, strict=True))

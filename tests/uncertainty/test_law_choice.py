@@ -98,6 +98,7 @@ def test_given_laws_and_parameters_with_bounds_are_not_chosen(
     assert names == ["k_x", "k_w", "k_w", "k_w", "rho", "f0"]
 
 
+@pytest.mark.long
 def test_interrupted_in_the_fits_of_other_sets_and_resumed_is_as_if_nothing_had_happened(
     tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
 ) -> None:
@@ -182,6 +183,7 @@ def gapped(settings: FitSettings) -> LawChoice:
     return choose_laws("viscous_dahl", tests, settings=settings, threads=1)
 
 
+@pytest.mark.long
 def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_chosen(
     gapped: LawChoice,
 ) -> None:

@@ -57,6 +57,7 @@ def of_model(choice: LawChoice, model: str) -> list[TriedLaws]:
     return [replace(each, verdict="behind", behind=None, behind_error=None) for each in rows]
 
 
+@pytest.mark.long
 def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: LawChoice) -> None:
     table = choice.table
     assert (table.model, table.chosen_laws.model, choice.fit.model) == ("dahl", "dahl", "dahl")
@@ -115,6 +116,7 @@ def test_laws_that_cannot_predict_whole_tests_are_not_chosen() -> None:
     refusal(mr.choose_laws, "dahl", tests, settings=SETTINGS, threads=1, match="too stiff")
 
 
+@pytest.mark.long
 def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happened(
     tests: tuple[DamperTest, ...], choice: LawChoice, tmp_path: Path
 ) -> None:
@@ -160,6 +162,7 @@ def test_models_that_cannot_be_compared_are_refused_before_any_fit(
     refusal(mr.choose_laws, models, tests, laws=laws, **settings, match=word)
 
 
+@pytest.mark.long
 def test_a_run_of_several_models_names_the_model_of_the_laws(
     tests: tuple[DamperTest, ...], tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ from mrwork.uncertainty.posterior.nuts import traced_log_posterior
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
 
 
+@pytest.mark.long
 def test_both_samplers_have_one_target() -> None:
     sampling = small_sampling("ar1", tempering=0.5, priors={"k_w": Normal(mean=650.0, deviation=50.0)})
     target = sampling.target
@@ -22,6 +23,7 @@ def test_both_samplers_have_one_target() -> None:
     np.testing.assert_allclose(found, target(positions), rtol=1e-12)
 
 
+@pytest.mark.long
 def test_nuts_draws_about_the_fit() -> None:
     from mrwork.uncertainty import sample_nuts
 

@@ -133,6 +133,7 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
         np.testing.assert_array_equal(getattr(read, name), getattr(draws, name))
 
 
+@pytest.mark.long
 def test_a_given_prior_moves_what_the_data_leave_open() -> None:
     prior = Normal(mean=2000.0, deviation=86.0)
     given = sample(small_fit(), small_test(), tempering=1.0, walkers=32, threads=1, priors={"k_x": prior})
@@ -142,6 +143,7 @@ def test_a_given_prior_moves_what_the_data_leave_open() -> None:
     assert given.summaries[0].deviation == pytest.approx(86.0 / np.sqrt(2.0), rel=0.1)
 
 
+@pytest.mark.long
 def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: Path) -> None:
     def interrupt(progress: SamplingProgress) -> None:
         if progress.steps > 40:

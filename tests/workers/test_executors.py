@@ -56,12 +56,13 @@ def printed(*words: object) -> Any:
     return _timeless(json.loads(ended.stdout))
 
 
+@pytest.mark.long
 def test_processes(here: list[str]) -> None:
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         assert digests(pool) == here
 
 
-@pytest.mark.machine
+@pytest.mark.long
 def test_loky(here: list[str]) -> None:
     from loky import ProcessPoolExecutor as LokyExecutor
 
@@ -72,7 +73,7 @@ def test_loky(here: list[str]) -> None:
         pool.shutdown(kill_workers=True)
 
 
-@pytest.mark.machine
+@pytest.mark.long
 def test_mpi(here: list[str], tmp_path: Path) -> None:
     """Three ranks are one client and two workers."""
     program = (sys.executable, "-m", "mpi4py.futures", ROOT / "tests" / "workers" / "computations.py")
@@ -82,7 +83,7 @@ def test_mpi(here: list[str], tmp_path: Path) -> None:
     assert (tmp_path / "found").read_text().splitlines() == here
 
 
-@pytest.mark.machine
+@pytest.mark.long
 @pytest.mark.parametrize("workers", ["cluster", "own"])
 def test_workers_of_the_command_line(workers: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     if workers == "cluster":

@@ -82,6 +82,7 @@ def test_files_of_earlier_steps_are_removed_and_damaged_ones_are_none(tmp_path: 
     refusal(linked.recall, 1, match="symbolic link")
 
 
+@pytest.mark.long
 def test_a_choice_goes_on_with_the_lines_of_its_journals(tmp_path: Path) -> None:
     test = mr.synthetic_test("spencer1997")
     settings = {"models": ["dahl", "bingham"]}

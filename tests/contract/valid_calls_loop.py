@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from loop_samples import devices, five_storeys, rd1005, sweep
 from study_samples import results
-from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.linear.lqr import weighed_state
 from mrwork.control.linear.plant import Outputs
+from tests.contract.wrong_arguments import Calls, call, calls_with
 
 
 def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:

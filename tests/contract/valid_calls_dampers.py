@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from posterior_samples import small_sampling, small_test
 from small_damper import SMALL, WISHES
-from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork import dampers, motions, records
@@ -22,6 +21,7 @@ from mrwork.dampers.simulation import (
     simulate_sensitivities,
     stiffness_shares,
 )
+from tests.contract.wrong_arguments import Calls, call, calls_with
 
 _N_TIME = 60
 _BINGHAM = mr.damper("bingham")

@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rollout_formula import RolloutInNumPy
 
 from mrwork import Device
 from mrwork.buildings import Building
 from mrwork.closed_loop import History
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
+from tests.control.rollout_formula import RolloutInNumPy
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from plotted_results import RESULTS, calibration
 from posterior_samples import MODEL, small_draws, small_fit, small_sampling, small_test
-from wrong_arguments import Calls, call, calls_with
 
 import mrwork as mr
 from mrwork import identification, plots, search, uncertainty
 from mrwork.identification import Multistart
+from tests.contract.wrong_arguments import Calls, call, calls_with
 
 _QUICK = Multistart(samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, most_iterations=2)
 _SPHERE = search.EfficientGA(population=6, stop=search.StopRules(max_generations=2))
