@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import csv
 import importlib.metadata
 import tomllib
 from pathlib import Path
@@ -16,8 +18,12 @@ BENCHMARKS = "speed"
 
 
 def studies() -> dict[str, Path]:
-    """README of each study, by the name of its folder."""
-    return {path.parent.name: path for path in sorted(ROOT.glob("studies/*/README.md"))}
+    """Script of each study, or the README of its folder, by name."""
+    scripts = {
+        path.stem: path for path in ROOT.glob("studies/*.py") if path.stem not in ("__init__", "common")
+    }
+    folders = {path.parent.name: path for path in ROOT.glob("studies/*/README.md")}
+    return dict(sorted((folders | scripts).items()))
 
 
 def study_pages() -> dict[str, str]:
@@ -27,7 +33,11 @@ def study_pages() -> dict[str, str]:
 
 def _index() -> str:
     rows = [
-        (f"[{prose(_title(path))}]({name}.md)", code(f"studies/{name}")) for name, path in studies().items()
+        (
+            f"[{prose(_title(path))}]({name}.md)",
+            code(path.relative_to(ROOT).as_posix().removesuffix("/README.md")),
+        )
+        for name, path in studies().items()
     ]
     return document(
         "# Studies",
@@ -40,10 +50,35 @@ def _index() -> str:
 
 
 def _title(path: Path) -> str:
+    if path.suffix == ".py":
+        return _about(path).partition("\n")[0]
     return path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
 
 
+def _about(script: Path) -> str:
+    return ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+
+
+def _script_page(script: Path) -> str:
+    """Question and answer of its docstring, the numbers that are expected of it, and its notes."""
+    question, _, answer = _about(script).partition("\n")
+    folder = script.with_suffix("")
+    parts = [f"# {question}", answer.strip(), f"```sh\npython studies/{script.name}\n```"]
+    for path in sorted(folder.glob("*.csv")):
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [line for line in csv.DictReader(file) if line.pop("form") != "quick"]
+        if lines:
+            headings = [each for each in lines[0] if each != "tolerance"]
+            rows = [[prose(line[each]) for each in headings] for line in lines]
+            parts += [f"Expected numbers of `{path.stem}`:", table(["", *map(prose, headings[1:])], rows)]
+    if (folder / "notes.md").is_file():
+        parts.append(f"```{{include}} ../../../studies/{script.stem}/notes.md\n```")
+    return document(*parts)
+
+
 def _page(name: str) -> str:
+    if (path := studies()[name]).suffix == ".py":
+        return _script_page(path)
     included = f"```{{include}} ../../../studies/{name}/README.md\n```"
     if name != BENCHMARKS:
         return document(included)

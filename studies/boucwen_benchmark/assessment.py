@@ -27,7 +27,7 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 N_PERIOD = 8192
 FITTED = slice(1, 3)

@@ -11,7 +11,7 @@ from jax import Array
 from scipy.interpolate import CubicSpline
 
 from studies.boucwen_benchmark.oscillator import Parameters
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 Interpolation = Literal["band-limited", "cubic", "linear"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)

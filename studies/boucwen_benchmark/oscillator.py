@@ -19,7 +19,7 @@ import optimistix as optx
 from jax import Array
 
 from mrwork.twins import power
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 
 class Parameters(NamedTuple):

@@ -15,8 +15,8 @@ from argparse import Namespace
 
 from studies.boucwen_benchmark.assessment import run, summary
 from studies.boucwen_benchmark.error_report import write_report
-from studies.common.command import Command, Findings, Say
-from studies.common.records import absent, data
+from studies.former.command import Command, Findings, Say
+from studies.former.records import absent, data
 
 
 def find(options: Namespace, say: Say) -> Findings | int:

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import Responses
-from studies.common.frame import actuator, idle
+from studies.former.frame import actuator, idle
 
 _STIFFNESS, _MASS = 4e6, 100.0
 _SHARP = 50.0

@@ -15,9 +15,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.buildings import Building, PassiveElement
 from mrwork.closed_loop import STANDARD_GRAVITY
-from studies.common.arrays import Floats
-from studies.common.damper import driven
-from studies.common.frame import DRIVER_RATE, FRAME, LARGEST_CURRENT, actuator, pair, regulators
+from studies.former.arrays import Floats
+from studies.former.damper import driven
+from studies.former.frame import DRIVER_RATE, FRAME, LARGEST_CURRENT, actuator, pair, regulators
 
 Group = Literal["passive", "semi-active", "active"]
 

@@ -12,9 +12,9 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE, History, Responses
 from studies.chapter_2.device_closed_forms import closed_forms
 from studies.chapter_2.device_families import FAMILIES, Family, Variant, column_height
-from studies.common.arrays import Floats
-from studies.common.command import Work
-from studies.common.frame import (
+from studies.former.arrays import Floats
+from studies.former.command import Work
+from studies.former.frame import (
     CHOOSING,
     FRAME,
     HARDWARE,

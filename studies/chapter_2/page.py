@@ -10,7 +10,7 @@ from mrwork.report import SMALL, WIDE, finish, style
 from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_2.findings import Chapter, Judged
 from studies.chapter_2.tables import SETS, findings, tables
-from studies.common.page import drawn, finish_loop, panels, write_chapter_page
+from studies.former.page import drawn, finish_loop, panels, write_chapter_page
 
 _TONES = {"passive": style.DATA, "semi-active": style.MODEL, "active": style.RESIDUAL}
 # The setting over which a passive device is drawn, where it is one number.

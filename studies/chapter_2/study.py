@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from studies.chapter_2.findings import chapter_of
 from studies.chapter_2.page import write_page
 from studies.chapter_2.tables import tables
-from studies.common.command import run_chapter
+from studies.former.command import run_chapter
 
 if __name__ == "__main__":
     quick = "few settings, one short motion"

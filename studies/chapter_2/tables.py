@@ -6,8 +6,8 @@ from typing import Any
 
 from mrwork.report import Table
 from studies.chapter_2.device_families import FAMILIES, column_height
-from studies.common.scores import TITLES
-from studies.common.table import alike, table_of
+from studies.former.scores import TITLES
+from studies.former.table import alike, table_of
 
 SETS = {"synthetic": "Two synthetic motions", "measured": "Four measured records"}
 

@@ -9,8 +9,8 @@ import mrwork as mr
 from mrwork.dampers import design
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
 from studies.chapter_3.sized_frame import SizedFrame, sized_frame
-from studies.common.command import Work
-from studies.common.records import absent, ground_motions
+from studies.former.command import Work
+from studies.former.records import absent, ground_motions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

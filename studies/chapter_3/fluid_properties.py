@@ -11,7 +11,7 @@ from typing import Any
 
 from mrwork.dampers import design
 from mrwork.report import Table
-from studies.common.table import table_of
+from studies.former.table import table_of
 
 FIELD = 150e3
 """Field of the columns of table 3.2 [A/m]."""

@@ -11,8 +11,8 @@ from typing import Any
 
 import mrwork as mr
 from mrwork.report import Table
-from studies.common.command import Work
-from studies.common.table import Cell, table_of
+from studies.former.command import Work
+from studies.former.table import Cell, table_of
 
 SHOWN_TEST, OTHER_TEST = "spencer1997", "rd1005_1a"
 MODELS = {

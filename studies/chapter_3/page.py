@@ -18,8 +18,8 @@ from studies.chapter_3.sized_frame import SizedFrame
 from studies.chapter_3.sized_front import front_figure
 from studies.chapter_3.slot_flow import STRESSES, errors
 from studies.chapter_3.tables import tables
-from studies.common.arrays import Floats
-from studies.common.page import TONES, drawn, panels, tested_points, write_chapter_page
+from studies.former.arrays import Floats
+from studies.former.page import TONES, drawn, panels, tested_points, write_chapter_page
 
 _CURRENTS = (0.0, 0.25, 0.5, 1.0, 1.5)
 _AXES = ("time", "displacement", "velocity")

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.dampers import design
 from mrwork.report import Table
-from studies.common.table import table_of
+from studies.former.table import table_of
 
 # Published figures, remembered: see `mr.dampers.design.twenty_ton_damper`. The power is an upper limit.
 PUBLISHED = {

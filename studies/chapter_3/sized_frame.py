@@ -15,9 +15,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.dampers import design
-from studies.common.arrays import Floats
-from studies.common.command import Work
-from studies.common.frame import (
+from studies.former.arrays import Floats
+from studies.former.command import Work
+from studies.former.frame import (
     CHOOSING,
     FRAME,
     HARDWARE,
@@ -30,7 +30,7 @@ from studies.common.frame import (
     score_ratios,
     synthetic_motions,
 )
-from studies.common.scores import constant_commands
+from studies.former.scores import constant_commands
 
 PEAK = 0.3
 """Peak of the ground motions [g]."""

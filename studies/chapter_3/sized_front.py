@@ -11,8 +11,8 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from mrwork.dampers import design
 from mrwork.report import WIDE, Table, finish, style
 from studies.chapter_3.sized_frame import SUPPLY, wishes
-from studies.common.page import drawn
-from studies.common.table import table_of
+from studies.former.page import drawn
+from studies.former.table import table_of
 
 FORCE = 8e3
 """Desired force of the dampers on the front [N]."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from mrwork.dampers import design
 from mrwork.report import Table
-from studies.common.arrays import Floats
-from studies.common.table import table_of
+from studies.former.arrays import Floats
+from studies.former.table import table_of
 
 # A slot 20 mm wide and 50 mm long; the errors depend on gap over radius and the dimensionless yield stress alone.
 RADIUS, LENGTH, VISCOSITY = 0.02, 0.05, 0.1

@@ -7,8 +7,8 @@ from typing import Any
 from mrwork.closed_loop import SCORE
 from mrwork.report import Table
 from studies.chapter_3 import fluid_properties, models_on_one_test, published_damper, sized_front, slot_flow
-from studies.common.frame import RECORDS
-from studies.common.table import Cell, alike, table_of
+from studies.former.frame import RECORDS
+from studies.former.table import Cell, alike, table_of
 
 # Keys of the frame in the findings: the quick form sizes one damper, under one motion.
 FRAME_KEYS = ("sized", "quick_sized")

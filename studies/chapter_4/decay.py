@@ -10,7 +10,7 @@ from scipy import stats
 
 from mrwork.search import StopRules
 from studies.chapter_4.search_cells import Integers, Replicates
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # Share of the attainable decay that is done at the level: our definition of the 95 % error level.
 LEVEL = 0.95

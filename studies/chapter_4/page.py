@@ -17,8 +17,8 @@ from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFindin
 from studies.chapter_4.search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import tables_of
 from studies.chapter_5.damper_tests import FORCE_NOISE_N
-from studies.common.arrays import Floats
-from studies.common.page import (
+from studies.former.arrays import Floats
+from studies.former.page import (
     drawn,
     finish_loop,
     panels,

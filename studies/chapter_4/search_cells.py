@@ -15,7 +15,7 @@ from mrwork.records import DamperTest
 from mrwork.search import AbortableObjective, Optimiser, run_replicates
 from studies.chapter_4.search_settings import ComparisonSettings, Model
 from studies.chapter_5.damper_tests import TestSet
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 Integers = NDArray[np.int64]
 

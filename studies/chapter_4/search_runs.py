@@ -15,7 +15,7 @@ import numpy as np
 
 import mrwork
 from studies.chapter_4.search_cells import Cell, Replicates, run_cell
-from studies.common.command import Say
+from studies.former.command import Say
 
 
 def fingerprint(cell: Cell) -> str:

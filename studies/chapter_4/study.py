@@ -22,8 +22,8 @@ from studies.chapter_4.search_cells import cells_of
 from studies.chapter_4.search_runs import run_cells
 from studies.chapter_4.search_settings import ComparisonSettings
 from studies.chapter_4.tables import tables_of
-from studies.common.command import Command, Findings, Say, Shown
-from studies.common.records import absent, damper_tests
+from studies.former.command import Command, Findings, Say, Shown
+from studies.former.records import absent, damper_tests
 
 SETTINGS = Path(__file__).parent / "study.toml"
 

@@ -11,7 +11,7 @@ from mrwork.report import Table, numbers
 from studies.chapter_4.decay import ATTAINABLE, LITERAL, STALL
 from studies.chapter_4.findings import SearchFinding, TrialFinding, adjusted
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
-from studies.common.table import Cell, table_of
+from studies.former.table import Cell, table_of
 
 _RANGE = "\N{EN DASH}"
 _FIRST = "model and current"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrwork.search import first_improvement, threshold
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 
 class ExpectedTermination(NamedTuple):

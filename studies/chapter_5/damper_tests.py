@@ -10,8 +10,8 @@ import numpy as np
 import mrwork as mr
 from mrwork.dampers import DamperSpec, LawName
 from mrwork.records import AS_IT_IS, DamperTest, build_damper_test, cut, observed
-from studies.common.arrays import Floats
-from studies.common.damper import driven
+from studies.former.arrays import Floats
+from studies.former.damper import driven
 
 CURRENTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 FREQUENCIES = (1.0, 2.0)

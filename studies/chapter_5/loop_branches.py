@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest, regular_cycles
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 Abscissa = Literal["velocity", "displacement"]
 

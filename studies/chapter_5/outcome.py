@@ -13,8 +13,8 @@ from mrwork.identification import Fit, free_run
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from studies.chapter_5.damper_tests import SIDE_M, STATIC_LAWS, TestSet
-from studies.common.arrays import Floats
-from studies.common.command import Say
+from studies.former.arrays import Floats
+from studies.former.command import Say
 
 _DEGREES: dict[LawName, int] = {"constant": 0, "linear": 1, "quadratic": 2}
 

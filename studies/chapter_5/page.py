@@ -20,8 +20,8 @@ from studies.chapter_5.loop_branches import Abscissa, branches
 from studies.chapter_5.outcome import MODELS, STATIC, WITH_LAWS, Model, SetOutcome
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import STATIC_MODELS, forces, loops_table
-from studies.common.arrays import Floats
-from studies.common.page import (
+from studies.former.arrays import Floats
+from studies.former.page import (
     drawn,
     finish_loop,
     panels,
@@ -30,7 +30,7 @@ from studies.common.page import (
     tested_points,
     write_chapter_page,
 )
-from studies.common.table import with_symbols
+from studies.former.table import with_symbols
 
 _FINE = 60
 _LOOPS = 3

@@ -20,8 +20,8 @@ from studies.chapter_5.outcome import MODELS, WITH_LAWS, Fitting, Laws, SetOutco
 from studies.chapter_5.page import write_page
 from studies.chapter_5.tables import law_rms_table, law_table, per_current_table, rms_table
 from studies.chapter_5.thickness_and_mean import as_numbers, compared, loops_table
-from studies.common.command import Command, Findings, Say
-from studies.common.records import absent, damper_tests
+from studies.former.command import Command, Findings, Say
+from studies.former.records import absent, damper_tests
 
 
 def summary(outcome: SetOutcome) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.report import Table, numbers
 from studies.chapter_5.outcome import Laws, PerCurrent, SetOutcome
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # After a value that has no standard error.
 _UNSURE = "*"

@@ -15,7 +15,7 @@ from mrwork.identification import free_run
 from mrwork.report import Table, numbers
 from studies.chapter_5.loop_branches import Branches, branches
 from studies.chapter_5.outcome import WITH_LAWS, PerCurrent, SetOutcome
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 STATIC_MODELS = tuple(model.label for model in WITH_LAWS)
 QUANTITIES = ("thickness", "mean")

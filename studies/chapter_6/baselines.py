@@ -14,7 +14,7 @@ from mrwork.buildings import (
     with_optimal_tuned_mass,
     with_viscous_damper,
 )
-from studies.common.frame import FRAME, Bench, Figures, figures, idle
+from studies.former.frame import FRAME, Bench, Figures, figures, idle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

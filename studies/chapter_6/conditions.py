@@ -18,7 +18,7 @@ from mrwork.dampers import Outcome
 from mrwork.errors import MrworkError
 from mrwork.motions import GroundMotion, read_motion
 from studies.chapter_6.tuning import Tuned, control_law_of
-from studies.common.frame import FRAME, HARDWARE, Bench, Figures, bench, figures, figures_of, pair
+from studies.former.frame import FRAME, HARDWARE, Bench, Figures, bench, figures, figures_of, pair
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,8 +8,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.records import DamperTest, build_damper_test
-from studies.common.arrays import Floats
-from studies.common.frame import DRIVER_RATE
+from studies.former.arrays import Floats
+from studies.former.frame import DRIVER_RATE
 
 SEED = 6
 CURRENTS = (0.0, 0.47, 0.94, 1.41, 1.88)

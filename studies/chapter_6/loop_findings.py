@@ -26,8 +26,8 @@ from studies.chapter_6.thesis_findings import (
     worse_found,
 )
 from studies.chapter_6.tuning import Found, kept, search
-from studies.common.command import Say, Work
-from studies.common.frame import (
+from studies.former.command import Say, Work
+from studies.former.frame import (
     LARGEST_CURRENT,
     LEVELS,
     Bench,
@@ -36,7 +36,7 @@ from studies.common.frame import (
     figures,
     level_name,
 )
-from studies.common.scores import constant_commands
+from studies.former.scores import constant_commands
 
 HERE = Path(__file__).parent
 SEED = 6

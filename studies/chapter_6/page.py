@@ -14,8 +14,8 @@ from studies.chapter_6.loop_findings import TUNED_LAWS
 from studies.chapter_6.tables import remarks, tables, title_of
 from studies.chapter_6.thesis_findings import CONSTANT, LYAPUNOV, SHOWN, sheets_at
 from studies.chapter_6.thesis_tables import thesis_tables
-from studies.common.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
-from studies.common.page import panels, swatch, write_chapter_page
+from studies.former.frame import FRAME, LEVELS, Bench, bench, level_name, record_title
+from studies.former.page import panels, swatch, write_chapter_page
 
 _BASELINES = ("best constant", "i_max")
 _TIMED = (

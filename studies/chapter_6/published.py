@@ -14,7 +14,7 @@ from mrwork.closed_loop import Device, Hardware, simulate_loop
 from mrwork.control import ControlLaw, plant_of, published_regulator, regulator_as_published
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, time_scaled
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # By mode [Hz], as their papers state them or as they follow from what these state; utfpr comes without.
 STATED: dict[str, dict[int, float]] = {

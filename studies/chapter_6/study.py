@@ -19,9 +19,9 @@ from studies.chapter_6.page import write_page
 from studies.chapter_6.tables import remarks, tables
 from studies.chapter_6.thesis_tables import thesis_tables
 from studies.chapter_6.tuning import keep
-from studies.common.command import Command, Findings, Say, Work
-from studies.common.frame import LEVELS, bench, level_name
-from studies.common.records import absent, ground_motions
+from studies.former.command import Command, Findings, Say, Work
+from studies.former.frame import LEVELS, bench, level_name
+from studies.former.records import absent, ground_motions
 
 
 def find(options: Namespace, say: Say) -> Findings:

@@ -10,9 +10,9 @@ from mrwork.report import Table
 from studies.chapter_6.conditions import CONDITIONS, HALF_STEP, REFERENCE
 from studies.chapter_6.loop_findings import ACTIVE, TUNED_LAWS
 from studies.chapter_6.published import QUANTITIES
-from studies.common.frame import LEVELS, level_name
-from studies.common.scores import TITLES
-from studies.common.table import Cell, alike, table_of
+from studies.former.frame import LEVELS, level_name
+from studies.former.scores import TITLES
+from studies.former.table import Cell, alike, table_of
 
 _TITLES = {
     "active": "ideal active force",

@@ -15,9 +15,9 @@ from mrwork.closed_loop import Device, History, Responses, simulate_loop
 from mrwork.control import ControlLaw, lyapunov_function, plant_of
 from mrwork.motions import GroundMotion
 from studies.chapter_6.tuning import control_law_of, kept
-from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, LEVELS, Bench, level_name, pair
-from studies.common.scores import constant_commands
+from studies.former.arrays import Floats
+from studies.former.frame import FRAME, HARDWARE, LEVELS, Bench, level_name, pair
+from studies.former.scores import constant_commands
 
 OFF, CONSTANT = "i = 0", "best constant"
 LYAPUNOV, PROPORTIONAL, INVERSE = "lyapunov_direct", "proportional_direct", "inverse_direct"

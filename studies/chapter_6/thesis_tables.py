@@ -22,8 +22,8 @@ from studies.chapter_6.thesis_findings import (
     SHOWN,
     Quantity,
 )
-from studies.common.frame import FRAME, record_title
-from studies.common.table import Cell, table_of
+from studies.former.frame import FRAME, record_title
+from studies.former.table import Cell, table_of
 
 _NUMBERS = dict(zip(SHOWN, ("Table 6.1 in form", "Table 6.2 in form"), strict=True))
 

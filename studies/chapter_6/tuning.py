@@ -14,7 +14,7 @@ import numpy as np
 from mrwork.closed_loop import Device
 from mrwork.control import ControlLaw, Design, DesignProblem, control_law, settings_of
 from mrwork.errors import SettingError
-from studies.common.frame import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, level_name, pair
+from studies.former.frame import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, level_name, pair
 
 Setting = float | tuple[float, ...]
 Settings = Mapping[str, Setting]

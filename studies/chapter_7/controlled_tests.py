@@ -12,8 +12,8 @@ import mrwork as mr
 from mrwork.control import DesignProblem, RegulatorSettings, design_law
 from studies.chapter_7.earthquakes import LEAD
 from studies.chapter_7.virtual_rig import LARGEST_CURRENT, NO_DAMPER, Rig, Signals, signals_of
-from studies.common.command import Work
-from studies.common.scores import constant_commands
+from studies.former.command import Work
+from studies.former.scores import constant_commands
 
 NO_DAMPER_NAME, OFF, HALF, BEST, CLIPPED, LYAPUNOV = (
     "no damper",

@@ -12,8 +12,8 @@ import mrwork as mr
 from mrwork.closed_loop import STANDARD_GRAVITY
 from mrwork.motions import brought_to_rest, scaled_to_peak, trimmed
 from studies.chapter_7.virtual_rig import TABLE
-from studies.common.command import Work
-from studies.common.frame import CHOOSING, RECORDS
+from studies.former.command import Work
+from studies.former.frame import CHOOSING, RECORDS
 
 PEAK = 0.3
 """Peak of the commands [g]."""

@@ -15,7 +15,7 @@ from studies.chapter_7.predictions import Predictions
 from studies.chapter_7.rig_damper import IdentifiedDamper
 from studies.chapter_7.sine_tests import SineTest
 from studies.chapter_7.virtual_rig import HARDWARE, NO_GAIN_ERRORS, Rig, other_damper, recorded, true_rig
-from studies.common.command import Work
+from studies.former.command import Work
 
 SEED = 2009
 """Of the noise of the sensors."""

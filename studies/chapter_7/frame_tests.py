@@ -20,7 +20,7 @@ from studies.chapter_7.virtual_rig import (
     signals_of,
     true_rig,
 )
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 ADDED_MASS = 60.0
 """Of the plates that are bolted on for the second test [kg], known."""

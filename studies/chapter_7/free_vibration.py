@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, curve_fit, minimize_scalar
 
 from mrwork.errors import RecordError
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # Zero padding: points of the padded spectrum per independent point. The peak is then refined exactly.
 _PADDING = 8

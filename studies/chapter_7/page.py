@@ -27,7 +27,7 @@ from studies.chapter_7.virtual_rig import (
     Signals,
     rd_1005_3,
 )
-from studies.common.page import TONES, drawn, panels, write_chapter_page
+from studies.former.page import TONES, drawn, panels, write_chapter_page
 
 _PART_TONES = (
     *(style.INK, style.MODEL, style.BAND_EDGE, style.RESIDUAL),

@@ -22,7 +22,7 @@ from studies.chapter_7.virtual_rig import (
     recorded,
     signals_of,
 )
-from studies.common.scores import constant_commands
+from studies.former.scores import constant_commands
 
 # Time at which the driver is switched on [s].
 _SWITCHED_ON = 0.05

@@ -14,8 +14,8 @@ import numpy as np
 import mrwork as mr
 from mrwork.records import DamperTest, build_damper_test
 from studies.chapter_7.virtual_rig import SENSORS, TABLE, Rig, Sensors, Signals, recorded, signals_of
-from studies.common.arrays import Floats
-from studies.common.scores import constant_commands
+from studies.former.arrays import Floats
+from studies.former.scores import constant_commands
 
 SWEEP = (1.5, 2.0, 2.5, 2.75, 3.0, 3.25, 3.5, 4.0, 5.0)
 """Frequencies of the sine tests at the currents of the chapter [Hz]."""

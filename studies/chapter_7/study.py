@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from studies.chapter_7.findings import chapter_of
 from studies.chapter_7.page import write_page
 from studies.chapter_7.tables import tables
-from studies.common.command import run_chapter
+from studies.former.command import run_chapter
 
 if __name__ == "__main__":
     quick = "one synthetic motion, fewer sine tests and settings"

@@ -10,7 +10,7 @@ from studies.chapter_7.earthquakes import CORNER, PEAK
 from studies.chapter_7.predictions import ALL_TRUE, FULL, JUDGED
 from studies.chapter_7.sine_tests import SWEEP_PEAK
 from studies.chapter_7.virtual_rig import SENSORS, TABLE
-from studies.common.table import Cell, alike, table_of
+from studies.former.table import Cell, alike, table_of
 
 # Keys of the tests in the findings.
 KINDS = ("measured", "synthetic", "quick")

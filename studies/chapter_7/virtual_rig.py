@@ -13,8 +13,8 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
 from mrwork.motions import ShakeTable
-from studies.common.arrays import Floats
-from studies.common.damper import driven
+from studies.former.arrays import Floats
+from studies.former.damper import driven
 
 TABLE = ShakeTable()
 """Our definition of a table of medium size."""

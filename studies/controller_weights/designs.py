@@ -28,7 +28,7 @@ from mrwork.control import (
     stiffness_cases,
 )
 from mrwork.motions import CloughPenzien, KanaiTajimi
-from studies.common.frame import pair
+from studies.former.frame import pair
 
 STOREYS = (3, 5, 8, 20)
 BUDGET = 0.03

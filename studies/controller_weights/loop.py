@@ -20,10 +20,10 @@ from mrwork.control import (
     stiffness_cases,
 )
 from mrwork.motions import GroundMotion
-from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, RECORDS, pair, recorded_motions, scaled_records
-from studies.common.scores import constant_commands, criteria
 from studies.controller_weights.designs import limits_of
+from studies.former.arrays import Floats
+from studies.former.frame import FRAME, HARDWARE, RECORDS, pair, recorded_motions, scaled_records
+from studies.former.scores import constant_commands, criteria
 
 CURRENTS = {0.1: 1.2, 0.3: 1.88}
 """Largest current at each level [A], those of the tuned clipped-optimal law."""

@@ -8,8 +8,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from mrwork.report import numbers, style
-from studies.common.page import level_panels, write_level_page
 from studies.controller_weights.tables import tables
+from studies.former.page import level_panels, write_level_page
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
 _DASHES = ("-", "--")

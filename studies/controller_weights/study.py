@@ -13,12 +13,12 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from argparse import Namespace
 from typing import Any
 
-from studies.common.command import Command, Findings, Say
-from studies.common.frame import LEVELS
-from studies.common.records import absent, ground_motions
 from studies.controller_weights.designs import extensions, inverses, sizes, unreachable
 from studies.controller_weights.loop import scanned
 from studies.controller_weights.tables import tables
+from studies.former.command import Command, Findings, Say
+from studies.former.frame import LEVELS
+from studies.former.records import absent, ground_motions
 
 
 def find(options: Namespace, say: Say) -> Findings:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from mrwork.report import Table
-from studies.common.scores import TITLES
-from studies.common.table import Cell, table_of
 from studies.controller_weights.loop import CURRENTS
+from studies.former.scores import TITLES
+from studies.former.table import Cell, table_of
 
 
 def tables(found: dict[str, Any]) -> Iterator[Table]:

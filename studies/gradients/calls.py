@@ -15,8 +15,8 @@ import mrwork as mr
 from mrwork.dampers import LoadingHistory, force_histories, misfits, sensitivities
 from mrwork.records import DamperTest
 from mrwork.report import Table
-from studies.common.arrays import Floats
-from studies.common.table import Cell, table_of
+from studies.former.arrays import Floats
+from studies.former.table import Cell, table_of
 from studies.gradients.posed import near_nominal, record
 from studies.speed.timing import require_agreement, time_in_turns
 from studies.speed.workload import Run

@@ -22,8 +22,8 @@ import mrwork as mr
 from mrwork.identification import CandidateObjective, find_minima
 from mrwork.records import DamperTest
 from mrwork.report import Table
-from studies.common.arrays import Floats
-from studies.common.table import Cell, table_of
+from studies.former.arrays import Floats
+from studies.former.table import Cell, table_of
 from studies.gradients.own_loop import force_by_diffrax
 from studies.gradients.posed import record
 from studies.speed.timing import rotated, timed

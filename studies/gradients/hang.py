@@ -21,7 +21,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.errors import MrworkError
 from mrwork.report import Table
-from studies.common.table import Cell, table_of
+from studies.former.table import Cell, table_of
 from studies.gradients.posed import near_nominal, record
 
 MODEL = "normalised_bouc_wen"

@@ -12,8 +12,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.report import Table
-from studies.common.arrays import Floats
-from studies.common.table import Cell, table_of
+from studies.former.arrays import Floats
+from studies.former.table import Cell, table_of
 from studies.speed.timing import time_in_turns
 
 CASES = ("one damper", "two dampers, observer, delay", "storeys that yield")

@@ -8,7 +8,7 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.records import DamperTest
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # Step [s], and deviation of the noise [N].
 DT, NOISE_N = 1e-3, 8.0

@@ -24,9 +24,9 @@ from mrwork.identification import CandidateObjective, Fit, identifiable_form
 from mrwork.records import DamperTest
 from mrwork.report import Table
 from mrwork.uncertainty import Iid, Target, convergence, nuts_of
-from studies.common.arrays import Floats
-from studies.common.compilation import timed_apart
-from studies.common.table import Cell, table_of
+from studies.former.arrays import Floats
+from studies.former.compilation import timed_apart
+from studies.former.table import Cell, table_of
 from studies.gradients.posed import record
 
 _LENGTH = "x0"

@@ -19,8 +19,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mrwork.report import Table
-from studies.common.command import Command, Findings, Say
-from studies.common.processor import processor
+from studies.former.command import Command, Findings, Say
+from studies.former.processor import processor
 from studies.gradients import calls, fits, hang, loops, samplers
 from studies.speed.workers import cores_for, rows_of
 

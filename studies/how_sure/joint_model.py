@@ -20,7 +20,7 @@ from mrwork.uncertainty import (
     predict,
     predict_left_out,
 )
-from studies.common.command import Say
+from studies.former.command import Say
 from studies.how_sure.rig_tests import CURRENTS, MOTIONS, rig_test
 from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mrwork.records import DamperTest, observed, read_damper_test, repair
-from studies.common.records import damper_tests
-from studies.common.rig import thinned
+from studies.former.records import damper_tests
+from studies.former.rig import thinned
 
 MOTIONS = ("25mm0x1Hz", "25mm0x25Hz", "25mm0x5Hz", "10mm1Hz", "5mm3Hz", "2mm5Hz")
 CURRENTS = ("0A", "0x25A", "0x5A", "0x75A", "1A")

@@ -15,7 +15,7 @@ from scipy.stats import norm, t
 from mrwork.report import Table
 from mrwork.uncertainty import Band, Prediction
 from mrwork.uncertainty import score as score_of
-from studies.common.table import Cell, table_of
+from studies.former.table import Cell, table_of
 
 LEVEL = 0.9
 

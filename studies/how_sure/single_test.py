@@ -18,7 +18,7 @@ from mrwork.uncertainty import (
     sample,
     simulate_draws,
 )
-from studies.common.command import Say
+from studies.former.command import Say
 from studies.how_sure.rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
 from studies.how_sure.scores import LEVEL, BandScore, outcome, random_size_outcome
 

@@ -15,8 +15,8 @@ from dataclasses import asdict
 from typing import Any
 
 from mrwork.report import Table
-from studies.common.command import Command, Findings, Say
-from studies.common.records import absent, damper_tests
+from studies.former.command import Command, Findings, Say
+from studies.former.records import absent, damper_tests
 from studies.how_sure import joint_model, single_test, synthetic_calibration
 from studies.how_sure.scores import score_table
 

@@ -27,8 +27,8 @@ from mrwork.uncertainty import (
     score,
     simulate_draws,
 )
-from studies.common.command import Say
-from studies.common.table import table_of
+from studies.former.command import Say
+from studies.former.table import table_of
 from studies.how_sure.scores import LEVEL
 
 # Ranges of the parameters that are free, the others held at their nominal values. Loops as wide as these are resolved

@@ -32,8 +32,8 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
-from studies.common.arrays import Floats
-from studies.common.records import data
+from studies.former.arrays import Floats
+from studies.former.records import data
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.measured import BENCHMARK, measured_files
 

@@ -6,8 +6,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.closed_loop import UserLaw
-from studies.common.arrays import Floats
-from studies.common.scores import constant_commands, criteria
+from studies.former.arrays import Floats
+from studies.former.scores import constant_commands, criteria
 from studies.leaderboard.entries import Motions
 
 N_LEVELS = 17

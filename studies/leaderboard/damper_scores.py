@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from studies.common.command import Say
-from studies.common.rig import thinned
+from studies.former.command import Say
+from studies.former.rig import thinned
 from studies.leaderboard.entries import DAMPERS, LIMIT, Entry, Row, row_of, too_long
 
 SEED = 7

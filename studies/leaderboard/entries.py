@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.errors import SettingError
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 # What the functions of entries are given.
 Tests = Sequence[mr.DamperTest]

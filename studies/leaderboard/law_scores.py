@@ -11,9 +11,9 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, UserLaw
 from mrwork.errors import SettingError
 from mrwork.motions import suite
-from studies.common.arrays import Floats
-from studies.common.frame import FRAME, HARDWARE, RECORDS, pair, scaled_records
-from studies.common.scores import PEAKS, constant_commands, criteria
+from studies.former.arrays import Floats
+from studies.former.frame import FRAME, HARDWARE, RECORDS, pair, scaled_records
+from studies.former.scores import PEAKS, constant_commands, criteria
 from studies.leaderboard.best_constant import best_constant
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.entries import Entry, Motions

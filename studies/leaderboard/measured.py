@@ -9,7 +9,7 @@ import hashlib
 from pathlib import Path
 
 from mrwork.errors import RecordError
-from studies.common.records import data
+from studies.former.records import data
 
 HASHES = Path(__file__).parent / "records.sha256"
 UTFSM = "dampers/utfsm"

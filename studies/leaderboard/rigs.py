@@ -9,8 +9,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.records import Observation, build_damper_test, observed, read_damper_tests, repair
-from studies.common.arrays import Floats
-from studies.common.rig import PER_CYCLE
+from studies.former.arrays import Floats
+from studies.former.rig import PER_CYCLE
 from studies.leaderboard.measured import UTFSM, measured_files
 
 # Amplitude [m] and frequency [Hz]; currents [A].

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import mrwork as mr
 from mrwork.report import Table, write_study_page
-from studies.common.command import Command, Findings, Say
-from studies.common.processor import processor
+from studies.former.command import Command, Findings, Say
+from studies.former.processor import processor
 from studies.leaderboard.damper_scores import DamperScore, damper_rows
 from studies.leaderboard.entries import DAMPERS, LAWS, Kind, Row, attempt, chosen, files_of, row_of
 from studies.leaderboard.law_scores import Bench, bench, measured_motions, score_law, synthetic_motions

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.closed_loop import SCORE
 from mrwork.report import Table
-from studies.common.scores import PEAKS, TITLES
+from studies.former.scores import PEAKS, TITLES
 from studies.leaderboard.damper_scores import DamperScore
 from studies.leaderboard.entries import Row
 from studies.leaderboard.law_scores import MotionScore

@@ -31,9 +31,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import LoopVariation
 from mrwork.report import Table
-from studies.common.command import Command, Findings, Say
-from studies.common.processor import processor
-from studies.common.table import table_of
+from studies.former.command import Command, Findings, Say
+from studies.former.processor import processor
+from studies.former.table import table_of
 
 STUDY = """title = "Many runs"
 [building]

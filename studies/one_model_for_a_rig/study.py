@@ -27,10 +27,10 @@ from mrwork.identification import Fit, free_run, start_from
 from mrwork.records import DamperTest
 from mrwork.records import observed as with_observation
 from mrwork.report import Table
-from studies.common.command import Command, Findings, Say
-from studies.common.records import absent, damper_tests
-from studies.common.rig import sinusoids, thinned
-from studies.common.table import table_of
+from studies.former.command import Command, Findings, Say
+from studies.former.records import absent, damper_tests
+from studies.former.rig import sinusoids, thinned
+from studies.former.table import table_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

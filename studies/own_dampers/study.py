@@ -23,10 +23,10 @@ from mrwork.dampers import Box, DamperSpec, Loading, damper, simulate_forces
 from mrwork.records import DamperTest
 from mrwork.report import Table
 from mrwork.twins import power
-from studies.common.command import Command, Findings, Say
-from studies.common.compilation import timed_apart
-from studies.common.records import absent, damper_tests
-from studies.common.table import table_of
+from studies.former.command import Command, Findings, Say
+from studies.former.compilation import timed_apart
+from studies.former.records import absent, damper_tests
+from studies.former.table import table_of
 
 _ROUNDS, _BATCH = 5, 256
 LAWS = {

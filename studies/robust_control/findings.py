@@ -10,8 +10,8 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, ClairvoyantSettings, clairvoyant
-from studies.common.pieces import results_of
-from studies.common.scores import PEAKS
+from studies.former.pieces import results_of
+from studies.former.scores import PEAKS
 
 CLAIRVOYANT = "clairvoyant"
 Loop = tuple[mr.Building, tuple[mr.Device, ...], mr.Hardware]

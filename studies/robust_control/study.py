@@ -15,8 +15,8 @@ import json
 from argparse import Namespace
 
 import mrwork as mr
-from studies.common.command import Findings, Say, levels_command
-from studies.common.records import ROOT
+from studies.former.command import Findings, Say, levels_command
+from studies.former.records import ROOT
 from studies.robust_control.findings import level_found
 from studies.robust_control.runs import identified, tuned
 from studies.robust_control.tables import tables

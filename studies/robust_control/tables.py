@@ -10,9 +10,9 @@ import numpy as np
 
 from mrwork.report import Table
 from mrwork.study import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
-from studies.common.arrays import Floats
-from studies.common.scores import TITLES
-from studies.common.table import table_of
+from studies.former.arrays import Floats
+from studies.former.scores import TITLES
+from studies.former.table import table_of
 from studies.robust_control.findings import CLAIRVOYANT
 
 # A fifth of the test motions, as the risk of the robust law takes.

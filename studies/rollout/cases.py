@@ -11,7 +11,7 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import Hardware
 from mrwork.control import ControlLaw, DesignProblem, ReferencePeaks, RolloutSettings, design_law
-from studies.common.scores import constant_commands
+from studies.former.scores import constant_commands
 from studies.rollout.loop import TRAINING, Bench, Plant
 
 LAW = "predictive_rollout"

@@ -15,9 +15,9 @@ import numpy as np
 import mrwork as mr
 from mrwork.control import ControlLaw
 from mrwork.dampers import flops_per_step
-from studies.common.command import Say
-from studies.common.pieces import results_of
-from studies.common.scores import constant_commands
+from studies.former.command import Say
+from studies.former.pieces import results_of
+from studies.former.scores import constant_commands
 from studies.robust_control.findings import CLAIRVOYANT, clairvoyant_under, loop_of
 from studies.rollout.cases import CHANGES, LOOPS, Case, reference_peaks, sensor_peaks
 from studies.rollout.loop import SIXTEEN, TRAINING, Bench, Plant, strongest

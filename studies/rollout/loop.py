@@ -12,8 +12,8 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE, Hardware
 from mrwork.control import ControlLaw
 from mrwork.motions import trimmed
-from studies.common.arrays import Floats
-from studies.common.scores import PEAKS, constant_commands, criteria
+from studies.former.arrays import Floats
+from studies.former.scores import PEAKS, constant_commands, criteria
 from studies.robust_control.tables import is_record
 
 TRAINING, FOUR, SIXTEEN, UNSEEN = "training", "four", "sixteen", "unseen"

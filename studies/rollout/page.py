@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrwork.report import style
-from studies.common.page import level_panels, ranked_figure, write_level_page
+from studies.former.page import level_panels, ranked_figure, write_level_page
 from studies.rollout.loop import SIXTEEN
 from studies.rollout.tables import tables
 

@@ -16,8 +16,8 @@ from argparse import Namespace
 from functools import partial
 
 import mrwork as mr
-from studies.common.command import Findings, Say, levels_command
-from studies.common.records import ROOT, absent, ground_motions
+from studies.former.command import Findings, Say, levels_command
+from studies.former.records import ROOT, absent, ground_motions
 from studies.rollout.findings import cost_found, kept_in, level_found
 from studies.rollout.loop import bench_of, shortened
 from studies.rollout.tables import tables

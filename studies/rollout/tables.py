@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mrwork.report import Table
-from studies.common.scores import TITLES
-from studies.common.table import Cell, table_of
+from studies.former.scores import TITLES
+from studies.former.table import Cell, table_of
 from studies.robust_control.findings import CLAIRVOYANT
 from studies.rollout.loop import CLEARLY, FOUR, SIXTEEN, TRAINING, UNSEEN
 

@@ -22,11 +22,11 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE
 from mrwork.control import RolloutSettings
 from mrwork.report import Table
-from studies.common.arrays import Floats
-from studies.common.command import Command, Findings, Say
-from studies.common.records import ROOT, absent, ground_motions
-from studies.common.scores import PEAKS, constant_commands, criteria
-from studies.common.table import Cell, table_of
+from studies.former.arrays import Floats
+from studies.former.command import Command, Findings, Say
+from studies.former.records import ROOT, absent, ground_motions
+from studies.former.scores import PEAKS, constant_commands, criteria
+from studies.former.table import Cell, table_of
 from studies.rollout.cases import LAW
 from studies.rollout.findings import Kept, kept_in
 from studies.rollout.loop import (

@@ -27,8 +27,8 @@ from mrwork.records import DamperTest, build_damper_test
 from mrwork.report import Table
 from mrwork.search import EfficientGA, StopRules
 from mrwork.uncertainty import choose_laws, predict_left_out
-from studies.common.command import Command, Findings, Say
-from studies.common.table import alike, table_of
+from studies.former.command import Command, Findings, Say
+from studies.former.table import alike, table_of
 
 # Ranges at the smallest command; parameters that follow it grow by a factor drawn from the second range, saturating.
 MODELS: dict[str, dict[str, tuple[float, float]]] = {

@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.search_job import SearchJob
 
 # Libraries compute with misfits, so a failure is given as a number worse than any misfit.

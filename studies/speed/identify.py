@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.errors import SettingError
-from studies.common.table import table_of
+from studies.former.table import table_of
 from studies.speed.attempt import (
     NEAR,
     Attempt,

@@ -18,7 +18,7 @@ import numpy as np
 from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.workload import PowerForm, Run, Workload
 
 # The contenders must agree to 1e-9, which single precision cannot.

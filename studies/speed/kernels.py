@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork import dampers as core
 from mrwork.errors import MrworkError, SettingError
-from studies.common.table import table_of
+from studies.former.table import table_of
 from studies.speed.timing import TimedPeer, beside_peers
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
 from studies.speed.workload import (

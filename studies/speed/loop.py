@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from mrwork.errors import SettingError
-from studies.common.arrays import Floats
-from studies.common.table import table_of
+from studies.former.arrays import Floats
+from studies.former.table import table_of
 from studies.speed.loop_workload import STEP, LoopWorkload, loop_workload
 from studies.speed.timing import require_agreement, timed
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.jax_peer import JaxVariant, compiled_run
 from studies.speed.loop_workload import (
     LAG,

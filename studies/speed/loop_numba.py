@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.loop_workload import (
     LAG,
     LARGEST_COMMAND,

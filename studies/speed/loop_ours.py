@@ -11,7 +11,7 @@ from mrwork.closed_loop import Device, Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import damper
 from mrwork.errors import MrworkError
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.loop_workload import KEPT, LAG, LARGEST_COMMAND, N_REDUCTIONS, STEP, LoopWorkload
 
 

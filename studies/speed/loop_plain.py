@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.loop_workload import LAG, LARGEST_COMMAND, N_STOREYS, STEP, LoopWorkload
 
 # A run's state: displacements, velocities, the coil's current, and the energies entered, lost to damping, taken by

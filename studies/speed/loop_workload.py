@@ -18,7 +18,7 @@ from mrwork.buildings import building
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, synthetic_motion, trimmed
 from mrwork.twins import stage_values
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 N_STOREYS = 5
 LAG = 190.0

@@ -9,7 +9,7 @@ from typing import Any
 from mrwork import dampers as core
 from mrwork.dampers import damper, damper_models
 from mrwork.errors import SettingError
-from studies.common.table import table_of
+from studies.former.table import table_of
 from studies.speed.timing import TimedPeer, beside_peers
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
 from studies.speed.workload import N_TIME, SUBSTEPS, ModelWorkload, model_workload

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from mrwork.identification import Objective
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.numba_peer import NumbaVariant
 from studies.speed.refine_job import RefineJob
 from studies.speed.search_job import SearchJob

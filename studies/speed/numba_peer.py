@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numba
 import numpy as np
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.workload import PowerForm, Run, Workload
 
 Kernel: TypeAlias = Callable[[Floats, Floats, Floats, float], Floats]

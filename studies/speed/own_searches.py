@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.identification import Objective
 from mrwork.search import AbortableObjective, SearchResult, run_replicates, run_search
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.attempt import NEAR, AttemptResult, ObjectiveName
 from studies.speed.contenders import ABORTED, UNSTOPPED, described, ending
 from studies.speed.search_job import SearchJob

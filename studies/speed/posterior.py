@@ -13,8 +13,8 @@ import numpy as np
 
 from mrwork.errors import SettingError
 from mrwork.uncertainty import Ensemble, convergence, select_kept_rows
-from studies.common.arrays import Floats
-from studies.common.table import table_of
+from studies.former.arrays import Floats
+from studies.former.table import table_of
 from studies.speed.posterior_job import Density, PosteriorJob, density_of
 from studies.speed.timing import require_agreement, rotated, timed
 from studies.speed.workers import (

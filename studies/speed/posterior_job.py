@@ -14,7 +14,7 @@ import numpy as np
 from mrwork import identify
 from mrwork.identification import identifiable_form
 from mrwork.uncertainty import Iid, Target, first_walkers
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.attempt import BatchObjective
 from studies.speed.search_job import REFERENCE, SearchJob, record
 

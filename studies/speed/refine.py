@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from mrwork.errors import SettingError
-from studies.common.table import table_of
+from studies.former.table import table_of
 from studies.speed.refine_engines import Engine, Refined, engines
 from studies.speed.refine_job import RefineJob, joint_job, reference_job
 from studies.speed.timing import require_agreement, timed

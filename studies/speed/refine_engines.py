@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrwork.identification import find_minima, find_minimum
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.refine_job import RefineJob
 
 _MOST = 100

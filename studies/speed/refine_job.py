@@ -14,8 +14,8 @@ import numpy as np
 from mrwork.dampers import Box, DamperSpec, LawName, damper
 from mrwork.identification import LevelFit, Objective, find_minima, joint_starts, levels_of, search_box
 from mrwork.search import Streams, latin_hypercube
-from studies.common.arrays import Floats
-from studies.common.rig import sinusoids, thinned
+from studies.former.arrays import Floats
+from studies.former.rig import sinusoids, thinned
 from studies.speed.search_job import REFERENCE, record
 
 MODEL = "normalised_bouc_wen"

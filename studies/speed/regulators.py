@@ -11,8 +11,8 @@ import scipy.linalg
 
 from mrwork.control import regulator_gains
 from mrwork.errors import MrworkError, SettingError
-from studies.common.arrays import Floats
-from studies.common.table import table_of
+from studies.former.arrays import Floats
+from studies.former.table import table_of
 from studies.speed.timing import require_agreement, timed
 from studies.speed.workers import Benchmark, Say, cores_for, rows_of, silent
 

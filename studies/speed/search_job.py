@@ -19,8 +19,8 @@ from mrwork.dampers import Box, DamperSpec, damper
 from mrwork.errors import RecordError
 from mrwork.identification import Objective, search_box
 from mrwork.records import DamperTest, cut, read_damper_test
-from studies.common.arrays import Floats
-from studies.common.records import damper_tests
+from studies.former.arrays import Floats
+from studies.former.records import damper_tests
 
 MODEL = "non_symmetric_bouc_wen"
 HELD = {"share": (1.0, 1.0), "w_s": (0.1, 0.1)}

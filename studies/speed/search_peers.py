@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.search import library
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.attempt import Attempt, AttemptEnded
 from studies.speed.search_job import SearchJob
 from studies.speed.timing import timed

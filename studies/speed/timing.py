@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork import dampers as core
 from mrwork.errors import MrworkError
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.speed.workload import Run
 
 # All contenders sum the same 2000 squares in the same order; a library's power may differ by some ulp.

@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import Any
 
 from mrwork.errors import MrworkError, SettingError
-from studies.common.records import ROOT
+from studies.former.records import ROOT
 
 Say = Callable[[str], None]
 """Tells a person what is measured now."""

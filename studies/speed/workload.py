@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mrwork import dampers as core
 from mrwork.dampers import DamperSpec
 from mrwork.errors import MrworkError
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 MODEL = "normalised_bouc_wen"
 N_TIME = 2000

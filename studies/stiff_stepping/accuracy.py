@@ -8,7 +8,7 @@ import numpy as np
 
 from mrwork.dampers import LoadingHistory, damper, simulate_forces
 from mrwork.twins import simulate
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.stiff_stepping.any_model import twin_force
 from studies.stiff_stepping.batch import PRESET, forces, random_record
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from mrwork.dampers import Loading, LoadingHistory
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.stiff_stepping import elementary
 from studies.stiff_stepping.steppers import TIMES, steppers
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.dampers import damper_models
-from studies.common.command import Command, Findings, Say
+from studies.former.command import Command, Findings, Say
 from studies.stiff_stepping.accuracy import (
     TOLERANCE,
     derivative_error,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.yielding_frame import frame, opensees
 from studies.yielding_frame.frame import Case, Histories
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import mrwork as mr
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 GRAVITY = 9.80665
 MASSES = (50e3,) * 6

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import mrwork as mr
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 from studies.yielding_frame.frame import (
     DAMPER,
     GRAVITY,

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from mrwork.report import Table
-from studies.common.command import Command, Findings, Say
-from studies.common.table import Cell, table_of
+from studies.former.command import Command, Findings, Say
+from studies.former.table import Cell, table_of
 from studies.yielding_frame import comparison, frame, timing
 from studies.yielding_frame.frame import Case
 from studies.yielding_frame.opensees import openseespy

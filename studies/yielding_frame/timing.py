@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from studies.common.arrays import Floats
-from studies.common.command import Say
+from studies.former.arrays import Floats
+from studies.former.command import Say
 from studies.yielding_frame import frame, opensees
 from studies.yielding_frame.frame import Case
 

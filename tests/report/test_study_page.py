@@ -23,7 +23,7 @@ from mrwork.study.tables import (
     MOST_LISTED,
     value_table,
 )
-from studies.common.expected import departures
+from studies.former.expected import departures
 
 
 def page_of(**changes: object) -> str:

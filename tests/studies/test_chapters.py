@@ -26,11 +26,11 @@ from studies.chapter_6.tuning import control_law_of
 from studies.chapter_7.controlled_tests import NO_DAMPER_NAME, OFF, QUANTITIES
 from studies.chapter_7.predictions import ALL_TRUE
 from studies.chapter_7.virtual_rig import SENSORS
-from studies.common.command import Work
-from studies.common.expected import departures
-from studies.common.frame import LEVELS, RECORDS, level_name
 from studies.controller_weights.study import found_by as weights_found
 from studies.controller_weights.tables import tables as weight_tables
+from studies.former.command import Work
+from studies.former.expected import departures
+from studies.former.frame import LEVELS, RECORDS, level_name
 
 STUDIES = measured_data.ROOT / "studies"
 MEASURED = measured_data.DATA / "records"

@@ -5,14 +5,13 @@ from .comparison import compared as compared
 from .folder import read_results as read_results
 from .fragilities import Fragilities as Fragilities
 from .fragilities import Fragility as Fragility
+from .fragilities import fragilities_of as fragilities_of
 from .fragilities import fragility as fragility
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
 from .study import Study as Study
 
 if True:  # the lower tier
-    from .fragilities import drawn_weights as drawn_weights
-    from .fragilities import fragility_of as fragility_of
     from .schema import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
     from .schema import PASSIVE_OFF as PASSIVE_OFF
     from .schema import PASSIVE_ON as PASSIVE_ON

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
@@ -25,7 +25,8 @@ from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.evaluation import Scales, criterion
+from mrwork.closed_loop.evaluation import Scales
+from mrwork.closed_loop.evaluation import criterion as criterion_named
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
@@ -277,7 +278,7 @@ class Fragilities(WithAxes, Summarised):
     @property
     def title(self) -> str:
         """The criterion within a sentence."""
-        return small_first(criterion(self.criterion).title)
+        return small_first(criterion_named(self.criterion).title)
 
     @property
     def limit_value(self) -> str:
@@ -288,7 +289,7 @@ class Fragilities(WithAxes, Summarised):
     @property
     def in_percent(self) -> bool:
         """Whether the criterion is a drift ratio, which is told in per cent."""
-        return criterion(self.criterion).scale == "height"
+        return criterion_named(self.criterion).scale == "height"
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -303,7 +304,7 @@ class Fragilities(WithAxes, Summarised):
         for label, each in self.rows.items():
             for caution in each.cautions:
                 said.setdefault(caution, []).append(label)
-        asked = criterion(self.criterion).question(self.limit)
+        asked = criterion_named(self.criterion).question(self.limit)
         of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
         return (*((asked,) if asked else ()), *((few,) if holds < self.level else ()), *of_rows)
 
@@ -421,7 +422,7 @@ def fragility(
             outside=outside,
         )
         rows[row.label] = replace(found, dispersion=math.hypot(found.dispersion, modelling_dispersion))
-    unit = in_command_unit(criterion(name).unit, results.command_unit)
+    unit = in_command_unit(criterion_named(name).unit, results.command_unit)
     return Fragilities(
         criterion=name,
         limit=value,
@@ -430,6 +431,85 @@ def fragility(
         rows=rows,
         study_warnings=results.study_warnings,
     )
+
+
+@checked
+def fragilities_of(
+    responses: Mapping[str, ArrayLike],
+    levels: ArrayLike,
+    limit: Positive,
+    *,
+    criterion: str = "peak_drift",
+    level: Level = 0.9,
+    records: Sequence[str] | None = None,
+    measure: str = "PGA",
+    seed: Seed = 0,
+) -> Fragilities:
+    """Fragilities of responses that another program computed: an incremental dynamic analysis of each arrangement.
+
+    Parameters
+    ----------
+    responses
+        The criterion of each record at each level, shape (n_records, n_levels), by the label of the arrangement, in
+        SI; infinite where a run collapsed, NaN where there is none. `uncontrolled` is the label of the bare building.
+    levels
+        Levels of the intensity [m/s^2], rising, shape (n_levels,).
+    limit
+        Limit of the criterion, in its unit.
+    criterion
+        What was judged, as in `mr.closed_loop.criteria()`.
+    level
+        Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
+    records
+        Names of the records; numbers by default.
+    measure
+        The measure of intensity in words.
+    seed
+        Seed of the bootstrap.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not agree, levels do not rise, or there are fewer than two records or levels.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> drift = [[0.004, 0.011, 0.02], [0.003, 0.008, 0.015], [0.006, 0.012, 0.03]]
+    >>> found = mr.study.fragilities_of({"uncontrolled": drift}, [1.0, 2.0, 3.0], 0.01, criterion="peak_drift_ratio")
+    >>> f"{found['uncontrolled'].median:.2f} m/s^2"
+    '1.92 m/s^2'
+    """
+    at = np.asarray(levels, dtype=float)
+    by_label = {label: np.asarray(each, dtype=float) for label, each in responses.items()}
+    shapes = {each.shape for each in by_label.values()}
+    if at.ndim != 1 or len(shapes) != 1 or len(shape := shapes.pop()) != 2 or shape[1] != at.size:
+        told = ", ".join(f"{label} {each.shape}" for label, each in by_label.items())
+        raise SettingError(
+            f"`responses` have the shapes {told or 'of nothing'}; give (n_records, n_levels) for each label, the same "
+            f"for all, with `levels` of shape (n_levels,)"
+        )
+    if min(shape) < _FEWEST or not (np.all(np.diff(at) > 0.0) and at[0] > 0.0):
+        raise SettingError(
+            f"a fragility is over two records or more at several rising levels above 0, and here are "
+            f"{counted(shape[0], 'record')} at the levels {at.tolist()}; give more"
+        )
+    names = [str(number) for number in range(1, shape[0] + 1)] if records is None else list(records)
+    if len(names) != shape[0]:
+        raise SettingError(
+            f"`records` has {counted(len(names), 'name')}, and `responses` {shape[0]} rows; give as many"
+        )
+    unit, weights = criterion_named(criterion).unit, drawn_weights(shape[0], seed)
+    rows = {
+        label: fragility_of(
+            *(label, "uncontrolled" if label == "uncontrolled" else "controller", each, at, limit, weights),
+            level=level,
+            records=names,
+            measure=measure,
+        )
+        for label, each in by_label.items()
+    }
+    return Fragilities(criterion=criterion, limit=limit, unit=unit, level=level, rows=rows)
 
 
 def fragility_of(
@@ -487,7 +567,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
             "{'peak_drift_ratio': 0.01}"
         )
     ((name, value),) = limit.items()
-    unit = in_command_unit(criterion(name).unit, command_unit)
+    unit = in_command_unit(criterion_named(name).unit, command_unit)
     if isinstance(value, str):
         number = number_in(value, unit)
         if isinstance(number, str):
@@ -495,7 +575,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if scales is not None and (lacking := scales.lacking(criterion(name).scale)):
+    if scales is not None and (lacking := scales.lacking(criterion_named(name).scale)):
         raise SettingError(f"{name} is known only with {lacking} in [building]; give it")
     return {name: float(value)}
 

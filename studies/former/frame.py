@@ -13,8 +13,8 @@ from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, Respon
 from mrwork.control import ControlLaw, DesignProblem, RegulatorSettings, design_candidates
 from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, synthetic_motion, trimmed
-from studies.common.arrays import Floats
-from studies.common.scores import constant_commands
+from studies.former.arrays import Floats
+from studies.former.scores import constant_commands
 
 RECORDS = (
     ("El Centro", "el_centro_1940_ns.csv"),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mrwork.dampers import DamperSpec, LawName, damper
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 Coefficients = Mapping[str, float | tuple[float, ...]]
 """A number for a parameter that does not follow the command, else its coefficients, lowest power first; 0 if absent."""

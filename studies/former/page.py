@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrwork.report import Panel, Table, blank, draw_points, finish, panel, style, write_study_page
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 Arguments = ParamSpec("Arguments")
 

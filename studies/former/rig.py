@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mrwork.records import DamperTest, cut, read_damper_tests, repair
-from studies.common.records import damper_tests
+from studies.former.records import damper_tests
 
 PER_CYCLE = 250
 """Samples of a cycle: with this number the fit of no test changes by more than 0.01."""

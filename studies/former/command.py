@@ -13,8 +13,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
-from studies.common.expected import departures
-from studies.common.records import ROOT, ground_motions
+from studies.former.expected import departures
+from studies.former.records import ROOT, ground_motions
 
 Say = Callable[[str], None]
 """Tells a person what is worked out now."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 import mrwork as mr
 from mrwork.closed_loop import SCORE, Scales, UserLaw, values
-from studies.common.arrays import Floats
+from studies.former.arrays import Floats
 
 PEAKS = ("peak_drift", "peak_acceleration")
 TITLES = dict(zip(SCORE, ("peak drift", "peak acc.", "rms drift", "rms acc."), strict=True))
