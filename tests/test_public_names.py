@@ -266,6 +266,9 @@ def results() -> dict[str, object]:
         "plant": plant,
         "regulator": regulator,
         "surface": mr.control.optimal_surface(plant),
+        "certificate": mr.control.design_weights(
+            frame, frame.storeys[:1], limits={"rms_drift": 2e-3}, budget=500.0
+        ).certificate,
         "lyapunov": mr.control.lyapunov_function(plant),
         "profile": profiles.profiles[0],
     }

@@ -219,9 +219,13 @@ def test_every_type_of_every_figure_is_tested() -> None:
 
 @pytest.mark.parametrize("kind", RESULTS)
 def test_a_result_has_the_figures_that_take_it_and_no_others(kind: str) -> None:
-    methods = {name for name in dir(RESULTS[kind]().plot) if not name.startswith("_")} - {"result"}
+    result = RESULTS[kind]()
+    # What it says of itself, in a terminal and in a notebook.
+    assert len(repr(result)) < 4000
+    assert result._repr_html_().startswith("<div")
+    methods = {name for name in dir(result.plot) if not name.startswith("_")} - {"result"}
     assert methods == {figure for figure in dir(mr.plots) if kind in accepted(figure)}
-    assert all(name in repr(RESULTS[kind]().plot) for name in methods)
+    assert all(name in repr(result.plot) for name in methods)
 
 
 def test_without_axes_a_figure_of_the_users_is_opened_and_with_data_none() -> None:
