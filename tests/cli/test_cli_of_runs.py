@@ -100,6 +100,7 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
     assert document["steps"] == 400
     expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "remark"}
     assert set(document["parameters"]["alpha"]) >= expected
+    command_refusal("sample", sampled, "--seed", "9", "--resume", "--quiet", match="another sampling")
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,6 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
         (("--prior", "alpha=flat"), "NAME=normal"),
         (("--noise", "pink"), "iid, student_t"),
         (("--walkers", "4"), "an even number"),
-        (("--seed", "9", "--resume"), "another sampling"),
     ],
 )
 def test_what_cannot_be_sampled_is_refused(sampled: Path, words: tuple[str, ...], word: str) -> None:
