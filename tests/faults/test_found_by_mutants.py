@@ -182,18 +182,6 @@ def test_sides_that_no_array_has_are_refused(tmp_path: Path, content: bytes) -> 
     assert peak_of(read_matlab_matrices, path) < 1e6
 
 
-def test_rows_of_a_parquet_file_are_counted_before_they_are_read(tmp_path: Path) -> None:
-    pyarrow = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    rows = pyarrow.table({name: np.zeros(1_000_000) for name in ("t_s", "displacement_m", "force_n")})
-    path = tmp_path / "rig.parquet"
-    with parquet.ParquetWriter(path, rows.schema, compression="zstd") as writer:
-        for _ in range(10):
-            writer.write_table(rows)
-    assert path.stat().st_size < 1_000_000
-    assert peak_of(read_damper_test, path) < 10e6
-
-
 def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: Path) -> None:
     time = 1e-3 * np.arange(200_000)
     columns = {"t_s": time, "force_n": 300.0 * np.sign(np.cos(2.0 * np.pi * time))}

@@ -152,18 +152,6 @@ def test_mat_variables_that_are_no_columns_are_told(
     refusal(read_damper_test, path, match=word)
 
 
-def test_parquet_reads_like_text(tmp_path: Path) -> None:
-    pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    path = tmp_path / "rig.parquet"
-    parquet.write_table(pyarrow.table(clean_columns()), path)
-    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
-    path.write_bytes(path.read_bytes()[:-100])
-    refusal(read_damper_test, path, match="not a readable Parquet file")
-    parquet.write_table(pyarrow.table({**clean_columns(), "force_n": ["1"] * N_TIME}), path)
-    refusal(read_damper_test, path, match="'force_n' holds object values")
-
-
 def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
     for name in ("b.csv", "a.csv", "c[1].csv"):
         write_text(tmp_path / name, clean_columns())
@@ -193,14 +181,14 @@ def test_the_hash_of_arrays_depends_on_every_value() -> None:
 
 @pytest.mark.parametrize(
     ("extension", "module", "remedy"),
-    [("parquet", "pyarrow", "parquet"), ("tdms", "nptdms", "tdms"), ("xlsx", "python_calamine", "xlsx")],
+    [("tdms", "nptdms", "tdms"), ("xlsx", "python_calamine", "xlsx")],
 )
 def test_without_its_library_a_format_names_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extension: str, module: str, remedy: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     path = tmp_path / f"rig.{extension}"
-    path.write_bytes(b"PAR1")
+    path.write_bytes(b"rig")
     refusal(read_damper_test, path, match=rf"pip install 'mrwork\[{remedy}\]'")
 
 

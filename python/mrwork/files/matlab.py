@@ -21,16 +21,14 @@ from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
-from mrwork.store.child_reader import Member, members_of
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
+from mrwork.store.members import Member, members_of
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
     """Variables of a version 7.3 file, or the fields of its only struct; `None` for others than real numbers."""
     name, damaged = "version 7.3 .mat file", "it is cut off or damaged, save it again"
-    members = members_of(
-        data, "hdf5", path, name=name, remedy=damaged, smaller="save one test without others"
-    )
+    members = members_of(data, "hdf5", path, name=name, remedy=damaged)
     names = [each for each in members if each and "/" not in each]
     prefix = ""
     if len(names) == 1 and members[names[0]].is_group:

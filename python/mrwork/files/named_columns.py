@@ -1,13 +1,11 @@
 """Named numeric columns of a file, and what the name of a column means: its quantity, its unit, the option for it.
 
-The reader of Parquet files, lists of files and the grid of rounded times are here, too.
+Lists of files and the grid of rounded times are here, too.
 """
 
 from __future__ import annotations
 
 import glob
-import hashlib
-import importlib.util
 import os
 import re
 import shlex
@@ -15,7 +13,6 @@ import unicodedata
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -27,8 +24,7 @@ from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
-from mrwork.store.child_reader import members_of
-from mrwork.store.input_file import RECORD, bytes_of, exists
+from mrwork.store.input_file import exists
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
@@ -374,7 +370,7 @@ class ColumnTable(ABC):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class VectorTable(ColumnTable):
-    """Columns that the format stores as arrays (Parquet, MATLAB, TDMS)."""
+    """Columns that the format stores as arrays (MATLAB, TDMS)."""
 
     source: str
     sha256: str
@@ -414,21 +410,6 @@ class VectorTable(ColumnTable):
 def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
     """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
     return (f"{noun}{'s' if len(names) > 1 else ''} {list_names(names)} ({why})",) if names else ()
-
-
-def open_parquet(path: Path) -> ColumnTable:
-    """Open a .parquet file."""
-    if importlib.util.find_spec("pyarrow") is None:
-        raise RecordError(f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'")
-    data = bytes_of(path, RECORD)
-    smaller = "save one test, without other data"
-    columns = members_of(data, "parquet", path, name="Parquet file", remedy="write it again", smaller=smaller)
-    # A column of other contents is refused when it is asked for.
-    vectors = {
-        name: np.empty(1, dtype=np.object_) if column.array is None else column.array
-        for name, column in columns.items()
-    }
-    return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
 
 
 def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:

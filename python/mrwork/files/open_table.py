@@ -19,9 +19,9 @@ import numpy as np
 from mrwork.errors import MrworkWarning, RecordError, reason_of
 from mrwork.files.delimited import open_delimited, table_of_text
 from mrwork.files.matlab import open_matlab
-from mrwork.files.named_columns import ColumnTable, VectorTable, open_parquet, unit_in_name, unused_parts
-from mrwork.store.child_reader import members_of
+from mrwork.files.named_columns import ColumnTable, VectorTable, unit_in_name, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of, check_file
+from mrwork.store.members import members_of
 
 
 def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
@@ -33,12 +33,12 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
     data = bytes_of(path, RECORD)
-    again, smaller = "save it again, without a password, or as CSV", "save one test, without other sheets"
-    members = members_of(data, "xlsx", path, name=".xlsx workbook", remedy=again, smaller=smaller)
+    again = "save it again, without a password, or as CSV"
+    members = members_of(data, "xlsx", path, name=".xlsx workbook", remedy=again)
     digest = hashlib.sha256(data).hexdigest()
     texts = {
-        str(member.attributes["name"]): member.array.tobytes()
-        for member in members.values()
+        name: member.array.tobytes()
+        for name, member in members.items()
         if member.array is not None and member.array.size
     }
     tables: dict[str, ColumnTable] = {}
@@ -150,16 +150,15 @@ def _waveform(channel: Any) -> tuple[float, float, int] | None:
 
 
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
-EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx", ".parquet", ".pq")
+EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".xlsx")
 """Extensions of the files that can hold a test."""
 _OPENERS: Final[Mapping[str, Callable[[Path], ColumnTable]]] = {
     **dict.fromkeys(TEXT_EXTENSIONS, open_delimited), ".mat": open_matlab, ".tdms": open_tdms,
-    ".parquet": open_parquet, ".pq": open_parquet,
 }  # fmt: skip
 
 
 def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
-    """Open a .mat, .tdms, .xlsx, Parquet or text file as columns; of several sheets, the first that `is_record`."""
+    """Open a .mat, .tdms, .xlsx or text file as columns; of several sheets, the first that `is_record`."""
     extension = path.suffix.lower()
     check_file(path, RECORD)
     if extension == ".xlsx":

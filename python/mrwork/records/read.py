@@ -304,7 +304,7 @@ _MOST_NAMED: Final = 8
 def read_damper_test(
     path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None, keep_velocity: bool = False
 ) -> DamperTest:
-    """Read one test from a text, .mat, .tdms, .xlsx or Parquet file, check it and convert it to SI.
+    """Read one test from a text, .mat, .tdms or .xlsx file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
     any case); a column of times of the day is the time from its first. Time, displacement and force are required;

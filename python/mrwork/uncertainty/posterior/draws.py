@@ -22,9 +22,9 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.codec import Related, record_of
 from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
+from mrwork.store.members import Member, members_of
 from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.identifiability.verdicts import DEVIATIONS, ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
@@ -453,8 +453,9 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
     if not is_there(path, _KIND):
         return None
     try:
-        return _draws(read_members(bytes_of(path, _KIND), "hdf5"), path, fit)
-    except (OSError, KeyError, TypeError, ValueError, UnreadableError) as reason:
+        again = f"run `mrwork sample {place}` again"
+        return _draws(members_of(bytes_of(path, _KIND), "hdf5", path, remedy=again), path, fit)
+    except (OSError, KeyError, TypeError, ValueError) as reason:
         if isinstance(reason, RecordError):
             raise
         raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
