@@ -11,6 +11,7 @@ from .frames import with_rayleigh_damping as with_rayleigh_damping
 from .frames import with_viscous_damper as with_viscous_damper
 from .from_file import read_building as read_building
 from .matrices import Building as Building
+from .matrices import PassiveElement as PassiveElement
 from .passive_devices import with_friction_damper as with_friction_damper
 from .passive_devices import with_lead_rubber_bearings as with_lead_rubber_bearings
 from .passive_devices import with_liquid_column as with_liquid_column
@@ -31,7 +32,6 @@ from .yielding import with_p_delta as with_p_delta
 from .yielding import with_storeys_that_yield as with_storeys_that_yield
 
 if True:  # the lower tier
-    from .matrices import PassiveElement as PassiveElement
     from .passive_devices import TUNINGS as TUNINGS
     from .passive_devices import column_length as column_length
     from .passive_devices import liquid_column_optimum as liquid_column_optimum

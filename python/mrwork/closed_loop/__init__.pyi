@@ -5,6 +5,7 @@ from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
 from .prescribed import PrescribedCommands as PrescribedCommands
 from .prescribed import simulate_prescribed as simulate_prescribed
+from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device
 from .simulate import simulate_loop as simulate_loop
@@ -19,5 +20,4 @@ if True:  # the lower tier
     from .evaluation import ratio as ratio
     from .evaluation import score as score
     from .evaluation import values as values
-    from .responses import History as History
     from .simulate import LoopVariation as LoopVariation

@@ -190,11 +190,13 @@ class History(Labelled, WithAxes, Summarised):
     time: Floats
     numbers: Mapping[str, Floats]
 
+    @checked
     def kinetic_energy(self, building: Building) -> Floats:
         """Kinetic energy of the motion relative to the ground [J], shape (n_time,)."""
         velocity = self._of(building)[:, len(building.mass) :]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", velocity, building.mass, velocity))
 
+    @checked
     def strain_energy(self, building: Building) -> Floats:
         """Strain energy of the building without its elements, less the work of weights [J], shape (n_time,)."""
         displacement = self._of(building)[:, : len(building.mass)]

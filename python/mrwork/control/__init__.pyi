@@ -1,9 +1,12 @@
 from .laws.control_law import ControlLaw as ControlLaw
+from .laws.control_law import ControlLawSpec as ControlLawSpec
 from .laws.control_law import FurtherSignal as FurtherSignal
+from .laws.control_law import LoopModel as LoopModel
 from .laws.control_law import control_law as control_law
 from .laws.control_law import control_laws as control_laws
 from .laws.inverse_network import train_inverse_network as train_inverse_network
 from .laws.law_problem import DesignProblem as DesignProblem
+from .laws.law_problem import ReferencePeaks as ReferencePeaks
 from .laws.law_settings import design_law as design_law
 from .laws.law_settings import settings_of as settings_of
 from .laws.lyapunov import lyapunov_function as lyapunov_function
@@ -13,7 +16,9 @@ from .linear.lqr import observer_of as observer_of
 from .linear.lqr import regulator_of_outputs as regulator_of_outputs
 from .linear.lqr import regulator_of_state as regulator_of_state
 from .linear.lqr import regulators_of_weights as regulators_of_weights
+from .linear.margins import LoopMargins as LoopMargins
 from .linear.margins import loop_margins as loop_margins
+from .linear.plant import Plant as Plant
 from .linear.plant import accelerations as accelerations
 from .linear.plant import deformations as deformations
 from .linear.plant import displacements as displacements
@@ -27,13 +32,11 @@ from .linear.riccati import regulator_gains as regulator_gains
 from .weights.limits import RmsLimits as RmsLimits
 from .weights.limits import SemiActiveCondition as SemiActiveCondition
 from .weights.program import inverse_weights as inverse_weights
+from .weights.weight_certificate import DesignedWeights as DesignedWeights
 from .weights.weight_solver import design_weights as design_weights
 
 if True:  # the lower tier
-    from .laws.control_law import ControlLawSpec as ControlLawSpec
-    from .laws.control_law import LoopModel as LoopModel
     from .laws.law_problem import Design as Design
-    from .laws.law_problem import ReferencePeaks as ReferencePeaks
     from .laws.law_settings import SETTINGS as SETTINGS
     from .laws.law_settings import PassiveSettings as PassiveSettings
     from .laws.law_settings import design_candidates as design_candidates
@@ -44,13 +47,10 @@ if True:  # the lower tier
     from .laws.weights import WeightWishes as WeightWishes
     from .linear.lqr import published_regulator as published_regulator
     from .linear.lqr import regulator_as_published as regulator_as_published
-    from .linear.margins import LoopMargins as LoopMargins
-    from .linear.plant import Plant as Plant
     from .linear.plant import deformation_rates as deformation_rates
     from .linear.plant import stack_outputs as stack_outputs
     from .weights.limits import DesignCase as DesignCase
     from .weights.limits import LoopTiming as LoopTiming
     from .weights.limits import sine_force as sine_force
     from .weights.limits import stiffness_cases as stiffness_cases
-    from .weights.weight_certificate import DesignedWeights as DesignedWeights
     from .weights.weight_solver import WeightDesigner as WeightDesigner

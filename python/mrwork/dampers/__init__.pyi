@@ -1,3 +1,4 @@
+from .._rust import LoadingHistory as LoadingHistory
 from . import design as design
 from .conversions import OpenSeesBoucWen as OpenSeesBoucWen
 from .conversions import bouc_wen_from_normalised as bouc_wen_from_normalised
@@ -6,20 +7,19 @@ from .conversions import normalised_from_bouc_wen as normalised_from_bouc_wen
 from .conversions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .coordinates import Box as Box
 from .parameters import CurrentLaws as CurrentLaws
+from .parameters import LawName as LawName
+from .simulation import Outcome as Outcome
 from .spec import DamperSpec as DamperSpec
 from .spec import damper as damper
 from .spec import damper_models as damper_models
 
 if True:  # the lower tier
-    from .._rust import LoadingHistory as LoadingHistory
     from .._rust import flops_per_step as flops_per_step
     from .._rust import fma_peak as fma_peak
     from .._rust import force_histories as force_histories
     from .._rust import misfits as misfits
     from .._rust import sensitivities as sensitivities
-    from .parameters import LawName as LawName
     from .simulation import Loading as Loading
-    from .simulation import Outcome as Outcome
     from .simulation import instruction_set as instruction_set
     from .simulation import simulate_force as simulate_force
     from .simulation import simulate_forces as simulate_forces

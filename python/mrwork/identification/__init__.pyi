@@ -4,6 +4,7 @@ from .equivalent import search_box as search_box
 from .fit import Fit as Fit
 from .objective import Objective as Objective
 from .problem import start_from as start_from
+from .progress import Progress as Progress
 from .settings import FitSettings as FitSettings
 from .settings import Multistart as Multistart
 
@@ -17,5 +18,4 @@ if True:  # the lower tier
     from .minimise.levenberg_marquardt import find_minimum as find_minimum
     from .minimise.multistart import MultistartResult as MultistartResult
     from .minimise.multistart import search_starts as search_starts
-    from .progress import Progress as Progress
     from .result import free_run as free_run

@@ -15,6 +15,8 @@ from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
 from .spectrum import response_spectrum as response_spectrum
 from .spectrum import scaled_to_sa as scaled_to_sa
+from .synthetic import Envelope as Envelope
+from .synthetic import GammaEnvelope as GammaEnvelope
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep
@@ -32,6 +34,4 @@ if True:  # the lower tier
     from .ground_motion import brought_to_rest as brought_to_rest
     from .spectral_density import CloughPenzien as CloughPenzien
     from .spectral_density import mean_square_of as mean_square_of
-    from .synthetic import Envelope as Envelope
-    from .synthetic import GammaEnvelope as GammaEnvelope
     from .synthetic import ricker as ricker

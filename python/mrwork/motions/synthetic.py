@@ -137,6 +137,7 @@ class Envelope:
                 f"envelope rises until {self.rise} s and stays until {self.plateau_end} s; give times in that order"
             )
 
+    @checked
     def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
@@ -162,12 +163,14 @@ class GammaEnvelope:
         first, last = gammaincinv(self.shape, np.array([0.05, 0.95]))
         return float(self.significant_duration / (last - first))
 
+    @checked
     def time_of(self, share: float) -> float:
         """Time until which a share of the energy has come [s]."""
         from scipy.special import gammaincinv
 
         return float(self.scale * gammaincinv(self.shape, share))
 
+    @checked
     def at(self, time: Floats) -> Floats:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         over_peak = time / ((self.shape - 1.0) * self.scale)

@@ -2,12 +2,15 @@ from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
 from .damper_test import OperatingRange as OperatingRange
+from .damper_test import Outside as Outside
+from .likeness import Likeness as Likeness
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import observed as observed
 from .repairs import repair as repair
+from .rig_table import ListedTest as ListedTest
 from .rig_table import read_test_table as read_test_table
 from .rig_table import write_test_table as write_test_table
 from .window import cut as cut
@@ -17,8 +20,5 @@ if True:  # the lower tier
     from .columns import parse_column_option as parse_column_option
     from .damper_test import AS_IT_IS as AS_IT_IS
     from .damper_test import Measured as Measured
-    from .damper_test import Outside as Outside
-    from .likeness import Likeness as Likeness
     from .likeness import RecordedMotion as RecordedMotion
     from .motion import regular_cycles as regular_cycles
-    from .rig_table import ListedTest as ListedTest

@@ -1,11 +1,14 @@
 from .evolution import DifferentialEvolution as DifferentialEvolution
 from .evolution import EfficientGA as EfficientGA
 from .evolution import StandardGA as StandardGA
+from .loop import Optimiser as Optimiser
+from .loop import SearchResult as SearchResult
 from .loop import misfit_under_constraints as misfit_under_constraints
 from .loop import run_search as run_search
 from .particle_swarm import ParticleSwarm as ParticleSwarm
 from .registry import OPTIMISERS as OPTIMISERS
 from .registry import PEERS as PEERS
+from .rules import EliteRule as EliteRule
 from .rules import StopRules as StopRules
 
 if True:  # the lower tier
@@ -13,12 +16,9 @@ if True:  # the lower tier
     from .course import select as select
     from .loop import AbortableObjective as AbortableObjective
     from .loop import GenerationEvent as GenerationEvent
-    from .loop import Optimiser as Optimiser
-    from .loop import SearchResult as SearchResult
     from .loop import run_replicates as run_replicates
     from .particle_swarm import CONSTRICTION as CONSTRICTION
     from .registry import library as library
-    from .rules import EliteRule as EliteRule
     from .rules import first_improvement as first_improvement
     from .rules import threshold as threshold
     from .unit_cube import Streams as Streams

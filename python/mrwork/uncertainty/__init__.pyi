@@ -1,14 +1,18 @@
+from .bands.band import Band as Band
 from .bands.band import noise_band as noise_band
 from .bands.band import parameter_band as parameter_band
 from .bands.band import score as score
 from .bands.conformal import Calibration as Calibration
 from .bands.conformal import calibrate as calibrate
+from .bands.prediction import Fold as Fold
+from .bands.prediction import LeftOut as LeftOut
 from .bands.prediction import Prediction as Prediction
 from .bands.prediction import predict as predict
 from .bands.prediction import predict_left_out as predict_left_out
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
 from .choice.laws import choose_laws as choose_laws
+from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile import profile as profile
 from .identifiability.verdicts import identifiability_of as identifiability_of
 from .noise import Iid as Iid
@@ -25,13 +29,9 @@ from .posterior.target import Prior as Prior
 from .posterior.target import Uniform as Uniform
 
 if True:  # the lower tier
-    from .bands.band import Band as Band
     from .bands.band import simulate_draws as simulate_draws
-    from .bands.prediction import Fold as Fold
-    from .bands.prediction import LeftOut as LeftOut
     from .candidate_tests import Candidate as Candidate
     from .candidate_tests import Limits as Limits
-    from .identifiability.profile import Profiles as Profiles
     from .noise import NOISES as NOISES
     from .noise import Noise as Noise
     from .posterior.draws import select_kept_rows as select_kept_rows

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mrwork.base.arguments import checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
@@ -238,6 +239,7 @@ class DesignedWeights(Summarised):
         """What is to be scanned in the true loop."""
         return SCAN_BUDGET if self.semi_active else SCAN
 
+    @checked
     def rms_under_ground(self, *, controlled: bool) -> Floats:
         """Rms of each limited output under the ground alone, without control or with ideal forces of the law's gain.
 
@@ -278,6 +280,7 @@ class DesignedWeights(Summarised):
             ],
         }
 
+    @checked
     def gain_with(self, control_scale: float) -> Floats:
         """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n)."""
         if not 0.0 < control_scale < np.inf:
@@ -290,6 +293,7 @@ class DesignedWeights(Summarised):
             return static_law_gain(self.system, self.rows, scaled, self.gain)
         return riccati_law_gain(self.system, regulate(self.system, self.rows, scaled))
 
+    @checked
     def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
         """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`."""
         if len(self.multipliers) > len(self.output_weights) + len(self.control_weight) or self.system.step:

@@ -4,16 +4,16 @@ from .damper_design import twenty_ton_damper as twenty_ton_damper
 from .flow import Slot as Slot
 from .flow import annular_pressure as annular_pressure
 from .flow import plate_pressure as plate_pressure
+from .materials import MRFluid as MRFluid
+from .materials import Steel as Steel
 from .materials import fluid as fluid
 from .materials import steel as steel
 from .sizing import DamperWishes as DamperWishes
+from .sizing import SizeFront as SizeFront
 from .sizing import size_damper as size_damper
 from .sizing import size_front as size_front
 
 if True:  # the lower tier
     from .flow import summed_pressure as summed_pressure
     from .materials import FLUIDS as FLUIDS
-    from .materials import MRFluid as MRFluid
-    from .materials import Steel as Steel
-    from .sizing import SizeFront as SizeFront
     from .sizing import SizingProgress as SizingProgress

@@ -56,6 +56,7 @@ class Band(Summarised):
     basis: str
 
     @classmethod
+    @checked
     def about(
         cls,
         centre: Annotated[Floats, _ALONG],
