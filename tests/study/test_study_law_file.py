@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import COMMAND, PATIENCE, mrwork, printed, ran, started, wait_until
+from command_line import COMMAND, PATIENCE, mrwork, printed, started, wait_until
 from refusals import refusal
 
 import mrwork as mr
@@ -188,29 +188,6 @@ def test_what_a_law_changes_in_the_process_is_undone(folder: Path, law: str) -> 
     assert err.startswith(NAMED)
     assert set(err.removeprefix(NAMED).splitlines()) <= {"a line of the law"}
     assert ("a line of the law" in law) == ("a line of the law" in err)
-
-
-@pytest.mark.machine
-def test_what_a_law_writes_by_any_way_is_not_on_the_stdout_of_a_process(folder: Path) -> None:
-    """By number, from a child process, on the stream of before, and as the interpreter ends."""
-    law = """
-import atexit, os, subprocess, sys
-subprocess.run([sys.executable, "-c", "print('child')"], check=True)
-atexit.register(print, "end")
-
-def law(sample, memory):
-    if sample.time == 0.0:
-        os.write(1, b"number\\n")
-        sys.__stdout__.write("before\\n")
-        sys.stdout.close()
-    return 0.0 * sample.rate
-"""
-    (folder / "law.py").write_text(law)
-    command = [*COMMAND, "respond", "study.toml", "--out", "run", "--json", "--quiet"]
-    ended = ran(*command)
-    assert ended.returncode == 0, ended.stderr
-    assert json.loads(ended.stdout)["complete"]
-    assert set(ended.stderr.splitlines()[1:]) == {"child", "number", "before", "end"}
 
 
 @pytest.mark.machine

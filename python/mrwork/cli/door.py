@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import traceback
 import warnings
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -123,7 +122,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
         note("; ".join(["interrupted", *getattr(interrupt, "__notes__", ())]))
         return signals.status
     except Exception as error:
-        if not (isinstance(error, _SAID) or _is_of_loading(error)):
+        if not isinstance(error, _SAID):
             raise
         note(*(str(error).split("\n") if isinstance(error, MistakesError) else [sentence_on(error)]))
         return 2
@@ -143,8 +142,7 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
         return int(end.code or 0)
 
 
-# What ends a command in a sentence, beside what a library raises while it is loaded. Any other error is a defect of
-# mrwork, whose traceback is wanted.
+# What ends a command in a sentence. Any other error is a defect of mrwork, whose traceback is wanted.
 _SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, UnicodeError, ImportError)
 
 
@@ -164,18 +162,7 @@ def sentence_on(error: BaseException) -> str:
         (UnicodeError, f"a text cannot be read or written ({reason}); save it as UTF-8"),
         (ImportError, f"a library cannot be loaded ({reason}); install mrwork again"),
     )
-    of_loading = (
-        f"a library cannot be loaded ({reason}); correct or unset the environment variable that it reads"
-    )
-    return next((sentence for kind, sentence in sentences if isinstance(error, kind)), of_loading)
-
-
-def _is_of_loading(error: BaseException) -> bool:
-    """Whether a library has raised an error while it was loaded, as where an environment variable has a wrong value."""
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    own = [str(frame.f_globals.get("__name__", "")).partition(".")[0] == "mrwork" for frame in frames]
-    after = len(own) - own[::-1].index(True) if True in own else len(own)
-    return any(frame.f_code.co_name == "<module>" for frame in frames[after:])
+    return next((sentence for kind, sentence in sentences if isinstance(error, kind)), reason)
 
 
 @contextmanager

@@ -8,10 +8,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from _frozen_importlib_external import ExtensionFileLoader
-from types import FrameType
 
-# Seconds until an interrupt that was lost, or would be, is raised again.
+# Seconds until an interrupt that was lost is raised again.
 _AGAIN = 0.01
 
 
@@ -58,29 +56,12 @@ class StopSignals:
     def _raise_again(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Raise an interrupt again that came where nothing can be raised, as while an object is released."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt) and hasattr(signal, "setitimer"):
-            self._interrupt_later()
+            received = self._received
+            signal.signal(signal.SIGALRM, lambda number, frame: self._interrupt(received, frame))
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
             sys.__unraisablehook__(unraisable)
 
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+    def _interrupt(self, number: int, frame: object) -> None:
         self._received = number
-        if _loads_a_compiled_module(frame) and hasattr(signal, "setitimer"):
-            self._interrupt_later()
-        else:
-            raise KeyboardInterrupt
-
-    def _interrupt_later(self) -> None:
-        received = self._received
-        signal.signal(signal.SIGALRM, lambda number, frame: self._interrupt(received, frame))
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-
-
-def _loads_a_compiled_module(frame: FrameType | None) -> bool:
-    """Whether a compiled module is being loaded, which may clear an exception of the Python code that it runs."""
-    while frame is not None:
-        if frame.f_code.co_name in ("create_module", "exec_module") and isinstance(
-            frame.f_locals.get("self"), ExtensionFileLoader
-        ):
-            return True
-        frame = frame.f_back
-    return False
+        raise KeyboardInterrupt

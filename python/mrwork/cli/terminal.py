@@ -6,9 +6,7 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TextIO
 
 from mrwork.errors import OutputError, escape_text, escaped_lines
 
@@ -42,47 +40,9 @@ def write_stderr(text: str) -> None:
         sys.stderr.flush()
 
 
-@contextlib.contextmanager
-def keep_stdout() -> Iterator[None]:
-    """Reserve stdout for the command: redirect other output in the block, as of a law in Python, to stderr.
-
-    Where the streams are those of the process, that holds for its child processes and compiled code, too.
-    """
-    kept, shared = sys.stdout, _number(sys.stdout) == 1 and _number(sys.stderr) == 2
-    with contextlib.ExitStack() as undo:
-        undo.callback(setattr, sys, "stdout", kept)
-        if shared:
-            kept.flush()
-            undo.callback(_redirect, os.dup(1))
-            os.dup2(2, 1)
-            # Not stderr itself, which somebody may close by this name.
-            sys.stdout = undo.enter_context(
-                open(2, "w", encoding=kept.encoding, errors="backslashreplace", buffering=1, closefd=False)
-            )
-            # What was printed on the stream of before goes where stdout leads now.
-            undo.callback(_flush, kept)
-        else:
-            sys.stdout = sys.stderr
-        yield
-
-
-def _redirect(number: int) -> None:
-    """Let stdout lead where the file of this number does, which is closed."""
-    os.dup2(number, 1)
-    os.close(number)
-
-
-def _flush(stream: TextIO) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        stream.flush()
-
-
-def _number(stream: TextIO) -> int:
-    """Number of the file of a stream; -1 if it has none."""
-    try:
-        return stream.fileno()
-    except (OSError, ValueError, AttributeError):
-        return -1
+def keep_stdout() -> contextlib.AbstractContextManager[object]:
+    """Reserve stdout for the command: what Python code prints in the block, as a law of the user, goes to stderr."""
+    return contextlib.redirect_stdout(sys.stderr)
 
 
 def take_streams() -> bool:

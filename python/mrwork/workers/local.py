@@ -39,6 +39,8 @@ def local_workers(count: int) -> Iterator[ProcessPoolExecutor | None]:
 
 def _serve(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The stdout of a command is for its result.
+    os.dup2(2, 1)
 
     def watch() -> None:
         while os.getppid() == parent:
