@@ -7,6 +7,7 @@ Bouc-Wen 99.41 %. One minute of one core, the quick form ten seconds. `chapter_3
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ script = Script(__file__, __doc__, quick="one test, and three of the four models
 # %% Table 3.1: properties of fluids with a yield stress, the first two columns remembered, beside our fluids.
 FIELD = 150e3  # A/m
 fluids = {name: design.fluid(name) for name in ("MRF-122EG", "MRF-132DG", "MRF-140CG")}
-named = {
+named: dict[str, Any] = {
     name: {
         "particles by volume": fluid.particle_fraction,
         "viscosity [Pa s]": fluid.viscosity,
@@ -38,7 +39,7 @@ remembered = {
     "density [kg/m3]": (3000.0, 4000.0, "1000 to 2000"),
     "eta/tau2 [s/Pa]": (1e-11, 1e-10, "1e-8 to 1e-7"),
 }
-general = {}
+general: dict[str, Any] = {}
 for name, (least, most, electro) in remembered.items():
     ours = [fluid[name] for fluid in named.values()]
     general[name] = {
@@ -75,19 +76,19 @@ RADIUS, LENGTH, VISCOSITY, FLOW = 0.02, 0.05, 0.1, 1e-5  # m, m, Pa s, m^3/s
 SHOWN, STRESSES = 10.0 ** np.arange(-2, 4), np.geomspace(1e-2, 1e3, 41)  # T = w h^2 tau/(12 Q eta)
 
 
-def slot_of(gap):
+def slot_of(gap: float) -> design.Slot:
     """A slot with a gap in units of its inner radius."""
     return design.Slot(inner_radius=RADIUS, gap=gap * RADIUS, length=LENGTH)
 
 
-def errors(T):
+def errors(T: np.ndarray) -> dict[str, np.ndarray]:
     """In per cent, by approximation, at dimensionless yield stresses."""
     found = {}
     for gap in (0.02, 0.1, 0.3):
         slot = slot_of(gap)
         viscous = 12.0 * FLOW * VISCOSITY / (slot.width * slot.gap**3)  # Pa/m
         tau = T * viscous * slot.gap
-        drop = {"flow": FLOW, "yield_stress": tau, "viscosity": VISCOSITY}
+        drop: Any = {"flow": FLOW, "yield_stress": tau, "viscosity": VISCOSITY}
         exact = design.annular_pressure(slot, **drop)
         found[f"plates, gap {gap:g} R"] = 100.0 * (design.plate_pressure(slot, **drop) / exact - 1.0)
         if gap == 0.02:
@@ -114,7 +115,7 @@ script.table(
 flows, wide, thin = np.geomspace(1e-7, 1e-3, 9), slot_of(0.3), slot_of(0.02)
 inner, outer = wide.inner_radius, wide.inner_radius + wide.gap
 area = (outer**4 - inner**4) - (outer**2 - inner**2) ** 2 / np.log(outer / inner)
-no_yield = {"flow": flows, "yield_stress": 0.0, "viscosity": VISCOSITY}
+no_yield: Any = {"flow": flows, "yield_stress": 0.0, "viscosity": VISCOSITY}
 moving = 12.0 * VISCOSITY * LENGTH * (flows + thin.width * thin.gap * 0.1 / 2.0) / (thin.width * thin.gap**3)
 n = 0.7
 power = (2.0 * (2.0 * n + 1.0) / n * flows / (thin.width * thin.gap**2)) ** n
@@ -148,7 +149,7 @@ script.table(
     title="Flow beside closed forms, the largest difference of a few flows or yield stresses",
     digits=1,
 )
-newtonian = {"flow": FLOW, "yield_stress": 0.0, "viscosity": VISCOSITY}
+newtonian: Any = {"flow": FLOW, "yield_stress": 0.0, "viscosity": VISCOSITY}
 coarse, fine = (
     abs(design.plate_pressure(slot, **newtonian) / design.annular_pressure(slot, **newtonian) - 1.0)
     for slot in (slot_of(0.1), slot_of(0.05))
@@ -231,7 +232,7 @@ script.figure(mr.report.cross_section_figure(damper), "twenty_tons_section")
 # the prototype damper, the second by a static model, which none of the four contains.
 MODELS = ("bingham", "extended_bingham", "bouc_wen", "modified_bouc_wen")
 tests, models = ("spencer1997", "rd1005_1a"), MODELS[: 3 if script.quick else 4]
-rows, fits = {}, {}
+rows, fits = dict[str, Any](), dict[str, mr.Fit]()
 for name in tests[: 1 if script.quick else 2]:
     for model in models:
         script.say(f"{name}: {model}")
@@ -245,7 +246,7 @@ script.table("models", rows, title=title)
 figure = Figure(figsize=(10.0, 2.8 * len(fits)), layout="constrained")
 for row, (model, fit) in zip(figure.subplots(len(fits), 3), fits.items(), strict=True):
     (test,), (force,) = fit.tests, fit.forces
-    period = round(1.0 / (test.frequency * test.dt))
+    period = round(1.0 / ((test.frequency or 1.0) * test.dt))
     cycle = slice(test.n_time - 2 * period - 1, test.n_time - period)
     abscissae = {
         "Time (s)": test.time,
