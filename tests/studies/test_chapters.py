@@ -26,8 +26,6 @@ from studies.chapter_6.tuning import control_law_of
 from studies.chapter_7.controlled_tests import NO_DAMPER_NAME, OFF, QUANTITIES
 from studies.chapter_7.predictions import ALL_TRUE
 from studies.chapter_7.virtual_rig import SENSORS
-from studies.controller_weights.study import found_by as weights_found
-from studies.controller_weights.tables import tables as weight_tables
 from studies.former.command import Work
 from studies.former.expected import departures
 from studies.former.frame import LEVELS, RECORDS, level_name
@@ -108,7 +106,7 @@ def decaying_sines(folder: Path) -> Path:
     return folder
 
 
-# Half a minute; chapter 6 and the designed weights stand for the others in every change.
+# Half a minute; chapter 6 stands for the others in every change.
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "holds", "pictures"),
@@ -144,12 +142,6 @@ def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
     assert departures(found, STUDIES / "chapter_6/expected.toml") == []
     of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
     assert_filled(chain(tables(found), *of_thesis.values()))
-
-
-def test_the_quick_form_of_designed_weights_finds_what_is_expected() -> None:
-    found = weights_found(quick=True, records=MEASURED, threads=1, say=lambda what: None)
-    assert departures(found, STUDIES / "controller_weights/expected.toml") == []
-    assert_filled(weight_tables(found))
 
 
 def test_every_tuned_law_has_a_setting_for_both_levels() -> None:
