@@ -18,8 +18,6 @@ from studies.chapter_6.tuning import control_law_of
 from studies.chapter_7.controlled_tests import NO_DAMPER_NAME, OFF, QUANTITIES
 from studies.chapter_7.predictions import ALL_TRUE
 from studies.chapter_7.virtual_rig import SENSORS
-from studies.controller_weights.study import found_by as weights_found
-from studies.controller_weights.tables import tables as weight_tables
 from studies.former.command import Work
 from studies.former.expected import departures
 from studies.former.frame import LEVELS, level_name
@@ -53,7 +51,7 @@ def a_true_rig_misses_by_its_sensors(chapter: Any) -> None:
     assert all(each > 1.5 for each in ratios[NO_DAMPER_NAME].values())
 
 
-# Half a minute; chapter 6 and the designed weights stand for the others in every change.
+# Half a minute.
 @pytest.mark.long
 def test_the_quick_form_of_chapter_7_finds_what_is_expected() -> None:
     findings, shown = (import_module(f"studies.chapter_7.{part}") for part in ("findings", "tables"))
@@ -70,12 +68,6 @@ def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
     assert departures(found, STUDIES / "chapter_6/expected.toml") == []
     of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
     assert_filled(chain(tables(found), *of_thesis.values()))
-
-
-def test_the_quick_form_of_designed_weights_finds_what_is_expected() -> None:
-    found = weights_found(quick=True, records=MEASURED, threads=1, say=lambda what: None)
-    assert departures(found, STUDIES / "controller_weights/expected.toml") == []
-    assert_filled(weight_tables(found))
 
 
 def test_every_tuned_law_has_a_setting_for_both_levels() -> None:
