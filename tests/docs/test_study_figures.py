@@ -21,6 +21,15 @@ DERIVED = {
 }
 
 
+def files_of(study: str) -> list[Path]:
+    """What a study states: its script, notes and expected numbers; nothing where there is no such study."""
+    folder = STUDIES / study
+    if not ((folder / "expected.toml").is_file() or folder.with_suffix(".py").is_file()):
+        return []
+    named = (folder.with_suffix(".py"), folder / "README.md", folder / "notes.md", folder / "expected.toml")
+    return [*filter(Path.is_file, named), *folder.glob("*.csv")]
+
+
 def parts_of(page: Path) -> list[tuple[str, str]]:
     """Each paragraph, list and table of a page that cites a study with figures, or follows on that: study and text."""
     found: list[tuple[str, str]] = []
@@ -28,7 +37,7 @@ def parts_of(page: Path) -> list[tuple[str, str]]:
     for section in re.split(r"(?m)^#", page.read_text(encoding="utf-8")):
         study = ""
         for block in re.split(r"\n\s*\n|\n(?=- )", section):
-            cited = [name for name in CITED.findall(block) if (STUDIES / name / "expected.toml").is_file()]
+            cited = [name for name in CITED.findall(block) if files_of(name)]
             study = cited[-1] if cited else study
             if study and (cited or block.startswith(("|", "- "))):
                 found.append((study, block))
@@ -44,8 +53,7 @@ CASES = [
 
 
 def stated(study: str) -> set[float]:
-    files = [STUDIES / study / name for name in ("README.md", "expected.toml")]
-    text = "\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files_of(study))
     numbers = [float(each) for each in re.findall(r"-?\d+\.?\d*(?:e[-+]?\d+)?", text.replace(" 000", "000"))]
     return {abs(scale * each) for each in numbers for scale in SCALES}
 
