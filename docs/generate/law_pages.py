@@ -7,8 +7,9 @@ from pathlib import Path
 from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
-from mrwork.control import SETTINGS, ControlLawSpec, control_laws
+from mrwork.control import ControlLawSpec, control_laws
 from mrwork.control.laws.control_law import SOURCES
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
 

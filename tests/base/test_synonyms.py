@@ -12,7 +12,8 @@ import mrwork as mr
 from mrwork.base.keys import keys_of, meant, name_in_file, tables
 from mrwork.base.synonyms import _WORDS, without_style
 from mrwork.cli.door import whole_parser
-from mrwork.control import SETTINGS, WeightWishes
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.dampers.spec import damper_models
 from mrwork.study.arrangements import CONSTANT_LAWS
 from mrwork.study.schema import StudyTable

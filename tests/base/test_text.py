@@ -10,7 +10,7 @@ import pytest
 
 from mrwork.base.table import TableColumn, csv_text, page_table, text_table
 from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
-from mrwork.report import Table
+from mrwork.report.section import Table
 
 COLUMNS = (
     TableColumn(heading="test", cell=lambda each: each[0], words=True),

@@ -11,7 +11,7 @@ from hypothesis import given
 from refusals import refusal
 
 from mrwork.base.units import FACTORS, factor_of, factor_to_si, number_in, quantity_of
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 
 
 def test_every_unit_has_one_meaning() -> None:

@@ -11,7 +11,6 @@ from refusals import refusal
 from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.buildings import (
-    TUNINGS,
     Building,
     building,
     shear_building,
@@ -23,7 +22,7 @@ from mrwork.buildings import (
     with_tuned_mass,
     with_viscous_damper,
 )
-from mrwork.buildings.passive_devices import den_hartog, warburton
+from mrwork.buildings.passive_devices import TUNINGS, den_hartog, warburton
 
 UTS = building("uts")
 

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 import mrwork as mr
 from mrwork.buildings.passive_devices import head_loss_of
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 
 FRAME = mr.building("uts")
 of = mr.buildings

@@ -13,7 +13,8 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.closed_loop import STANDARD_GRAVITY, Responses
+from mrwork.closed_loop import Responses
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.control import ControlLaw
 
 of = mr.buildings

@@ -20,6 +20,7 @@ import mrwork as mr
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.identify import identify_with
 from mrwork.uncertainty import predict_left_out
+from mrwork.uncertainty.candidate_tests import Candidate
 
 # Commands [A] and frequencies [Hz] of the tests for each use.
 USES = {
@@ -151,7 +152,7 @@ def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(fitte
     def results() -> Any:
         opened = reopen(fitted.run)
         fit, tests = opened.fit, opened.tests
-        candidate = mr.uncertainty.Candidate(amplitude=0.02, frequency=1.0, command=0.5)
+        candidate = Candidate(amplitude=0.02, frequency=1.0, command=0.5)
         folds = predict_left_out(
             tests,
             "test",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, rd1005, sweep
 
-from mrwork.closed_loop import SCORE, criteria, ratio, score, simulate_loop, values
-from mrwork.closed_loop.evaluation import Scales
+from mrwork.closed_loop import criteria, simulate_loop
+from mrwork.closed_loop.evaluation import SCORE, Scales, ratio, score, values
 from mrwork.closed_loop.responses import history_signals, run_quantities
 from mrwork.control import ControlLaw
 

@@ -11,8 +11,8 @@ from loop_samples import devices, five_storeys, friction, law_with_gains, plant_
 from refusals import refusal
 
 from mrwork.buildings import Building, with_yielding_damper
-from mrwork.closed_loop import Hardware, LoopSample, LoopVariation, Responses, UserLaw, simulate_loop
-from mrwork.closed_loop.simulate import RunsOfLoop
+from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw, simulate_loop
+from mrwork.closed_loop.simulate import LoopVariation, RunsOfLoop
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 

@@ -11,7 +11,7 @@ from damper_samples import DT, random_theta, scaled_box, sine, sweep, without_of
 
 from mrwork import _rust
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_misfits
-from mrwork.identification import identifiable_form
+from mrwork.identification.equivalent import identifiable_form
 
 CORNERS = 64
 

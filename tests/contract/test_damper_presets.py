@@ -10,8 +10,9 @@ import pytest
 from damper_samples import DT, sine
 from refusals import refusal
 
-from mrwork.dampers import PUBLISHED_SETS, damper, damper_models
+from mrwork.dampers import damper, damper_models
 from mrwork.dampers.simulation import simulate_force
+from mrwork.dampers.spec import PUBLISHED_SETS
 from mrwork.twins.models import parameters_at
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from damper_samples import noise, noise_free_test
 
 from mrwork.dampers import Box
-from mrwork.identification import Objective, find_minima
+from mrwork.identification import Objective
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import linearise_residuals
 
 # 0.3 s of motion in a wide band feel every parameter.

@@ -7,15 +7,8 @@ import pytest
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.control import (
-    Plant,
-    RegulatorSettings,
-    drifts,
-    inverse_weights,
-    plant_of,
-    regulator_of_outputs,
-    regulator_of_state,
-)
+from mrwork.control import Plant, drifts, inverse_weights, plant_of, regulator_of_outputs, regulator_of_state
+from mrwork.control.laws.regulator_settings import RegulatorSettings
 
 FRAME = mr.building("uts")
 

@@ -10,7 +10,9 @@ from loop_samples import design_problem
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.control import DesignProblem, PassiveSettings, RegulatorSettings, design_law
+from mrwork.control import DesignProblem, design_law
+from mrwork.control.laws.law_settings import PassiveSettings
+from mrwork.control.laws.regulator_settings import RegulatorSettings
 
 
 def test_a_designed_law_is_the_one_made_by_hand() -> None:

@@ -12,12 +12,11 @@ from mrwork.control import (
     Plant,
     accelerations,
     drifts,
-    published_regulator,
-    regulator_as_published,
     regulator_gains,
     regulator_of_outputs,
     regulator_of_state,
 )
+from mrwork.control.linear.lqr import published_regulator, regulator_as_published
 from mrwork.control.linear.plant import Outputs
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)

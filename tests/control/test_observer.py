@@ -9,9 +9,9 @@ import pytest
 from control_samples import five_storeys, frame, in_units, plant
 from refusals import refusal
 
-from mrwork.control import Plant, accelerations, deformations, observer_of, plant_of, stack_outputs
+from mrwork.control import Plant, accelerations, deformations, observer_of, plant_of
 from mrwork.control.linear.lqr import Observer
-from mrwork.control.linear.plant import Outputs
+from mrwork.control.linear.plant import Outputs, stack_outputs
 
 TS = 2e-3
 

@@ -8,16 +8,8 @@ import numpy as np
 from control_samples import plant, three_storeys
 from refusals import refusal
 
-from mrwork.control import (
-    accelerations,
-    deformation_rates,
-    deformations,
-    displacements,
-    drifts,
-    plant_of,
-    stack_outputs,
-    velocities,
-)
+from mrwork.control import accelerations, deformations, displacements, drifts, plant_of, velocities
+from mrwork.control.linear.plant import deformation_rates, stack_outputs
 
 RNG = np.random.default_rng(6)
 

@@ -16,7 +16,6 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.control import (
-    SETTINGS,
     Plant,
     accelerations,
     drifts,
@@ -29,6 +28,7 @@ from mrwork.control import (
     regulator_of_outputs,
     regulator_of_state,
 )
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.riccati import RiccatiSolutions, RiccatiStatus
 from mrwork.errors import SettingError
 

@@ -14,16 +14,10 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.buildings import Building
-from mrwork.control import (
-    DesignedWeights,
-    RegulatorSettings,
-    WeightDesigner,
-    accelerations,
-    design_weights,
-    drifts,
-    plant_of,
-    stack_outputs,
-)
+from mrwork.control import DesignedWeights, accelerations, design_weights, drifts, plant_of
+from mrwork.control.laws.regulator_settings import RegulatorSettings
+from mrwork.control.linear.plant import stack_outputs
+from mrwork.control.weights.weight_solver import WeightDesigner
 from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}

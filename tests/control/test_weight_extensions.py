@@ -12,14 +12,9 @@ from loop_samples import design_problem
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.control import (
-    DesignCase,
-    DesignedWeights,
-    LoopTiming,
-    SemiActiveCondition,
-    design_weights,
-    stiffness_cases,
-)
+from mrwork.control import DesignedWeights, SemiActiveCondition, design_weights
+from mrwork.control.laws.weights import WeightWishes
+from mrwork.control.weights.limits import DesignCase, LoopTiming, stiffness_cases
 from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
@@ -139,7 +134,7 @@ def test_a_sampled_design_leaves_a_budget_unused_that_accelerations_have_no_use_
 
 def test_the_weights_of_a_record_follow_its_content(tmp_path: Path) -> None:
     record, found = tmp_path / "record.csv", []
-    wishes = mr.control.WeightWishes(rms_drift=2e-3, budget=500.0, record=str(record))
+    wishes = WeightWishes(rms_drift=2e-3, budget=500.0, record=str(record))
     for frequency in (2.0, 6.0):
         time = 0.01 * np.arange(2001)
         swing = np.sin(2.0 * np.pi * frequency * time) + 0.3 * np.sin(7.0 * time)

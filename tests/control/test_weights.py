@@ -12,13 +12,9 @@ from refusals import refusal
 from study_texts import study_text
 
 import mrwork as mr
-from mrwork.control import (
-    DesignProblem,
-    LyapunovSettings,
-    ProportionalSettings,
-    RegulatorSettings,
-    design_law,
-)
+from mrwork.control import DesignProblem, design_law
+from mrwork.control.laws.lyapunov import LyapunovSettings, ProportionalSettings
+from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.study import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))

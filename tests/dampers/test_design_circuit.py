@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refusal
 
-from mrwork.dampers.design import FLUIDS, MagneticCircuit, MRFluid, Steel, fluid, steel
+from mrwork.dampers.design import MagneticCircuit, MRFluid, Steel, fluid, steel
 from mrwork.dampers.design.damper_design import wire_diameter
-from mrwork.dampers.design.materials import STEELS, VACUUM_PERMEABILITY
+from mrwork.dampers.design.materials import FLUIDS, STEELS, VACUUM_PERMEABILITY
 
 FLUID = fluid("MRF-132DG")
 CIRCUIT = MagneticCircuit(

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from mrwork.dampers.design import Slot, annular_pressure, plate_pressure, summed_pressure
-from mrwork.dampers.design.flow import PRESSURES
+from mrwork.dampers.design import Slot, annular_pressure, plate_pressure
+from mrwork.dampers.design.flow import PRESSURES, summed_pressure
 
 Pressure = Callable[..., np.ndarray]
 

@@ -14,7 +14,7 @@ from generate.markdown import prose
 from generate.pages import REFERENCE, STUDIES, pages, pictures
 from mrwork.base.keys import keys_in_words, tables
 from mrwork.cli.door import parser, verbs
-from mrwork.control import SETTINGS
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study.schema import StudyTable
 
 

@@ -17,19 +17,14 @@ import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted
-from mrwork.identification import (
-    Fit,
-    Objective,
-    Progress,
-    free_run,
-    identifiable_form,
-    search_box,
-)
+from mrwork.identification import Fit, Objective, Progress, search_box
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.result import (
     autocorrelation_time,
     covariance,
     effective_samples,
     fit_quality,
+    free_run,
     residuals_by_test,
 )
 from mrwork.identification.settings import resize_search, search_named, searches

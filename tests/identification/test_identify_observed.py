@@ -13,9 +13,9 @@ import pytest
 
 import mrwork as mr
 from mrwork import Journal
-from mrwork.identification import free_run
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
-from mrwork.records.damper_test import Smoothing
+from mrwork.identification.result import free_run
+from mrwork.records import DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import AS_IT_IS, Smoothing
 from mrwork.uncertainty import identifiability_of, predict
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"

@@ -15,12 +15,13 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress, free_run
+from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.minimise.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance
+from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.records.window import excerpt

@@ -16,14 +16,10 @@ import own_dampers
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification import (
-    Objective,
-    find_minima,
-    find_minimum,
-    find_minimum_by_optimistix,
-    identifiable_form,
-)
-from mrwork.identification.equivalent import Form
+from mrwork.identification import Objective
+from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix
+from mrwork.identification.minimise.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings

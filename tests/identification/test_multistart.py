@@ -11,18 +11,10 @@ from numpy.typing import NDArray
 
 from mrwork.dampers import Box, damper
 from mrwork.errors import Interrupted
-from mrwork.identification import (
-    Multistart,
-    MultistartResult,
-    Objective,
-    find_minima,
-    find_minimum,
-    identifiable_form,
-    search_box,
-    search_starts,
-)
-from mrwork.identification.minimise.levenberg_marquardt import Hopeless
-from mrwork.identification.minimise.multistart import distinct_minima
+from mrwork.identification import Multistart, Objective, search_box
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless, find_minima, find_minimum
+from mrwork.identification.minimise.multistart import MultistartResult, distinct_minima, search_starts
 from mrwork.identification.objective import linearise_residuals
 from mrwork.records import cut
 from mrwork.records.reading import synthetic_test

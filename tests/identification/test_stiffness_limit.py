@@ -11,9 +11,10 @@ import pytest
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
-from mrwork.identification import Objective, find_minima, identifiable_form
+from mrwork.identification import Objective
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import fit_content, fit_from_json
-from mrwork.identification.minimise.levenberg_marquardt import nearest_below_stiffness
+from mrwork.identification.minimise.levenberg_marquardt import find_minima, nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test

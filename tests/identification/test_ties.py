@@ -16,6 +16,7 @@ from mrwork.dampers import Box
 from mrwork.identification.fit_file import fit_content
 from mrwork.identification.ties import Ties
 from mrwork.records import cut
+from mrwork.uncertainty.candidate_tests import Candidate
 
 TIE = {"f0": "-0.1*f_c + 5"}
 
@@ -139,7 +140,7 @@ def test_ties_of_parameters_that_have_other_values_are_refused(test: mr.DamperTe
 
 
 def test_a_plan_of_tests_with_a_tied_fit_is_refused(fit: mr.Fit, test: mr.DamperTest) -> None:
-    candidate = mr.uncertainty.Candidate(amplitude=0.01, frequency=1.0)
+    candidate = Candidate(amplitude=0.01, frequency=1.0)
     refusal(mr.plan, fit, [test], [candidate], match="tied f0")
 
 

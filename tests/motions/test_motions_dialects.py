@@ -15,7 +15,7 @@ from refusals import refusal
 from scipy.io import savemat
 
 from mrwork.base.units import FACTORS
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.motions import read_motion
 
 Floats = NDArray[np.float64]

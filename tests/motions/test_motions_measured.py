@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from refusals import refusal
 
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.motions import read_motion, read_motions
 from mrwork.motions.ground_motion import is_copy
 

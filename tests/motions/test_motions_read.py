@@ -21,7 +21,7 @@ from numpy.testing import assert_allclose
 from refusals import refusal
 from scipy.io import savemat
 
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.motions import GroundMotion, read_motion, read_motions
 
 A = accelerations()

@@ -20,7 +20,7 @@ from motion_files import (
 )
 from refusals import refusal
 
-from mrwork.closed_loop import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.errors import MrworkError
 from mrwork.motions import read_motion
 

@@ -11,7 +11,6 @@ from mrwork.motions import (
     GammaEnvelope,
     GroundMotion,
     baseline_corrected,
-    brought_to_rest,
     near_fault_pulse,
     resampled_band_limited,
     scaled,
@@ -20,7 +19,7 @@ from mrwork.motions import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.ground_motion import is_copy
+from mrwork.motions.ground_motion import brought_to_rest, is_copy
 
 WHOLE = suite(n=24, rng=3)
 

@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refusal
 from scipy.linalg import solve_continuous_lyapunov
 
-from mrwork.motions import CloughPenzien, Envelope, KanaiTajimi, ricker, sine, sine_sweep, synthetic_motion
-from mrwork.motions.spectral_density import SpectralDensity
+from mrwork.motions import Envelope, KanaiTajimi, sine, sine_sweep, synthetic_motion
+from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
+from mrwork.motions.synthetic import ricker
 
 SPECTRA = (KanaiTajimi(), KanaiTajimi(frequency=5.0, damping=0.2), CloughPenzien())
 FLAT = Envelope(rise=0.0, plateau_end=1e6, decay=0.0)

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from refusals import refusal
 
-from mrwork.motions import GroundMotion, ShakeTable, ricker, scaled, sine, synthetic_motion
+from mrwork.motions import GroundMotion, ShakeTable, scaled, sine, synthetic_motion
+from mrwork.motions.synthetic import ricker
 
 # Nothing binds.
 FREE = ShakeTable(stroke=1e3, velocity=1e3, acceleration=1e3)

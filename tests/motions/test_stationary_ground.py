@@ -10,17 +10,8 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning
-from mrwork.motions import (
-    CloughPenzien,
-    Envelope,
-    GroundMotion,
-    KanaiTajimi,
-    fitted_spectrum,
-    mean_square_of,
-    scaled,
-    stationary_ground,
-)
-from mrwork.motions.spectral_density import strong_part
+from mrwork.motions import Envelope, GroundMotion, KanaiTajimi, fitted_spectrum, scaled, stationary_ground
+from mrwork.motions.spectral_density import CloughPenzien, mean_square_of, strong_part
 
 
 def noise(soil: KanaiTajimi, seed: int) -> mr.GroundMotion:

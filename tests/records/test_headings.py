@@ -17,14 +17,8 @@ from refusals import refusal
 from scipy.io import savemat
 
 from mrwork.files.named_columns import TestQuantity, likely_unit
-from mrwork.records import (
-    DamperTest,
-    ListedTest,
-    guess_tests,
-    parse_column_option,
-    read_damper_test,
-    read_damper_tests,
-)
+from mrwork.records import DamperTest, ListedTest, guess_tests, read_damper_test, read_damper_tests
+from mrwork.records.columns import parse_column_option
 from mrwork.records.rig_table import UNKNOWN
 
 POUND = 4.4482216152605

@@ -12,7 +12,8 @@ from record_files import clean_columns, codes, message, write_text
 from refusals import refusal
 from sentences import Refused
 
-from mrwork.records import parse_column_option, read_damper_test
+from mrwork.records import read_damper_test
+from mrwork.records.columns import parse_column_option
 from mrwork.records.command import nominal_from_name
 
 

@@ -13,8 +13,8 @@ from record_files import codes
 
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.records import DamperTest, build_damper_test, detect_smoothing
-from mrwork.records.checks import breakaway_overshoot, clipped_share
+from mrwork.records import DamperTest, build_damper_test
+from mrwork.records.checks import breakaway_overshoot, clipped_share, detect_smoothing
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles

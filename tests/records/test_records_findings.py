@@ -18,7 +18,9 @@ from report_samples import comparison
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import DamperTest, Finding, Measured, repair
+from mrwork.identification.result import free_run
+from mrwork.records import DamperTest, Finding, repair
+from mrwork.records.damper_test import Measured
 from mrwork.records.findings import gathered_findings
 
 OMEGA = 2.0 * np.pi * FREQUENCY
@@ -225,7 +227,7 @@ def test_a_velocity_in_another_unit_is_told_by_its_factor_and_not_fitted(factor:
     spec = damper("bingham")
     remedy = f"is {factor:.4g} times.*--repair velocity"
     refusal(mr.identification.Objective.of, spec, (test,), match=remedy)
-    refusal(mr.identification.free_run, spec, np.array(spec.nominal), test, match=remedy)
+    refusal(free_run, spec, np.array(spec.nominal), test, match=remedy)
     repaired, _ = repair(test, ["velocity"])
     assert codes(repaired) == ["repaired_velocity"]
     mr.identification.Objective.of(spec, (repaired,))

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.records import DamperTest, RecordedMotion, build_damper_test, cut
+from mrwork.records import DamperTest, build_damper_test, cut
 from mrwork.records.likeness import (
+    RecordedMotion,
     alike_groups,
     likeness,
     likest,

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from record_files import codes
 
-from mrwork.records import DamperTest, RecordedMotion, build_damper_test, detect_smoothing, read_damper_tests
+from mrwork.records import DamperTest, build_damper_test, read_damper_tests
+from mrwork.records.checks import detect_smoothing
 from mrwork.records.findings import find_mislabelled
-from mrwork.records.likeness import alike_groups
+from mrwork.records.likeness import RecordedMotion, alike_groups
 
 DATA = measured_data.DATA / "dampers"
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
-from mrwork.records.damper_test import Smoothing
+from mrwork.records import DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import AS_IT_IS, Smoothing
 from mrwork.records.reading import synthetic_test
 from mrwork.records.repairs import as_words
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from record_files import clean_columns
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from mrwork.records import build_damper_test, detect_smoothing
-from mrwork.records.checks import detect_average
+from mrwork.records import build_damper_test
+from mrwork.records.checks import detect_average, detect_smoothing
 from mrwork.records.motion import savitzky_golay, weights
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 

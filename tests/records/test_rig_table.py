@@ -17,12 +17,12 @@ from mrwork.identification.fit_file import read_fit, reopen
 from mrwork.records import (
     ListedTest,
     guess_tests,
-    parse_column_option,
     read_damper_test,
     read_damper_tests,
     read_test_table,
     write_test_table,
 )
+from mrwork.records.columns import parse_column_option
 from mrwork.records.rig_table import listed_tests
 
 HEADER = "file,use,time,displacement,force,velocity,command,doubt"

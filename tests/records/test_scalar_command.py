@@ -19,6 +19,7 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.dampers.command import levels_of_command
 from mrwork.records import DamperTest, build_damper_test, guess_tests, read_damper_test
 from mrwork.records.damper_test import range_of_test, range_of_tests
+from mrwork.records.likeness import RecordedMotion
 
 DT = 2e-3
 NOISE_N = 5.0
@@ -147,7 +148,7 @@ def test_parts_resampled_times_and_samples_keep_the_command() -> None:
     share = recorded()[-1]
     test = made("bar", 3.0 * share)
     np.testing.assert_array_equal(test.part(100, 900).command, 3.0 * share[100:900])
-    assert mr.records.RecordedMotion.of(test).command == 3.0
+    assert RecordedMotion.of(test).command == 3.0
     time = recorded()[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
     jittered = build_damper_test(
         name="jitter",

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from mrwork.drawing.canvas import inline_svg
 from mrwork.drawing.style import symbol_text
-from mrwork.report import numbers, symbol, write_study_page
-from mrwork.report.html import equation_html
+from mrwork.report.html import equation_html, symbol, write_study_page
+from mrwork.report.section import numbers
 
 
 @pytest.mark.contract

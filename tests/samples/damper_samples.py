@@ -9,7 +9,8 @@ import numpy as np
 
 from mrwork.dampers import Box, damper_models
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification import identifiable_form, search_box
+from mrwork.identification import search_box
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.records import DamperTest
 
 DT = 1e-3

@@ -24,7 +24,8 @@ from mrwork.control import (
 )
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.laws.sliding import sliding_gains
-from mrwork.dampers import PUBLISHED_SETS, DamperSpec
+from mrwork.dampers import DamperSpec
+from mrwork.dampers.spec import PUBLISHED_SETS
 from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

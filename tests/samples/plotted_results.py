@@ -24,7 +24,8 @@ from mrwork.identification.fit_file import write_run
 from mrwork.records.reading import Reading
 from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.tuning import Front, FrontPoint
+from mrwork.tuning import Front
+from mrwork.tuning.results import FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 
 _QUICK = Multistart(samples=32, starts=2)

@@ -16,11 +16,11 @@ from mrwork.store.codec import json_document
 from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, NEAR_SETS, PLAN, PROFILES, RANKING
 from mrwork.store.unfinished import begin_addition, keep_addition
-from mrwork.uncertainty import Candidate
 from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.held_out import write_held_out
 from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.candidate_tests import Candidate
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
 from mrwork.uncertainty.choice.splits import Split, Splits

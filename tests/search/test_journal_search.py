@@ -9,13 +9,8 @@ from refusals import refusal
 from search_problems import arrays_of, half_failing, optimiser_named
 
 from mrwork import Journal
-from mrwork.search import (
-    OPTIMISERS,
-    PEERS,
-    EfficientGA,
-    StopRules,
-    run_replicates,
-)
+from mrwork.search import OPTIMISERS, PEERS, EfficientGA, StopRules
+from mrwork.search.loop import run_replicates
 
 REPLICATES = (0, 3)
 

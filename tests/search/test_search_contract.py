@@ -21,14 +21,8 @@ from search_problems import (
 )
 
 from mrwork.errors import SettingError
-from mrwork.search import (
-    OPTIMISERS,
-    PEERS,
-    EliteRule,
-    StopRules,
-    run_replicates,
-    run_search,
-)
+from mrwork.search import OPTIMISERS, PEERS, EliteRule, StopRules, run_search
+from mrwork.search.loop import run_replicates
 
 SHORT = StopRules(max_generations=15, min_generations=1, confidence=None, spread_tolerance=None)
 

@@ -10,9 +10,9 @@ from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.search import EliteRule, Streams, latin_hypercube
+from mrwork.search import EliteRule
 from mrwork.search.rules import distinct_best
-from mrwork.search.unit_cube import others, reflect
+from mrwork.search.unit_cube import Streams, latin_hypercube, others, reflect
 
 
 def streams(rng=0, replicates=(0,), generation=0):

@@ -13,13 +13,8 @@ from refusals import refusal
 from search_problems import arrays_of, flat, half_failing, sphere, with_floor
 
 from mrwork.errors import Interrupted
-from mrwork.search import (
-    EfficientGA,
-    EliteRule,
-    StopRules,
-    run_replicates,
-    run_search,
-)
+from mrwork.search import EfficientGA, EliteRule, StopRules, run_search
+from mrwork.search.loop import run_replicates
 from mrwork.search.rules import first_improvement, has_stalled, hypothesis_test, statistic, threshold
 
 

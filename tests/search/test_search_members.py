@@ -21,17 +21,10 @@ from search_problems import (
     states,
 )
 
-from mrwork.search import (
-    CONSTRICTION,
-    DifferentialEvolution,
-    EfficientGA,
-    ParticleSwarm,
-    StandardGA,
-    StopRules,
-    run_replicates,
-    run_search,
-)
+from mrwork.search import DifferentialEvolution, EfficientGA, ParticleSwarm, StandardGA, StopRules, run_search
 from mrwork.search.evolution import _crossover, _fitness, _roulette
+from mrwork.search.loop import run_replicates
+from mrwork.search.particle_swarm import CONSTRICTION
 
 
 def only_capped(most):

@@ -15,19 +15,16 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork.base.values import Floats
-from mrwork.control import (
-    LoopTiming,
-    RegulatorSettings,
-    SemiActiveCondition,
-    WeightWishes,
-    design_weights,
-)
+from mrwork.control import SemiActiveCondition, design_weights
 from mrwork.control.laws.design_ground import damper_forces
 from mrwork.control.laws.law_problem import Magnitudes
+from mrwork.control.laws.regulator_settings import RegulatorSettings
+from mrwork.control.laws.weights import WeightWishes
+from mrwork.control.weights.limits import LoopTiming, stiffness_cases
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
-from mrwork.motions.spectral_density import strong_part
+from mrwork.motions.spectral_density import mean_square_of, strong_part
 from mrwork.study.comparison import findings
 from mrwork.tuning.results import chosen_study
 from mrwork.tuning.space import space_of
@@ -86,7 +83,7 @@ def test_spectra_of_a_record_and_stiffness_cases_are_keys(tmp_path: Path) -> Non
     wishes = "designed = { rms_drift = 0.004, budget = 900, record = 'record.csv', stiffness = [0.8, 1.2] }"
     found = gain_of(read(tmp_path, f"{wishes}\ncontrol_weight = 1"))
     spectrum = fitted_spectrum(mr.read_motion(tmp_path / "record.csv"))
-    cases = mr.control.stiffness_cases(FRAME, (0.8, 1.2), spectrum)
+    cases = stiffness_cases(FRAME, (0.8, 1.2), spectrum)
     limits = {"rms_drift": 4e-3}
     expected = design_weights(FRAME, FRAME.storeys[:1], limits=limits, budget=900.0, cases=cases).gain
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
@@ -274,7 +271,7 @@ def test_given_numbers_of_the_ground_hold_and_the_others_are_those_of_the_motion
     free, stiff = ground(""), ground(", ground_frequency = 40")
     strong = ground(", intensity = 0.5")
     assert (stiff.frequency, strong.intensity, strong.frequency) == (40.0, 0.5, free.frequency)
-    rms = [mr.motions.mean_square_of(each) for each in (free, stiff)]
+    rms = [mean_square_of(each) for each in (free, stiff)]
     assert rms[0] == pytest.approx(rms[1], rel=1e-9)
 
 

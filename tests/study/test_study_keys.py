@@ -20,7 +20,8 @@ from mrwork.base.hints import May
 from mrwork.base.keys import is_required, keys_of, name_in_file, read_table, tables, toml_text
 from mrwork.base.places import KeyPath, Place
 from mrwork.buildings.from_file import Addition
-from mrwork.control import SETTINGS, WeightWishes
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import MistakesError, MrworkError, SettingError
 from mrwork.study import read_study
 from mrwork.study.reading import parse

@@ -18,20 +18,18 @@ from mrwork.base.keys import read_table
 from mrwork.base.places import Place
 from mrwork.buildings import building
 from mrwork.control import (
-    SETTINGS,
     ControlLaw,
-    Design,
     DesignProblem,
     LoopModel,
-    RegulatorSettings,
     accelerations,
     control_law,
     control_laws,
-    published_regulator,
-    regulator_as_published,
     regulator_of_outputs,
 )
-from mrwork.control.laws.law_problem import LawSettings
+from mrwork.control.laws.law_problem import Design, LawSettings
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.laws.regulator_settings import RegulatorSettings
+from mrwork.control.linear.lqr import published_regulator, regulator_as_published
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.study import StudyResults
@@ -227,7 +225,7 @@ def test_a_given_gain_is_designed_in_a_batch_and_certified() -> None:
     given = RegulatorSettings(gain=GAIN.tolist())
     many = [given, RegulatorSettings(drifts=1.0, control_weight=1e-11)]
     for found in RegulatorSettings.designs(problem, many):
-        assert isinstance(found, mr.control.Design)
+        assert isinstance(found, Design)
         np.testing.assert_allclose(found.gains["gain"], GAIN, rtol=1e-9)
     assert "is stable" in given.certificate(problem)
 

@@ -19,6 +19,7 @@ import mrwork as mr
 # Their names are no promise: how studies are compared, and how a file is read before its laws are designed.
 from mrwork.base.keys import given_in, read_table, toml_text
 from mrwork.base.places import Place
+from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.study.schema import StudyTable
 from mrwork.study.study import fingerprint_of
 from mrwork.study.study_file import write_study_file
@@ -131,7 +132,7 @@ def test_values_are_written_beside_the_file_and_read_back(tmp_path: Path) -> Non
             {"law": brake, "label": "slower", "user": {"memory": 1, "rms_time": "2 s"}},
             mr.closed_loop.UserLaw(name="a value", command=brake, n_memory=2, rms_time=1.0),
             {"law": "clipped_optimal", "gain": np.full((1, 12), 1e3)},
-            {"law": "inverse_direct", "settings": mr.control.RegulatorSettings(control_weight=1e-9)},
+            {"law": "inverse_direct", "settings": RegulatorSettings(control_weight=1e-9)},
         ],
         baselines=[{"label": "rubber", "building": {"file": rubber}}],
         motions=[

@@ -19,7 +19,8 @@ import mrwork as mr
 from mrwork.base.keys import given_values, keys_of, name_in_file, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
-from mrwork.control import SETTINGS, WeightWishes
+from mrwork.control.laws.law_settings import SETTINGS
+from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import SettingError
 from mrwork.study import read_study
 from mrwork.study.reading import parse

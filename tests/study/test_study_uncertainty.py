@@ -13,7 +13,8 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.buildings import with_tuned_mass
-from mrwork.closed_loop import criterion, simulate
+from mrwork.closed_loop import simulate
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
 from mrwork.study.course import StudyProgress, excerpt_of

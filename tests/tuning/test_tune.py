@@ -14,10 +14,9 @@ from study_samples import ranges
 from tuning_samples import TWO_STOREYS, without_times
 
 import mrwork as mr
-from mrwork.closed_loop import SCORE
-from mrwork.closed_loop.evaluation import ties_in_words
+from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
-from mrwork.study import OPTIMAL_PASSIVE
+from mrwork.study.schema import OPTIMAL_PASSIVE
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import chosen_study, settings_in_words

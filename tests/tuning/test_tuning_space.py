@@ -10,9 +10,10 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.closed_loop import SCORE
-from mrwork.control import SETTINGS, DesignProblem, ReferencePeaks, design_candidates, settings_of
+from mrwork.closed_loop.evaluation import SCORE
+from mrwork.control import DesignProblem, ReferencePeaks, settings_of
 from mrwork.control.laws.law_problem import Magnitudes
+from mrwork.control.laws.law_settings import SETTINGS, design_candidates
 from mrwork.study import TuneTable
 from mrwork.study.run_result import LabelledRuns, criteria_of_runs, numbered
 from mrwork.tuning.problem import Scores

@@ -7,6 +7,7 @@ import pytest
 from backlash_rig import ELEMENT, MOTIONS, PLAY, backlash_test
 
 import mrwork as mr
+from mrwork.identification.result import free_run
 
 MODELS = ("hyperbolic_tangent_gavin", "normalised_bouc_wen", "backlash_bouc_wen")
 LARGE, MIDDLE, SMALL, SMALLEST = (MOTIONS[place] for place in (0, 2, 3, 4))
@@ -42,7 +43,7 @@ def test_small_strokes_are_predicted_where_such_were_tested_and_warned_of_where_
     fit = joint.best
     assert fit.tested is not None
     tested, untested = backlash_test(SMALL, rng=7), backlash_test(SMALLEST)
-    _, quality = mr.identification.free_run(fit.spec, np.array(fit.theta), tested)
+    _, quality = free_run(fit.spec, np.array(fit.theta), tested)
     assert quality.fit_percent > 90.0
     assert fit.outside(tested).names == ()
     (sentence,) = fit.outside(untested).sentences

@@ -13,7 +13,6 @@ from mrwork.records import DamperTest, Likeness, Outside
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
-    NOISES,
     Band,
     Fold,
     Prediction,
@@ -23,11 +22,17 @@ from mrwork.uncertainty import (
     predict,
     predict_left_out,
     score,
+)
+from mrwork.uncertainty.bands.band import (
+    cycles_of,
+    errors_over_cycles,
+    next_test_quantile,
+    pooled_quantile,
     simulate_draws,
 )
-from mrwork.uncertainty.bands.band import cycles_of, errors_over_cycles, next_test_quantile, pooled_quantile
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import alike_remark, has_regular_cycles
+from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
 NOMINAL = dict(zip(damper("static_hysteretic").names, damper("static_hysteretic").nominal, strict=True))

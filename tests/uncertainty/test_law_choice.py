@@ -16,8 +16,9 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.spec import hidden_extrema, law_values
-from mrwork.identification import FitSettings, Objective, find_minimum, identifiable_form
-from mrwork.identification.equivalent import joint_box, with_other_laws
+from mrwork.identification import FitSettings, Objective
+from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
+from mrwork.identification.minimise.levenberg_marquardt import find_minimum
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules

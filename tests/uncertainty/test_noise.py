@@ -13,7 +13,8 @@ from scipy.stats import multivariate_normal
 
 import mrwork as mr
 import mrwork.twins.models
-from mrwork.uncertainty import NOISES, Iid
+from mrwork.uncertainty import Iid
+from mrwork.uncertainty.noise import NOISES
 
 PARAMETERS = {
     "iid": [0.1],

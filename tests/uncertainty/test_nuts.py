@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from posterior_samples import independent_errors, small_fit, small_sampling
 
-from mrwork.uncertainty import Normal, first_walkers
+from mrwork.uncertainty import Normal
+from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.nuts import traced_log_posterior
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")

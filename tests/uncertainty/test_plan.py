@@ -17,8 +17,15 @@ from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
 from mrwork.records.damper_test import loading_of
 from mrwork.records.reading import synthetic_test
-from mrwork.uncertainty import Candidate, Limits, identifiability_of
-from mrwork.uncertainty.candidate_tests import candidate_grid, excitation_of, harmonic_motion, read_candidates
+from mrwork.uncertainty import identifiability_of
+from mrwork.uncertainty.candidate_tests import (
+    Candidate,
+    Limits,
+    candidate_grid,
+    excitation_of,
+    harmonic_motion,
+    read_candidates,
+)
 from mrwork.uncertainty.planning import (
     LinearisedPosterior,
     band_matrix,

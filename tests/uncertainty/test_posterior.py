@@ -16,9 +16,9 @@ from scipy.stats import norm
 
 from mrwork import Journal
 from mrwork.errors import Interrupted
-from mrwork.uncertainty import Draws, Ensemble, Normal, Uniform, sample
+from mrwork.uncertainty import Draws, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, read_draws, summary_of
-from mrwork.uncertainty.posterior.sample import SamplingProgress
+from mrwork.uncertainty.posterior.sample import Ensemble, SamplingProgress
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:

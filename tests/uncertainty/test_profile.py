@@ -13,7 +13,8 @@ from mrwork import identify
 from mrwork.dampers import Box, damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, Objective, find_minimum
+from mrwork.identification import Fit, Objective
+from mrwork.identification.minimise.levenberg_marquardt import find_minimum
 from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Profiles, identifiability_of

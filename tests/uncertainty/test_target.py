@@ -13,11 +13,12 @@ from scipy.stats import lognorm, norm, uniform
 from mrwork import identify
 from mrwork.dampers import Box, damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.identification import identifiable_form
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
-from mrwork.uncertainty import NOISES, Lognormal, Normal, first_walkers, noise_model
-from mrwork.uncertainty.posterior.laplace import fisher_information, mode_near, residual_slope
+from mrwork.uncertainty import Lognormal, Normal, noise_model
+from mrwork.uncertainty.noise import NOISES
+from mrwork.uncertainty.posterior.laplace import first_walkers, fisher_information, mode_near, residual_slope
 from mrwork.uncertainty.posterior.sample import SamplingProblem
 from mrwork.uncertainty.posterior.target import Space, parse_prior
 
