@@ -1,6 +1,6 @@
 """Score of the Bouc-Wen benchmark: root mean square error of a free run on its multisine and its sine sweep.
 
-Both are noise-free. The model is that of studies/boucwen_benchmark, identified from the training record alone. Where
+Both are noise-free. The model is that of studies/boucwen_benchmark.py, identified from the training record alone. Where
 the published test signals are absent, stand-ins of the same kind are integrated at the true parameters.
 """
 
@@ -13,7 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from mrwork.errors import RecordError
-from studies.boucwen_benchmark.assessment import (
+from studies.former.arrays import Floats
+from studies.former.records import data
+from studies.leaderboard.benchmark_assessment import (
     COARSE,
     FINE,
     N_PERIOD,
@@ -23,8 +25,8 @@ from studies.boucwen_benchmark.assessment import (
     rms,
     training_of,
 )
-from studies.boucwen_benchmark.multisine import newmark, random_multisine, stage_table
-from studies.boucwen_benchmark.oscillator import (
+from studies.leaderboard.benchmark_multisine import newmark, random_multisine, stage_table
+from studies.leaderboard.benchmark_oscillator import (
     Parameters,
     descend,
     fitted,
@@ -32,8 +34,6 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
-from studies.former.arrays import Floats
-from studies.former.records import data
 from studies.leaderboard.damper_scores import SEED
 from studies.leaderboard.measured import BENCHMARK, measured_files
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import runpy
 from argparse import Namespace
 
-import measured_data
 import numpy as np
 import pytest
 
@@ -15,8 +13,6 @@ from studies.how_sure.scores import next_test_half_width
 from studies.own_dampers import study as own_dampers
 from studies.sets_beyond import study as sets_beyond
 from studies.yielding_frame import comparison, frame, study
-
-STUDIES = measured_data.ROOT / "studies"
 
 
 @pytest.mark.long
@@ -29,12 +25,6 @@ def test_a_replicate_ranks_every_free_number_and_bands_another_motion() -> None:
     alike = 0.1 * np.exp(0.001 * np.random.default_rng(1).standard_normal(10))
     assert next_test_half_width(alike, 0.9) == pytest.approx(1.645 * 0.1, rel=0.01)
     assert next_test_half_width(0.1 * np.exp(np.tile([0.5, -0.5], 5)), 0.9) > 1.2 * 0.1645
-
-
-def test_every_family_of_one_model_for_a_rig_follows_the_command() -> None:
-    families = runpy.run_path(str(STUDIES / "one_model_for_a_rig/study.py"))["families"]()
-    assert len(families) > 5
-    assert all(set(family.laws) == set(family.spec.following) for family in families.values())
 
 
 @pytest.mark.long

@@ -30,7 +30,9 @@ def private_names(tree: ast.Module) -> list[str]:
         elif isinstance(node, ast.Attribute) and (text := ast.unparse(node)).replace(".", "").isidentifier():
             names = text.split(".")
             module: object = import_module("mrwork")
-            for name in names[1:] if names[0] == "mr" else ():
+            # What a call returns has methods, which are no names of a module.
+            of_module = names[0] == "mr" and all(name.isidentifier() for name in names)
+            for name in names[1:] if of_module else ():
                 if not isinstance(module, ModuleType):
                     break
                 if name not in module.__all__:

@@ -9,14 +9,15 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from studies.boucwen_benchmark.multisine import (
+from studies.former.arrays import Floats
+from studies.leaderboard.benchmark_multisine import (
     INTERPOLATIONS,
     Interpolation,
     newmark,
     random_multisine,
     stage_table,
 )
-from studies.boucwen_benchmark.oscillator import (
+from studies.leaderboard.benchmark_oscillator import (
     Fitted,
     Parameters,
     Period,
@@ -27,7 +28,6 @@ from studies.boucwen_benchmark.oscillator import (
     screened_minima,
     steady_period,
 )
-from studies.former.arrays import Floats
 
 N_PERIOD = 8192
 FITTED = slice(1, 3)

@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from scipy.interpolate import CubicSpline
 
-from studies.boucwen_benchmark.oscillator import Parameters
 from studies.former.arrays import Floats
+from studies.leaderboard.benchmark_oscillator import Parameters
 
 Interpolation = Literal["band-limited", "cubic", "linear"]
 INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
