@@ -4,8 +4,9 @@ Authors: mrwork. Reference: Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 
 studies/one_model_for_a_rig.
 """
 
+from typing import Any
+
 import mrwork as mr
-from studies.leaderboard.entries import Predict, Rng, Tests, recorded_force
 
 SPEC = mr.damper("normalised_modified_bouc_wen").with_current_laws(
     {"k_w": "cubic", "c0": "quadratic", "c1": "quadratic", "rho": "quadratic", "n": "linear", "k1": "linear"}
@@ -13,6 +14,6 @@ SPEC = mr.damper("normalised_modified_bouc_wen").with_current_laws(
 N_PARAMS = len(SPEC.names)
 
 
-def identify(tests: Tests, rng: Rng) -> Predict:
+def identify(tests: Any, rng: Any) -> Any:
     fit = mr.identify(SPEC, tests, observe="none", rng=int(rng.integers(2**31)))
-    return lambda test: recorded_force(fit.spec, fit.theta, test)
+    return lambda test: test.observation.observe(mr.simulate(fit.spec, fit.theta, test), test.dt)

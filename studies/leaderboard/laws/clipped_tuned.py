@@ -5,31 +5,36 @@ weights of floor accelerations, floor velocities and the rate of the damper's el
 Their ranges were moved once after a first table, to surround what studies/robust_control found by tuning.
 """
 
+from typing import Any
+
 import numpy as np
 
 import mrwork as mr
-from studies.leaderboard.best_constant import training_scores
-from studies.leaderboard.entries import Motions, Rng
 
 N_PARAMS = 4
 
 
-def design(
-    building: mr.Building, damper: mr.Device, motions: Motions, hardware: mr.Hardware, rng: Rng
-) -> mr.ControlLaw:
+def design(building: Any, damper: Any, motions: Any, hardware: Any, rng: Any) -> Any:
+    def criteria(law: Any) -> np.ndarray:
+        """Largest drifts and accelerations, peaks and rms, shape (4, n_candidates, n_motions)."""
+        found = mr.simulate_loop(building, [damper], law, motions, hardware)
+        of_runs = found.peak_drift, found.peak_acceleration, found.rms_drift, found.rms_acceleration
+        return np.stack([each.max(axis=1).reshape(-1, len(motions)) for each in of_runs])
+
     problem = mr.control.DesignProblem(building=building, devices=[damper], sample_time=hardware.sample_time)
-    settings = [
-        mr.control.RegulatorSettings(
-            drifts=1.0,
-            accelerations=10.0 ** rng.uniform(-11.0, -5.0),
-            velocities=10.0 ** rng.uniform(-9.0, -4.0),
-            rates=10.0 ** rng.uniform(-6.0, 0.0),
-            control_weight=10.0 ** rng.uniform(-16.0, -10.0),
-        )
-        for _ in range(128)
-    ]
-    candidates = mr.control.design_candidates("clipped_optimal", problem, settings)
-    assert candidates.law is not None
-    scores = training_scores(candidates.law, building, damper, motions, hardware)
-    best = settings[candidates.designed[int(np.argmin(scores))]]
-    return mr.control.design_law("clipped_optimal", problem, best)
+    off = criteria(mr.ControlLaw(name="passive", gains={"command": [0.0]}))
+    best, least = None, np.inf
+    for _ in range(128):
+        weights = {
+            "drifts": 1.0,
+            "accelerations": 10.0 ** rng.uniform(-11.0, -5.0),
+            "velocities": 10.0 ** rng.uniform(-9.0, -4.0),
+            "rates": 10.0 ** rng.uniform(-6.0, 0.0),
+            "control_weight": 10.0 ** rng.uniform(-16.0, -10.0),
+        }
+        law = mr.control.design_law("clipped_optimal", problem, weights)
+        score = (criteria(law) / off).mean()
+        if score < least:
+            best, least = law, score
+    assert best is not None
+    return best
