@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import own_dampers
 import pytest
 
 import mrwork as mr
-import own_dampers
 from mrwork.closed_loop import Hardware, Responses, simulate_loop
 from mrwork.control import ControlLaw
 from mrwork.dampers import DamperSpec

@@ -90,6 +90,36 @@ def test_missed_names_what_is_missed() -> None:
     assert not {"force", "least_gap"} & set(missed)
 
 
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        *(
+            ("force", False),
+            ("dynamic_range", False),
+            ("velocity", False),
+            ("stroke", False),
+            ("least_gap", False),
+        ),
+        *(("outer_diameter", True), ("length", True), ("voltage", True), ("current", True), ("stress", True)),
+        ("current_density", True),
+    ],
+)
+def test_a_wish_that_is_missed_by_a_tenth_is_told_with_its_share(
+    sized: SizedDamper, name: str, most: bool
+) -> None:
+    design = sized.design
+    reached = {
+        **{"force": design.largest_force, "dynamic_range": design.dynamic_range, "velocity": design.velocity},
+        **{"stroke": design.stroke, "least_gap": design.gap, "outer_diameter": design.outer_diameter},
+        **{"length": design.chamber_length, "current": design.largest_current},
+        **{"voltage": design.resistance * design.largest_current, "current_density": design.current_density},
+        # A thin ring under the pressure of the force.
+        "stress": design.largest_force / design.piston_area * design.bore / (2.0 * design.wall),
+    }[name]
+    wishes = replace(WISHES, **{name: reached / 1.1 if most else reached / 0.9})
+    assert wishes.missed(design)[name] == pytest.approx(0.1)
+
+
 def test_impossible_wishes_are_refused_with_what_is_missed() -> None:
     wishes = replace(WISHES, force=1e5, stress=1e10)
     refusal(size_damper, wishes, fluid=FLUID, steel=STEEL, budget=120, match="best misses force by")

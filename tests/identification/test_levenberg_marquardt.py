@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import own_dampers
 import pytest
 from command_line import ran
 
-import own_dampers
 from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.simulation import Loading, simulate_force

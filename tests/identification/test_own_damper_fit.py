@@ -12,12 +12,12 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import own_dampers
 import pytest
 from command_line import printed
 from refusals import command_refusal, refusal
 
 import mrwork as mr
-import own_dampers
 from mrwork.cli import own_models
 from mrwork.dampers import own_equations
 from mrwork.errors import JournalError

@@ -177,6 +177,8 @@ def test_thresholds_are_those_of_the_source():
     # 0.334 at 95 % and 0.217 at 99 %.
     assert threshold(0.95) == pytest.approx(0.334, abs=5e-4)
     assert threshold(0.99) == pytest.approx(0.217, abs=5e-4)
+    for confidence in (0.0, 1.0, 2.0):
+        refusal(threshold, confidence, match="between 0 and 1")
 
 
 def test_statistic_counts_from_the_first_improvement():

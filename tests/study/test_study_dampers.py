@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import own_dampers
 import pytest
 from command_line import printed
 from refusals import refusal
 from study_samples import ranges
 
 import mrwork as mr
-import own_dampers
 from mrwork.base.keys import read_table
 from mrwork.base.places import Place
 from mrwork.dampers import damper

@@ -8,12 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import own_dampers
 import pytest
 import tuning_samples
 from refusals import refusal
 
 import mrwork as mr
-import own_dampers
 from mrwork.control import control_laws
 from mrwork.errors import Interrupted
 from mrwork.study import TuneTable

@@ -9,12 +9,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import own_dampers
 import pytest
 from damper_samples import sine
 from refusals import refusal
 
 import mrwork as mr
-import own_dampers
 from mrwork.dampers.simulation import Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins import kernel
 from mrwork.twins.kernel import Kernel

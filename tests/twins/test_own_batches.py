@@ -6,10 +6,10 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import own_dampers
 import pytest
 
 import mrwork as mr
-import own_dampers
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import (
     Outcome,

@@ -11,11 +11,11 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import own_dampers
 import pytest
 from refusals import refusal
 
 import mrwork as mr
-import own_dampers
 from mrwork.errors import SettingError
 from mrwork.store.user_python import run_text
 from test_imports import in_fresh_process
