@@ -50,8 +50,6 @@ from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests
 from .records.read import test_from_arrays as test_from_arrays
 from .records.reading import synthetic_test as synthetic_test
-from .runs.compare import RunsComparison as RunsComparison
-from .runs.compare import compare_runs as compare_runs
 from .runs.export import export as export
 from .runs.load import StoredRun as StoredRun
 from .runs.load import load as load

@@ -28,7 +28,6 @@ _VERBS = {
     "calibrate": "calibrate prediction bands of a fit on tests that were not used for it",
     "predict": "simulate other tests with a fit and compare the force",
     "report": "draw the page of a run again, and its figures as files",
-    "compare": "compare runs of one verb on one page",
     "plan": "rank possible next tests by the variance reduction of a band",
     "respond": "simulate a building with MR dampers under earthquakes",
     "tune": "tune control laws on training motions and judge them on test motions",

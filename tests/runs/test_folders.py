@@ -1,4 +1,4 @@
-"""Runs of one verb side by side, and the summary and page of any folder."""
+"""The page and summary of any folder, and a folder of tests that becomes one."""
 
 from __future__ import annotations
 
@@ -30,15 +30,6 @@ def test_what_was_predicted_is_kept(folder: Path) -> None:
     assert held_out is not None
     assert [each.name for each in held_out.tests] == ["synthetic spencer1997_slow"]
     assert held_out.predictions[0].test.name == held_out.spread.worst_test
-
-
-@pytest.mark.parametrize("verb", ["study", "tuned"])
-def test_studies_and_tunings_are_compared_by_their_laws(folder: Path, verb: str) -> None:
-    found = mr.compare_runs([folder / verb, folder / verb])
-    assert found.verdict.startswith("Lowest score")
-    assert len(found.tables[0].columns) == 1 + 2 * 3
-    for row in found.tables[0].rows:
-        assert row[1:4] == row[4:7]
 
 
 @pytest.mark.words
