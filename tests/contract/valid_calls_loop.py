@@ -227,7 +227,7 @@ def studies_calls(place: Path) -> Calls:
         **{"laws": ["best_passive", {"law": "passive_on"}, _viscous], "on_progress": print},
         **{"baselines": [{"label": "b", "building": baseline}], "tune": {"laws": ["lyapunov"]}},
         **{"uncertainty": {"realisations": 2, "stiffness": 0.1}, "places": {"dampers": 2}},
-        **{"report": {"histories": "none"}, "clairvoyant": {"interval": 0.02}},
+        **{"report": {"histories": "none"}},
         "design_level": float(sweep(0.1).peak),
     }
     yield call(mr.study_of, **given)

@@ -36,7 +36,6 @@ SOUND: Document = {
     "motion": [{"synthetic": "kanai_tajimi", "duration": 1.0, "dt": 0.02, "soil": {"damping": 0.6}}],
     "hardware": {"feedback": "observer", "fault": [{"signal": "force", "start": 0.1, "end": 0.3}]},
     "uncertainty": {"realisations": 2, "stiffness": 0.1},
-    "clairvoyant": {"interval": 0.02},
     "places": {"dampers": 2},
     "target": {"code": "en_1998", "a_g": 2.0},
     "report": {},

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
-import measured_data
 import numpy as np
 import pytest
-from refusals import refusal
 
-from mrwork import Journal
-from mrwork.errors import Interrupted
-from mrwork.study import StudyResults, compared, read_study, run_study
-from mrwork.study.course import StudyProgress
-from mrwork.study.folder import study_document
+from mrwork.study import StudyResults, read_study, run_study
 
 N = 40
 MASS, STIFFNESS = 3e5, 6e8
@@ -111,97 +102,3 @@ pga = "0.1 g"
 [report]
 histories = "none"
 """
-ASKED = STUDY + '[clairvoyant]\ninterval = "20 ms"\nexplore = 1\nfinish = 1\n'
-
-
-def ran(folder: Path, *, resume: bool = False, stop: str = "nowhere") -> StudyResults:
-    """Run the study; Ctrl-C comes when a label contains `stop`."""
-    path = folder / "study.toml"
-    path.write_text(ASKED)
-
-    def on_progress(progress: StudyProgress) -> None:
-        if stop in progress.label:
-            raise KeyboardInterrupt
-
-    with_journal = Journal(
-        folder / f"journal {stop}" if not resume else folder / "journal random", resume=resume
-    )
-    try:
-        return run_study(read_study(path), journal=with_journal, on_progress=on_progress)
-    finally:
-        with_journal.close()
-
-
-@pytest.mark.long
-def test_the_row_is_ranked_apart_and_resumes_to_the_bit(tmp_path: Path) -> None:
-    whole = ran(tmp_path)
-    last = len(whole.rows) - 1
-    assert (whole.rows[last].label, whole.complete) == ("Clairvoyant", True)
-    assert [rank.name for rank, rows in compared(whole).ranks if last in rows] == ["clairvoyant"]
-    # The commands of the law are a start, as means over the intervals.
-    found = whole.clairvoyants[0]
-    assert "Clipped-optimal" in [start.name for start in found.starts]
-    assert whole.score(last) == pytest.approx(found.score, rel=1e-12)
-    document = study_document(whole)
-    assert document["clairvoyant"][0]["score"] == found.score
-    assert "not certified" in document["clairvoyant"][0]["statement"]
-    with pytest.raises(Interrupted) as stopped:
-        ran(tmp_path, stop="random")
-    assert (last, 0) not in stopped.value.result.runs
-    lines = (tmp_path / "journal random").read_text().count("\n")
-    resumed = ran(tmp_path, resume=True)
-    np.testing.assert_array_equal(resumed.clairvoyants[0].commands.command, found.commands.command)
-    # The searches that were done are not done again.
-    assert (tmp_path / "journal random").read_text().count("\n") == lines + 2
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "word"),
-    [
-        ('"20 ms"', '"20.5 ms"', "interval.*multiple"),
-        ("[clairvoyant]", "[hardware]\ncommand_rate = 5\n[clairvoyant]", "command_rate; leave one out"),
-    ],
-)
-def test_an_optimum_that_cannot_be_searched_for_is_refused(
-    before: str, after: str, word: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "study.toml"
-    path.write_text(ASKED.replace(before, after))
-    refusal(read_study, path, match=word)
-
-
-STUDIES = measured_data.ROOT / "studies" / "respond"
-RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
-
-
-@pytest.fixture(scope="module")
-def dyke(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """The study, its record taken from where it is here."""
-    if not (RECORDS / "el_centro_1940_ns.csv").is_file():
-        pytest.skip(f"no measured records in {RECORDS}; set MRWORK_DATA")
-    text = (STUDIES / "dyke1996.toml").read_text()
-    path = tmp_path_factory.mktemp("dyke") / "study.toml"
-    path.write_text(text.replace("../../../shared/data/records", str(RECORDS.resolve())))
-    return run_study(read_study(path))
-
-
-# Peaks of the paper: displacement and drift [cm], acceleration [cm/s2], force [N].
-PUBLISHED = {
-    "Passive-off": ((0.211, 0.357, 0.455), (0.211, 0.153, 0.103), (420.0, 480.0, 717.0), 258.0),
-    "passive-on, 2.25 V": ((0.0798, 0.196, 0.306), (0.0798, 0.158, 0.110), (281.0, 494.0, 767.0), 979.0),
-    "Clipped-optimal": ((0.114, 0.185, 0.212), (0.114, 0.0902, 0.101), (696.0, 739.0, 703.0), 941.0),
-}
-
-
-@pytest.mark.parametrize("label", list(PUBLISHED))
-def test_the_peaks_of_dyke_are_met(dyke: StudyResults, label: str) -> None:
-    row = [each.label for each in dyke.rows].index(label)
-    run = dyke.runs[row, 0]
-    # The record and its interpolation are not quite the paper's.
-    in_motion, in_force = (0.02, 0.05) if label == "Clipped-optimal" else (0.03, 0.03)
-    displacement, drift, acceleration, force = PUBLISHED[label]
-    assert 100.0 * run.peak_displacement == pytest.approx(displacement, rel=in_motion)
-    assert 100.0 * run.peak_drift == pytest.approx(drift, rel=in_motion)
-    assert 100.0 * run.peak_acceleration == pytest.approx(acceleration, rel=in_force)
-    assert run.peak_force.max() == pytest.approx(force, rel=in_force)
-    assert run.energy_error < 1e-6

@@ -30,7 +30,6 @@ _WORDS: Final[Mapping[str, str]] = {
     "uncertainty": "monte_carlo uncertain robustness scatter random_variable",
     "places": "placement placing positions damper_placement optimal_placement",
     "tune": "tuning optimise optimize optimisation optimization ga nsga",
-    "clairvoyant": "optimum noncausal upper_bound best_possible",
     "name label title": "name label title caption legend id tag heading description",
     # Buildings and what is built in.
     "masses mass": "m mass floor_mass storey_mass story_mass lumped_mass nodal_mass seismic_mass mass_matrix",

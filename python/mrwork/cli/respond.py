@@ -211,7 +211,7 @@ def _run_ensemble(
         read = read_study(options.study, other.fitted.__getitem__, seed=options.seed)
         alone = read if options.motions == "all" else read.of_use(options.motions)
         # Neither histories, realisations nor a non-causal optimum, which no verdict is from.
-        alone = replace(alone, histories=(), realisations=None, clairvoyant=None)
+        alone = replace(alone, histories=(), realisations=None)
         told = None if is_quiet(options) else report
         every.append(run_study(alone, journal=journal, on_progress=told, threads=options.threads))
     return ensemble_of(every)

@@ -1,5 +1,3 @@
-from .clairvoyant_search import ClairvoyantSettings as ClairvoyantSettings
-from .clairvoyant_search import clairvoyant as clairvoyant
 from .evaluation import criteria as criteria
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware

@@ -1,4 +1,4 @@
-"""Commands that are prescribed over time instead of those of a law, as the commands of the non-causal optimum are."""
+"""Commands that are prescribed over time instead of those of a law."""
 
 from __future__ import annotations
 

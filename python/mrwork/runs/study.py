@@ -123,7 +123,6 @@ def study_of(
     tune: TuneTable | Table | Sequence[TuneTable | Table] = (),
     places: Table | None = None,
     report: Table | None = None,
-    clairvoyant: Table | None = None,
     design_level: float | str | None = None,
     target: Table | None = None,
     references: References = "best_passive",
@@ -155,7 +154,7 @@ def study_of(
         for the name.
     baselines
         Tables of the building with other devices, each with ``label`` and ``building``.
-    hardware, uncertainty, tune, places, report, clairvoyant, target
+    hardware, uncertainty, tune, places, report, target
         Their tables, or a `Hardware`, and one or several `TuneTable`.
     design_level
         Level of the motions on which laws are designed and the best constant command is chosen, where records have
@@ -215,7 +214,6 @@ def study_of(
         "uncertainty": uncertainty,
         "tune": tables,
         "places": places,
-        "clairvoyant": clairvoyant,
         "target": target,
     }
     try:

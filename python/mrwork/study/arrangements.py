@@ -29,11 +29,9 @@ from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
-from mrwork.closed_loop.prescribed import samples_of
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, ReferencePeaks
@@ -51,7 +49,6 @@ from mrwork.study.schema import (
     PASSIVE_OFF,
     PASSIVE_ON,
     BaselineTable,
-    ClairvoyantTable,
     ControllerTable,
     DamperTable,
     LawFileTable,
@@ -60,7 +57,6 @@ from mrwork.study.schema import (
 )
 from mrwork.study.study import (
     Arrangement,
-    ClairvoyantRow,
     Kind,
     MotionOfStudy,
     Row,
@@ -110,38 +106,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             rms_time=table.rms_time,
             source=digest_of(text),
         )
-
-
-def clairvoyant_row(
-    table: ClairvoyantTable, devices: Sequence[Device], hardware: Hardware, seed: int
-) -> ClairvoyantRow:
-    """The row of a table; `seed` is that of the random starts."""
-    if any(device.spec.own is not None for device in devices):
-        table.place.refuse(
-            "dampers of your own are simulated without prescribed commands; leave this table out, or let a model of "
-            'the package take their place by like = "normalised_bouc_wen" beside their run'
-        )
-    if not any(device.spec.follows_command for device in devices):
-        table.place.refuse(
-            "there is no command to be chosen: the study has no damper that follows one; leave this table out, or give "
-            "a damper with laws"
-        )
-    if math.isfinite(hardware.command_rate):
-        table.place.refuse(
-            "the optimum knows no limit of the rate of the command, and [hardware] has a command_rate; leave one out"
-        )
-    with table.place.within("interval").prefix_errors(SettingError):
-        samples_of(table.interval, hardware.sample_time)
-    return ClairvoyantRow(
-        row=Row(
-            label=table.label,
-            kind="clairvoyant",
-            description="the best command history found for each motion: non-causal, not certified",
-        ),
-        settings=ClairvoyantSettings(
-            **{entry.name: getattr(table, entry.name) for entry in keys_of(ClairvoyantSettings)}, seed=seed
-        ),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

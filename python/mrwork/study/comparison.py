@@ -106,13 +106,6 @@ PASSIVE = Rank(name="passive", title="Passive dampers", kinds=("passive_off", "p
 RANKS = (
     LAWS,
     PASSIVE,
-    Rank(
-        name="clairvoyant",
-        title="Non-causal, not certified",
-        kinds=("clairvoyant",),
-        note="The non-causal row is the best command history found for each motion, known in advance: a local optimum "
-        "of several starts, not certified. It shows what is left for a law at least, and is no law.",
-    ),
     Rank(name="actuator", title="Ideal actuators", kinds=("actuator",)),
     Rank(name="other_device", title="Other devices", kinds=("baseline",)),
     Rank(name="uncontrolled", title="No dampers", kinds=("uncontrolled",)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from mrwork.base import arguments
-from mrwork.base.arguments import Count, NotNegative, Positive, Whole
+from mrwork.base.arguments import Count, Positive, Whole
 from mrwork.base.table import csv_text
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.closed_loop.responses import unit_of
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
@@ -131,45 +130,6 @@ def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
 
 def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
     return tuple(name for name, change in changes.items() if change.worse)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStart:
-    """A start of the search: its score, and the one reached from it."""
-
-    name: str
-    start_score: OrNan
-    score: OrNan
-    evaluations: Whole
-    seconds: NotNegative
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredClairvoyant:
-    """The non-causal optimum of a motion: command of each interval [A or V], shape (n_intervals, n_devices)."""
-
-    motion: str
-    score: OrNan
-    ratios: dict[str, OrNan]
-    statement: str
-    starts: tuple[StoredStart, ...]
-    interval: Positive
-    command: tuple[tuple[float, ...], ...]
-
-
-def _store_clairvoyant(optimum: Clairvoyant) -> StoredClairvoyant:
-    return StoredClairvoyant(
-        motion=optimum.motion,
-        score=optimum.score,
-        ratios=dict(optimum.ratios),
-        statement=optimum.statement,
-        starts=tuple(
-            StoredStart(**{entry.name: getattr(each, entry.name) for entry in fields(StoredStart)})
-            for each in optimum.starts
-        ),
-        interval=optimum.commands.interval,
-        command=tuple(map(tuple, optimum.commands.command.tolist())),
-    )
 
 
 # Beside the quantities of a run.
@@ -297,7 +257,6 @@ class _Document(Related):
     spreads: dict[str, Spread]
     groups: tuple[StoredGroup, ...]
     changes: tuple[StoredChanges, ...]
-    clairvoyant: tuple[StoredClairvoyant, ...]
     realisations: Whole
     score_bands: dict[str, RealisationBand]
     findings: tuple[str, ...]
@@ -516,7 +475,6 @@ def study_document(results: StudyResults) -> dict[str, Any]:
             for group in motion_groups(results)
         ),
         changes=tuple(_store_changes(comparison)),
-        clairvoyant=tuple(_store_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=results.n_realisations,
         score_bands={
             row.label: band

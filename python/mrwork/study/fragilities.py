@@ -408,9 +408,6 @@ def fragility(
     weights = drawn_weights(n_records, seed)
     rows = {}
     for number, row in enumerate(results.rows):
-        if row.kind == "clairvoyant":
-            # Its commands are found anew for each motion.
-            continue
         runs = [[(number, motion) for motion in line] for line in at.places.tolist()]
         responses = np.array([[_response(results, *each, name) for each in line] for line in runs])
         outside = np.array([[_is_outside(results, *each) for each in line] for line in runs], dtype=float)

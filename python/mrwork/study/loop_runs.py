@@ -1,9 +1,9 @@
-"""Calls of the loop for a study: candidates of a law with realisations, and the commands of the non-causal optimum."""
+"""Calls of the loop for a study: candidates of a law, with realisations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -11,125 +11,22 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop import clairvoyant
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant, ClairvoyantProgress, ClairvoyantStart
 from mrwork.closed_loop.evaluation import Scales, values
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
 from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import digest_of
-from mrwork.store.journal import Journal
-from mrwork.study.results import StudyResults
 from mrwork.study.run_result import (
     LabelledRuns,
-    RunHistory,
-    RunResult,
     candidate_axes,
     criteria_of_runs,
-    history_of,
     own_numbers,
-    recall_or_compute,
-    results_of,
 )
-from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, digest_of_run
+from mrwork.study.study import Arrangement, Realisations, StudyLaw
 
 OnBlock = Callable[[int, int], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlayedCommands:
-    """The non-causal optimum of a study that asks for it, under each of its motions."""
-
-    study: Study
-    threads: int
-
-    def search_optimum(
-        self,
-        motion: int,
-        arrangements: Sequence[Arrangement],
-        results: StudyResults,
-        journal: Journal | None,
-        report: Callable[[str], None],
-    ) -> Clairvoyant:
-        """The optimum under a motion; one of the starts are the commands of the best law of `results`."""
-        asked, base = self.study.clairvoyant, self.study.at_zero
-        assert asked is not None
-        ground = self.study.grounds[motion]
-
-        def recall(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
-            report(f"{asked.row.label}, {ground.name}: {name}")
-            inputs = digest_of(digest_of_run(base, ground), asdict(asked.settings), name, start)
-            return recall_or_compute(journal, "clairvoyant", inputs, ClairvoyantStart, search)
-
-        def on_progress(progress: ClairvoyantProgress) -> None:
-            report(f"{asked.row.label}, {ground.name}: {progress.in_words}")
-
-        return clairvoyant(
-            base.building,
-            base.devices,
-            ground,
-            self.study.hardware,
-            settings=asked.settings,
-            starts=self._law_starts(motion, arrangements, results),
-            floors=base.floors,
-            storeys=base.storeys,
-            on_progress=on_progress,
-            recall=recall,
-            threads=self.threads,
-        )
-
-    def run(
-        self, motion: int, optimum: Clairvoyant, *, histories: bool = False, step_factor: int = 1
-    ) -> tuple[RunResult, RunHistory | None]:
-        """The run of the loop with the commands that were found, and its history."""
-        base = self.study.at_zero
-        responses = simulate_prescribed(
-            base.building,
-            base.devices,
-            optimum.commands,
-            self.study.grounds[motion],
-            self.study.hardware,
-            histories=histories,
-            step_factor=step_factor,
-            threads=self.threads,
-        )
-        kept = None if responses.histories is None else history_of(responses.histories[0], base)
-        return results_of(responses, base)[0], kept
-
-    def _law_starts(
-        self, motion: int, arrangements: Sequence[Arrangement], results: StudyResults
-    ) -> dict[str, PrescribedCommands]:
-        """Commands of the control law with the lowest score under a motion, if there is one."""
-        asked = self.study.clairvoyant
-        assert asked is not None
-        laws = [
-            (results.score_under(row, (motion,)), row)
-            for row, each in enumerate(arrangements)
-            if each.row.kind == "controller" and row in results.finished_rows(motion)
-        ]
-        if not laws:
-            return {}
-        best = arrangements[min(laws)[1]]
-        assert best.law is not None
-        run = simulate_loop(
-            best.building,
-            best.devices,
-            best.law,
-            [self.study.grounds[motion]],
-            self.study.hardware,
-            histories=True,
-            threads=self.threads,
-        )
-        assert run.histories is not None
-        return {
-            best.row.label: PrescribedCommands.of_history(
-                run.histories[0].command[:-1], self.study.hardware.sample_time, asked.settings.interval
-            )
-        }
 
 
 def simulate_criteria(

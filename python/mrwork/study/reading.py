@@ -56,7 +56,6 @@ from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.study.arrangements import (
     arrangements,
-    clairvoyant_row,
     problem_of,
     refuse_loose_settings,
     resolve_settings,
@@ -573,10 +572,7 @@ def _study_of(
             forecasts=any(each.forecasts_ground for each in compared)
             or any(spec.needs_model for spec in of_tuned),
         )
-    clairvoyant = (
-        None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
-    )
-    labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
+    labels = [each.row.label for each in compared]
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
     _refuse_unknown_labels(table.report, labels, place)
@@ -605,7 +601,6 @@ def _study_of(
         problem=problem,
         tunes=tunes(),
         realisations=_realisations(table, place, devices, folder, identified),
-        clairvoyant=clairvoyant,
         other_sets=other_sets(table.damper, folder, identified),
         suite=checked_suite,
         questions=tuple(dict.fromkeys(place.questions)),

@@ -22,7 +22,6 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import (
     SCORE,
     STANDARD_GRAVITY,
@@ -281,8 +280,7 @@ class StudyResults(Summarised):
     `study_warnings` are those of the study, `damper_warnings` sentences on demand outside the tested ranges, on laws
     out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose
     histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
-    nearly as well, `None` if run without ``--ensemble``. `clairvoyants` are the non-causal optima by the index of their
-    motion, of which a folder has the file `results.json` only.
+    nearly as well, `None` if run without ``--ensemble``.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study) or mr.load(folder)"
@@ -309,7 +307,6 @@ class StudyResults(Summarised):
     detailed: Whole = 0
     with_histories: tuple[Whole, ...] = ()
     ensemble: Ensemble | None = None
-    clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
     @property
     def plot(self) -> ResponsesPlots:
@@ -449,8 +446,8 @@ class StudyResults(Summarised):
     @property
     def complete(self) -> bool:
         """Whether all runs are done, those with realisations, too."""
-        wanted = [row for row in self.rows if self.n_realisations and row.kind != "clairvoyant"]
-        return self.done == self.total and len(self.realised_rows) == len(wanted)
+        wanted = len(self.rows) if self.n_realisations else 0
+        return self.done == self.total and len(self.realised_rows) == wanted
 
     @property
     def status(self) -> Literal["finished", "interrupted"]:
@@ -692,7 +689,7 @@ _ADVISED = 0.1
 _RIGID = 5.0
 _NAMED = 3
 
-_COMMANDED = ("passive_off", "passive", "best_passive", "controller", "clairvoyant")
+_COMMANDED = ("passive_off", "passive", "best_passive", "controller")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,6 @@ from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
-from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Scales, score, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, history_signals
@@ -29,7 +28,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
-from mrwork.study.loop_runs import OnBlock, PlayedCommands, simulate_criteria, with_devices
+from mrwork.study.loop_runs import OnBlock, simulate_criteria, with_devices
 from mrwork.study.results import Key, MotionFacts, StudyResults, judged_by_demand
 from mrwork.study.run_result import (
     HALF_STEP,
@@ -144,16 +143,14 @@ def run_study(
     arrangements = list(study.arrangements)
     runs: dict[Key, RunResult] = {}
     halved: dict[Key, RunResult] | None = {} if check_step else None
-    clairvoyants: dict[int, Clairvoyant] = {}
     realised: dict[int, LabelledRuns] = {}
     choices: list[str] = []
-    played = PlayedCommands(study=study, threads=threads)
     bare, study_warnings = study.building, study.warnings
 
     steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
 
     def results() -> StudyResults:
-        rows = (*(arrangement.row for arrangement in arrangements), *study.rows[len(arrangements) :])
+        rows = tuple(arrangement.row for arrangement in arrangements)
         axes = {
             "row": tuple(row.label for row in rows),
             "motion": tuple(motion.name for motion in study.motions),
@@ -174,9 +171,7 @@ def run_study(
                 realised,
                 axes | {"realisation": (*steps, *numbered(n_realisations))},
                 study.command_unit,
-                [*(_scales_of(each, bare) for each in arrangements), *(Scales.of(bare) for _ in rows)][
-                    : len(rows)
-                ],
+                [_scales_of(each, bare) for each in arrangements],
             ),
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             design_levels=study.design_levels,
@@ -184,7 +179,6 @@ def run_study(
             choices=tuple(choices),
             command_unit=study.command_unit,
             facts=study.facts,
-            clairvoyants=dict(clairvoyants),
             study_warnings=study_warnings,
             detailed=study.detailed,
             with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
@@ -225,16 +219,6 @@ def run_study(
                     # No name holds a history, which may be hundreds of megabytes, while the next one is simulated.
                     again = partial(simulate_history, study, arrangements[row], motion, threads)
                     keep(row, motion, fresh.pop(motion, None) or again())
-        if study.clairvoyant is not None:
-            row = len(arrangements)
-            for motion in range(len(study.motions)):
-                # The searches start from the commands of the best law, too.
-                optimum = played.search_optimum(motion, arrangements, results(), journal, report)
-                clairvoyants[motion] = optimum
-                runs[row, motion], drawn = played.run(motion, optimum, histories=True)
-                if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
-                    assert drawn is not None
-                    keep(row, motion, drawn)
         # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
@@ -243,8 +227,6 @@ def run_study(
                     study, arrangement, journal, threads, step_factor=2, on_block=course.advance
                 ):
                     halved[row, motion] = result
-            for motion, optimum in clairvoyants.items():
-                halved[len(arrangements), motion], _ = played.run(motion, optimum, step_factor=2)
         if study.realisations is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, realisations", (row, "realisations"))

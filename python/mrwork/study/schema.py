@@ -25,7 +25,6 @@ from mrwork.base.keys import (
 from mrwork.base.places import Place
 from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import RATIOS, BuildingTable
-from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.parameters import LawName
@@ -155,7 +154,6 @@ Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 # Motions that one record is scaled to: each is simulated with every arrangement.
 _MOST_SCALED = 1000
 
-CLAIRVOYANT = "Clairvoyant"
 """Label of the row, unless the study file has another."""
 
 
@@ -480,18 +478,6 @@ class MotionTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClairvoyantTable(ClairvoyantSettings):
-    """The non-causal optimum of the command history under each motion, a row of every table; off without this table.
-
-    It shows how much is left for any law: a local optimum, found by gradients from several starts with the motion
-    known in advance, and not certified. It takes minutes for each motion.
-    """
-
-    label: str = key("label in tables", default=CLAIRVOYANT)
-    place: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PlacesTable:
     """Places of equal dampers that `mrwork tune` compares, each with its best constant command, before it tunes laws.
 
@@ -567,7 +553,6 @@ class StudyTable:
     uncertainty: UncertaintyTable | None = optional("what is not known exactly")
     tune: tuple[TuneTable, ...] = key("laws to be tuned, by mrwork tune", default=())
     places: PlacesTable | None = optional("places of the dampers to be compared, by mrwork tune")
-    clairvoyant: ClairvoyantTable | None = optional("the non-causal optimum of each motion")
 
 
 def schema_text() -> str:

@@ -19,7 +19,6 @@ from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, LoopModel
@@ -104,10 +103,10 @@ def realisations_of(
 
 
 Kind = Literal[
-    "uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator", "clairvoyant",
+    "uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator",
 ]  # fmt: skip
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
-law of the dampers, or one of ideal actuators, or the non-causal optimum of each motion."""
+law of the dampers, or one of ideal actuators."""
 
 
 StudyLaw = ControlLaw | UserLaw
@@ -157,14 +156,6 @@ class Row:
     label: str
     kind: Kind
     description: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClairvoyantRow:
-    """The row of the non-causal optimum of each motion, and the settings of its search."""
-
-    row: Row
-    settings: ClairvoyantSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,12 +252,11 @@ class Study(Summarised):
     the motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
     histories of the motion `detailed`; what else it shows is in `report`, and `limit` is the criterion with its limit
     of which it has the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the
-    laws to be tuned, `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is
-    searched for under every motion. `other_sets` are the dampers with other sets of laws that predict nearly as well;
-    `placed` reads the study anew, with its dampers in other storeys. `suite` has the spectra of the test motions beside
-    the target, if there is one and each record has one level. `questions` are on unusual numbers of the study. `table`
-    is what was read, `None` for a part of it; names of files in it are relative to `folder`. `file` is the file that
-    was read, if it was one.
+    laws to be tuned, `realisations` those of what is not known exactly. `other_sets` are the dampers with other
+    sets of laws that predict nearly as well; `placed` reads the study anew, with its dampers in other storeys. `suite`
+    has the spectra of the test motions beside the target, if there is one and each record has one level. `questions`
+    are on unusual numbers of the study. `table` is what was read, `None` for a part of it; names of files in it are
+    relative to `folder`. `file` is the file that was read, if it was one.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -292,7 +282,6 @@ class Study(Summarised):
     problem: DesignProblem | None = None
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None
-    clairvoyant: ClairvoyantRow | None = None
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
     placed: Callable[[Mapping[str, int]], Study] | None = field(default=None, repr=False, compare=False)
@@ -300,9 +289,8 @@ class Study(Summarised):
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """The rows of tables: every arrangement, and the non-causal optimum if the study asks for it."""
-        last = () if self.clairvoyant is None else (self.clairvoyant.row,)
-        return (*(each.row for each in self.arrangements), *last)
+        """The rows of tables: every arrangement."""
+        return tuple(each.row for each in self.arrangements)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -519,7 +507,6 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "hardware": asdict(study.hardware),
         "realisations": None if study.realisations is None else study.realisations.digest,
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
-        **({} if study.clairvoyant is None else {"clairvoyant": asdict(study.clairvoyant)}),
     }
 
 

@@ -11,18 +11,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import MOST_SUBSTEPS, Outcome
-from mrwork.twins.loop_derivatives import PlacedDamper, devices_of
+from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop_laws import LAWS, Gains
 from mrwork.twins.loop_stepping import (
     Devices,
@@ -51,6 +51,45 @@ from mrwork.twins.loop_stepping import (
 from mrwork.twins.models import on_processor, twin_of
 from mrwork.twins.own_batches import interruptible, power_of_two
 from mrwork.twins.own_stepping import FINER, RESOLUTION, radius_of
+
+
+class PlacedDamper(Protocol):
+    """A damper across a storey: `mrwork.buildings.matrices.Device`, of whose draws the first counts."""
+
+    @property
+    def spec(self) -> DamperSpec:
+        """Model."""
+
+    @property
+    def draws(self) -> Floats:
+        """Parameters, shape (n_draws, n_params)."""
+
+    @property
+    def row(self) -> ArrayLike:
+        """Row of the elongation, shape (n,)."""
+
+    @property
+    def count(self) -> float:
+        """Number in parallel."""
+
+    @property
+    def differential(self) -> bool:
+        """Whether as many act in the opposite direction."""
+
+
+def devices_of(dampers: Sequence[PlacedDamper]) -> Devices:
+    """The devices of a run, from those of NumPy arrays."""
+    return tuple(
+        LoopDevice(
+            spec=each.spec,
+            theta=jnp.asarray(each.draws[0]),
+            row=jnp.asarray(each.row, dtype=jnp.float64),
+            count=each.count,
+            differential=each.differential,
+        )
+        for each in dampers
+    )
+
 
 # As LARGEST_DISPLACEMENT of `respond.rs` [m], STEPS_PER_CHECK of `block.rs`, COMMAND_LEVELS of `resolution.rs`, and the
 # velocities, displacements and differences of `slopes.rs` by which slopes of the force are looked for.
