@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrwork.records import cut
 from studies.chapter_4.search_settings import MeasuredChoice, SyntheticChoice
-from studies.chapter_5.damper_tests import TestSet, by_current, synthetic_sets
+from studies.former.damper_tests import TestSet, by_current, synthetic_sets
 
 _FREQUENCY = 1.0
 

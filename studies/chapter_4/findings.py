@@ -23,8 +23,8 @@ from studies.chapter_4.decay import (
 from studies.chapter_4.search_cells import Cell, Replicates
 from studies.chapter_4.search_settings import BASELINES, EFFICIENT, ComparisonSettings, Model
 from studies.chapter_4.termination import expected_termination
-from studies.chapter_5.damper_tests import TestSet
 from studies.former.arrays import Floats
+from studies.former.damper_tests import TestSet
 
 # Of a run in twenty on either side.
 QUANTILES = (0.05, 0.5, 0.95)

@@ -16,8 +16,8 @@ from studies.chapter_4.decay import at_budget, evaluations_to
 from studies.chapter_4.findings import QUANTILES, Comparison, Trial, TrialFinding
 from studies.chapter_4.search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 from studies.chapter_4.tables import tables_of
-from studies.chapter_5.damper_tests import FORCE_NOISE_N
 from studies.former.arrays import Floats
+from studies.former.damper_tests import FORCE_NOISE_N
 from studies.former.page import (
     drawn,
     finish_loop,

@@ -14,8 +14,8 @@ from mrwork.identification import Objective
 from mrwork.records import DamperTest
 from mrwork.search import AbortableObjective, Optimiser, run_replicates
 from studies.chapter_4.search_settings import ComparisonSettings, Model
-from studies.chapter_5.damper_tests import TestSet
 from studies.former.arrays import Floats
+from studies.former.damper_tests import TestSet
 
 Integers = NDArray[np.int64]
 
