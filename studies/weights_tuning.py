@@ -52,7 +52,6 @@ study = mr.study_of(
 )
 tuned = mr.tune(study, rng=script.seed, threads=script.threads)
 
-
 # %% Judged on the test motions: criteria over those of the dampers without current, mean over the motions.
 for law in tuned.laws:
     study = mr.tuning.with_tuned_law(study, law, label=law.label.rpartition("inverted, ")[2])
