@@ -12,21 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from mrwork.plots import BuildingPlots as BuildingPlots
-    from mrwork.plots import DrawsPlots as DrawsPlots
-    from mrwork.plots import FitPlots as FitPlots
-    from mrwork.plots import FragilityPlots as FragilityPlots
-    from mrwork.plots import FrontPlots as FrontPlots
-    from mrwork.plots import HistoryPlots as HistoryPlots
-    from mrwork.plots import MotionPlots as MotionPlots
-    from mrwork.plots import PredictionPlots as PredictionPlots
-    from mrwork.plots import ProfilesPlots as ProfilesPlots
-    from mrwork.plots import PushoverPlots as PushoverPlots
-    from mrwork.plots import ResponsesPlots as ResponsesPlots
-    from mrwork.plots import RunPlots as RunPlots
-    from mrwork.plots import SpectrumPlots as SpectrumPlots
-    from mrwork.plots import SuitePlots as SuitePlots
-    from mrwork.plots import TestPlots as TestPlots
+    pass
 
 
 PlotsT = TypeVar("PlotsT")

@@ -21,7 +21,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
-from mrwork.records import DamperTest, ListedTest, parse_column_option
+from mrwork.records import DamperTest, ListedTest
+from mrwork.records.columns import parse_column_option
 from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import (
     AMOUNTS_IN_WORDS,

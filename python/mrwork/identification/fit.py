@@ -19,8 +19,8 @@ from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings
-from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
-from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
+from mrwork.records import DamperTest, Observation, observed
+from mrwork.records.damper_test import AS_IT_IS, OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words

@@ -20,7 +20,8 @@ from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
 from mrwork.identification.ties import Ties
-from mrwork.records import AS_IT_IS, DamperTest, Observation
+from mrwork.records import DamperTest, Observation
+from mrwork.records.damper_test import AS_IT_IS
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 

@@ -28,10 +28,10 @@ from mrwork.dampers.simulation import (
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.ties import Ties
-from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
 from mrwork.records.contradictions import refuse_velocity
-from mrwork.records.damper_test import delay_signal, loading_of
+from mrwork.records.damper_test import AS_IT_IS, delay_signal, loading_of
 
 NuisanceName = Literal["offset", "level", "delay"]
 

@@ -39,8 +39,9 @@ from mrwork.identification.fit import (
 from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
-from mrwork.records import DamperTest, RecordedMotion
+from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
+from mrwork.records.likeness import RecordedMotion
 
 
 def free_run(

@@ -26,8 +26,8 @@ from mrwork.identification.candidates import CandidateObjective, loading_for, ob
 from mrwork.identification.objective import Objective
 from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, columns_of, scale_columns
 from mrwork.identification.ties import Ties
-from mrwork.records import AS_IT_IS, DamperTest, Observation
-from mrwork.records.damper_test import SHORTEST_AVERAGE
+from mrwork.records import DamperTest, Observation
+from mrwork.records.damper_test import AS_IT_IS, SHORTEST_AVERAGE
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays

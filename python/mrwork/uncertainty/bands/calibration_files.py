@@ -19,8 +19,8 @@ from mrwork.base.values import freeze_samples
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
-from mrwork.records import DamperTest, Observation, RecordedMotion
-from mrwork.records.likeness import alike_groups
+from mrwork.records import DamperTest, Observation
+from mrwork.records.likeness import RecordedMotion, alike_groups
 from mrwork.store.codec import digest_of, parse_document, read_document, record_of
 from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
 from mrwork.store.output_file import write_files

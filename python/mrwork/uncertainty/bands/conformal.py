@@ -23,8 +23,8 @@ from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
-from mrwork.records import DamperTest, Likeness, RecordedMotion
-from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
+from mrwork.records import DamperTest, Likeness
+from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.store.codec import OrNan, Related
 from mrwork.uncertainty.bands.band import (
     Band,

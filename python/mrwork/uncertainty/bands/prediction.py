@@ -22,9 +22,9 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures, rms
-from mrwork.records import DamperTest, Likeness, RecordedMotion
+from mrwork.records import DamperTest, Likeness
 from mrwork.records.damper_test import same_commands
-from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
+from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 
 if TYPE_CHECKING:
