@@ -12,7 +12,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    pass
+    from mrwork.plots.of_studies import BuildingPlots as BuildingPlots
+    from mrwork.plots.of_fits import DrawsPlots as DrawsPlots
+    from mrwork.plots.of_fits import FitPlots as FitPlots
+    from mrwork.plots.of_studies import FragilityPlots as FragilityPlots
+    from mrwork.plots.of_studies import FrontPlots as FrontPlots
+    from mrwork.plots.of_studies import HistoryPlots as HistoryPlots
+    from mrwork.plots.of_studies import MotionPlots as MotionPlots
+    from mrwork.plots.of_fits import PredictionPlots as PredictionPlots
+    from mrwork.plots.of_fits import ProfilesPlots as ProfilesPlots
+    from mrwork.plots.of_studies import PushoverPlots as PushoverPlots
+    from mrwork.plots.of_studies import ResponsesPlots as ResponsesPlots
+    from mrwork.plots.of_fits import RunPlots as RunPlots
+    from mrwork.plots.of_studies import SpectrumPlots as SpectrumPlots
+    from mrwork.plots.of_studies import SuitePlots as SuitePlots
+    from mrwork.plots.of_fits import TestPlots as TestPlots
 
 
 PlotsT = TypeVar("PlotsT")
