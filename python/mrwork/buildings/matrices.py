@@ -180,7 +180,7 @@ class Building(Summarised):
     @property
     def plot(self) -> BuildingPlots:
         """Figures of the building, see `mr.plots`."""
-        return plots_of(self, "BuildingPlots")
+        return plots_of(self, "of_studies.BuildingPlots")
 
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""

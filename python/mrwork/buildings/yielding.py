@@ -175,7 +175,7 @@ class Pushover(Summarised):
     @property
     def plot(self) -> PushoverPlots:
         """Figures of the push, see `mr.plots`."""
-        made: PushoverPlots = plots_of(self, "PushoverPlots")
+        made: PushoverPlots = plots_of(self, "of_studies.PushoverPlots")
         return made
 
     def _summary(self) -> Summary:

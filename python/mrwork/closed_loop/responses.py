@@ -205,7 +205,7 @@ class History(Labelled, WithAxes, Summarised):
     @property
     def plot(self) -> HistoryPlots:
         """Figures of the history, see `mr.plots`."""
-        return plots_of(self, "HistoryPlots")
+        return plots_of(self, "of_studies.HistoryPlots")
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -283,7 +283,7 @@ class Responses(Labelled, WithAxes, Summarised):
     @property
     def plot(self) -> ResponsesPlots:
         """Figures of the runs, see `mr.plots`."""
-        return plots_of(self, "ResponsesPlots")
+        return plots_of(self, "of_studies.ResponsesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")

@@ -625,7 +625,7 @@ class Fit(WithAxes, Summarised, Related):
     @property
     def plot(self) -> FitPlots:
         """Figures of the fit, see `mr.plots`."""
-        return plots_of(self, "FitPlots")
+        return plots_of(self, "of_fits.FitPlots")
 
     def _named_arrays(self) -> NamedArrays:
         parameters = columns_of(

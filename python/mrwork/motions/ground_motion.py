@@ -101,7 +101,7 @@ class GroundMotion(Summarised):
     @property
     def plot(self) -> MotionPlots:
         """Figures of the motion, see `mr.plots`."""
-        return plots_of(self, "MotionPlots")
+        return plots_of(self, "of_studies.MotionPlots")
 
     def _summary(self) -> Summary:
         return Summary(

@@ -70,7 +70,7 @@ class ResponseSpectrum(Summarised):
     @property
     def plot(self) -> SpectrumPlots:
         """Figure of the spectrum, see `mr.plots`."""
-        return plots_of(self, "SpectrumPlots")
+        return plots_of(self, "of_studies.SpectrumPlots")
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))

@@ -402,7 +402,7 @@ class SuiteCheck(Summarised):
     @property
     def plot(self) -> SuitePlots:
         """Figure of the spectra beside the target, see `mr.plots`."""
-        return plots_of(self, "SuitePlots")
+        return plots_of(self, "of_studies.SuitePlots")
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

@@ -406,7 +406,7 @@ class DamperTest(WithAxes, Summarised):
     @property
     def plot(self) -> TestPlots:
         """Figures of the test, see `mr.plots`."""
-        return plots_of(self, "TestPlots")
+        return plots_of(self, "of_fits.TestPlots")
 
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)

@@ -73,7 +73,7 @@ class StoredRun(Summarised):
     @property
     def plot(self) -> RunPlots:
         """Figures of the run, see `mr.plots`."""
-        return plots_of(self, "RunPlots")
+        return plots_of(self, "of_fits.RunPlots")
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

@@ -219,7 +219,7 @@ class Fragilities(WithAxes, Summarised):
     @property
     def plot(self) -> FragilityPlots:
         """Figures of the responses and of the probabilities, see `mr.plots`."""
-        return plots_of(self, "FragilityPlots")
+        return plots_of(self, "of_studies.FragilityPlots")
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()

@@ -311,7 +311,7 @@ class StudyResults(Summarised):
     @property
     def plot(self) -> ResponsesPlots:
         """Figures of the runs, see `mr.plots`."""
-        return plots_of(self, "ResponsesPlots")
+        return plots_of(self, "of_studies.ResponsesPlots")
 
     @property
     def device_names(self) -> tuple[str, ...]:

@@ -272,7 +272,7 @@ class Front(WithAxes, Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "FrontPlots")
+        return plots_of(self, "of_studies.FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
@@ -400,7 +400,7 @@ class TuningResults(WithAxes, Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "FrontPlots")
+        return plots_of(self, "of_studies.FrontPlots")
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)

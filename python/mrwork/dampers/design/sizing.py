@@ -384,7 +384,7 @@ class SizeFront(Summarised):
     @property
     def plot(self) -> FrontPlots:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "FrontPlots")
+        return plots_of(self, "of_studies.FrontPlots")
 
     def _summary(self) -> Summary:
         return Summary(

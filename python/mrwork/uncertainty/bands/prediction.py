@@ -134,7 +134,7 @@ class Prediction(WithAxes, Summarised):
     @property
     def plot(self) -> PredictionPlots:
         """Figures of the prediction, see `mr.plots`."""
-        return plots_of(self, "PredictionPlots")
+        return plots_of(self, "of_fits.PredictionPlots")
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()

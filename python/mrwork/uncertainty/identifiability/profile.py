@@ -101,7 +101,7 @@ class Profile(WithAxes, Summarised, Related):
     @property
     def plot(self) -> ProfilesPlots:
         """Figures of the profile likelihood, see `mr.plots`."""
-        return plots_of(self, "ProfilesPlots")
+        return plots_of(self, "of_fits.ProfilesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -169,7 +169,7 @@ class Profiles(WithAxes, Summarised):
     @property
     def plot(self) -> ProfilesPlots:
         """Figures of the profile likelihood, see `mr.plots`."""
-        return plots_of(self, "ProfilesPlots")
+        return plots_of(self, "of_fits.ProfilesPlots")
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)

@@ -318,7 +318,7 @@ class Draws(WithAxes, Summarised):
     @property
     def plot(self) -> DrawsPlots:
         """Figures of the draws, see `mr.plots`."""
-        return plots_of(self, "DrawsPlots")
+        return plots_of(self, "of_fits.DrawsPlots")
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape
