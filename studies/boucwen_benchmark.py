@@ -1,7 +1,7 @@
 """How near does a grey box come to the Bouc-Wen benchmark, and what does the force between its samples decide?
 
 To 2.9e-7 m on a force that it has not seen where the force is band-limited between its samples, near the 1.4e-7 m of
-the true parameters; straight lines between the samples cost 4.3e-6 m and bend a parameter by 4.6 %. Two minutes of one
+the true parameters; straight lines between the samples cost 4.3e-6 m and bend a parameter by 4.6 %. One minute of one
 core, the quick form twenty seconds.
 
 J. P. Noel and M. Schoukens' benchmark (2016) from force to displacement, five periods of 8192 samples at 750 Hz of
