@@ -9,6 +9,7 @@ the model does not contain the rms displacement is 23 % off. Two minutes of one 
 
 import csv
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -49,13 +50,13 @@ OTHER = mr.damper("normalised_bouc_wen").with_current_laws({"c": "linear", "k_w"
 BOUC_WEN = (1200.0, 1500.0, 4000.0, -0.014, 40.0, 900.0, -230.0, 1500.0, 0.8, 1.3)
 
 
-def device(spec, theta, rate):
+def device(spec: mr.DamperSpec, theta: Any, rate: float) -> mr.Device:
     """One damper between table and frame, behind the lag of its driver [1/s]."""
-    limits = {"largest_command": LARGEST_CURRENT, "lag": rate}
-    return mr.Device(name="damper", spec=spec, theta=theta, row=FRAME.storeys[0], **limits)
+    row, largest = FRAME.storeys[0], LARGEST_CURRENT
+    return mr.Device(name="damper", spec=spec, theta=theta, row=row, largest_command=largest, lag=rate)
 
 
-def found_by_rig(table):
+def found_by_rig(table: str) -> dict[str, dict[str, str]]:
     """Numbers that the full form of `chapter_7_rig.py` has found, by row."""
     with (script.folder.parent / "chapter_7_rig" / f"{table}.csv").open(newline="") as file:
         return {line["row"]: line for line in csv.DictReader(file) if line["form"] != "quick"}
@@ -71,7 +72,7 @@ IDENTIFIED_FRAME = mr.buildings.shear_building(
 )
 
 
-def identified(way):
+def identified(way: str) -> mr.Device:
     """The damper that was identified."""
     column = {name: float(line[way]) for name, line in coefficients.items() if line[way]}
     return device(MODEL, [column[name] for name in MODEL.names], column["rate"])
@@ -86,13 +87,13 @@ RECORDS = {
 }
 
 
-def synthetic(seed):
+def synthetic(seed: int) -> mr.GroundMotion:
     """A draw of the Clough-Penzien spectrum of firm soil."""
     duration = 8.0 if script.quick else 20.0
     return mr.synthetic_motion(rng=seed, duration=duration, peak=4.0, name=f"synthetic {seed}")
 
 
-def command(motion):
+def command(motion: mr.GroundMotion) -> mr.GroundMotion:
     """A record as a command: high-passed forwards and backwards, with rest before it, still at its end."""
     rest, tail, padding = (round(seconds / motion.dt) for seconds in (LEAD, 3.0, 20.0))
     sections = butter(2, 0.4, "highpass", fs=1.0 / motion.dt, output="sos")
@@ -121,7 +122,7 @@ choosing = [
     TABLE.driven(mr.motions.scaled_to_peak(command(synthetic(seed)), PEAK))
     for seed in ((1940,) if script.quick else (1940, 1995))
 ]
-rows = {
+rows: dict[str, Any] = {
     motion.name: {
         "peak [g]": each.peak / G,
         "stroke [mm]": 1e3 * TABLE.demand(each).stroke,
@@ -140,12 +141,14 @@ QUANTITIES = ("peak displacement", "rms displacement", "peak acceleration", "rms
 JUDGED = (*QUANTITIES, "peak force", "rms force")
 
 
-def simulated(frame, damper, case, motions, hardware=HARDWARE):
+def simulated(frame: Any, damper: Any, case: Any, motions: Any, hardware: Any = HARDWARE) -> Any:
     """Signals of a rig under each motion of the table; the observer takes it for the identified frame."""
     law, noise_ratio = case
     loop = replace(hardware, noise_ratio=noise_ratio)
-    options = {"histories": True, "nominal": IDENTIFIED_FRAME, "threads": script.threads}
-    responses = mr.simulate_loop(frame, [damper], law, motions, loop, **options)
+    threads = script.threads
+    responses = mr.simulate_loop(
+        frame, [damper], law, motions, loop, histories=True, nominal=IDENTIFIED_FRAME, threads=threads
+    )
     return [
         {
             "table": each.ground_acceleration,
@@ -154,11 +157,11 @@ def simulated(frame, damper, case, motions, hardware=HARDWARE):
             "force": each.force[:, 0],
             "current": each.current[:, 0],
         }
-        for each in responses.histories
+        for each in responses.histories or ()
     ]
 
 
-def recorded(signals):
+def recorded(signals: dict[str, Any]) -> dict[str, Any]:
     """What the sensors make of signals."""
     return {
         name: resolution * np.round((gain * signals[name] + noise * rng.standard_normal(count)) / resolution)
@@ -167,7 +170,7 @@ def recorded(signals):
     }
 
 
-def figures_of(signals):
+def figures_of(signals: dict[str, Any]) -> dict[str, Any]:
     """Peaks and rms after the lead, mean current, and that before the motion [A]."""
     lead = round(LEAD / HARDWARE.sample_time)
     found = {}
@@ -179,7 +182,7 @@ def figures_of(signals):
     return found
 
 
-def ratios(runs, passive):
+def ratios(runs: Any, passive: Any) -> Any:
     """Figures over those at i = 0, shape (motions, quantities); the score is their mean."""
     return np.array(
         [[run[name] / off[name] for name in QUANTITIES] for run, off in zip(runs, passive, strict=True)]
@@ -221,13 +224,13 @@ for name, true_damper in DAMPERS.items():
     no_damper = (mr.ControlLaw(name="active", gains={"gain": [[0.0, 0.0]]}), 50.0)
     cases = {"no damper": no_damper, "i = 0": constant["0 A"], "0.25 A": constant["0.25 A"]}
 
-    def choosing_figures(case, damper=damper):
+    def choosing_figures(case: Any, damper: mr.Device = damper) -> Any:
         return [figures_of(each) for each in simulated(IDENTIFIED_FRAME, damper, case, choosing)]
 
     off, settings = choosing_figures(constant["0 A"]), {}
     for law, by_setting in tried.items():
         scores = {key: ratios(choosing_figures(case), off).mean() for key, case in by_setting.items()}
-        best = min(scores, key=scores.get)
+        best = min(scores, key=lambda key: scores[key])
         cases[law] = by_setting[best]
         settings[law] = {"setting": best, "score": scores[best]}
         if law == "Lyapunov":
@@ -268,7 +271,7 @@ for name, true_damper in DAMPERS.items():
     }
     rows = {}
     for rig, (frame, of, table, hardware) in rigs.items():
-        errors = {quantity: [] for quantity in JUDGED}
+        errors: dict[str, list[float]] = {quantity: [] for quantity in JUDGED}
         for case, runs in measured.items():
             predicted = simulated(frame, of, cases[case], table, hardware)
             for quantity in QUANTITIES if case == "no damper" else JUDGED:
@@ -278,20 +281,19 @@ for name, true_damper in DAMPERS.items():
                 ]
         rows[rig] = {quantity: np.sqrt(np.mean(np.square(each))) for quantity, each in errors.items()}
         rows[rig] |= {"mean, peak displacement": np.mean(errors["peak displacement"])}
-    script.table(
-        f"predictions{suffix}", rows, title=f"{name}: rms errors of the predicted tests [%]", digits=2
-    )
+    title = f"{name}: rms errors of the predicted tests [%]"
+    script.table(f"predictions{suffix}", rows, title=title, digits=2)
 
 # %% Constant currents, also beyond the driver of the tests.
 wide = replace(DAMPERS["RD-1005-3"], largest_command=1.0)
 currents = (0.0, 0.5, 1.0) if script.quick else (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
-runs = [
-    [figures_of(each) for each in simulated(FRAME, wide, case, motions)]
-    for case in ((mr.ControlLaw(name="passive", gains={"command": [current]}), 50.0) for current in currents)
-]
+found = []
+for current in currents:
+    held = (mr.ControlLaw(name="passive", gains={"command": [current]}), 50.0)
+    found.append([figures_of(each) for each in simulated(FRAME, wide, held, motions)])
 rows = {
-    f"{current:g} A": {"score": ratios(each, runs[0]).mean()}
-    for current, each in zip(currents, runs, strict=True)
+    f"{current:g} A": {"score": ratios(each, found[0]).mean()}
+    for current, each in zip(currents, found, strict=True)
 }
 script.table("constant_currents", rows, digits=3)
 

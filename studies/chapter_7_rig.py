@@ -7,6 +7,7 @@ contain, is fitted with 80.9 %. One minute of one core, the quick form ten secon
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,10 +36,10 @@ SENSORS = {  # white noise and resolution in the unit of the signal, and the gai
 }
 
 
-def device(spec, theta, rate=DRIVER_RATE):
+def device(spec: mr.DamperSpec, theta: Any, rate: float = DRIVER_RATE) -> mr.Device:
     """One damper between table and frame, behind the lag of its driver."""
-    limits = {"largest_command": LARGEST_CURRENT, "lag": rate}
-    return mr.Device(name="damper", spec=spec, theta=theta, row=FRAME.storeys[0], **limits)
+    row, largest = FRAME.storeys[0], LARGEST_CURRENT
+    return mr.Device(name="damper", spec=spec, theta=theta, row=row, largest_command=largest, lag=rate)
 
 
 MODEL = mr.damper("static_hysteretic").with_current_laws(LAWS, unit="A")
@@ -46,10 +47,10 @@ OTHER = mr.damper("normalised_bouc_wen").with_current_laws({"c": "linear", "k_w"
 DAMPERS = {"RD-1005-3": device(MODEL, PUBLISHED), "Bouc-Wen": device(OTHER, BOUC_WEN)}
 
 
-def simulated(law, motions, damper=DAMPERS["RD-1005-3"], frame=FRAME, hardware=HARDWARE):
+def simulated(law: Any, motions: Any, damper: Any, frame: Any = FRAME, hardware: Any = HARDWARE) -> Any:
     """Signals of the rig under each motion of the table, as they are."""
-    options = {"histories": True, "threads": script.threads}
-    responses = mr.simulate_loop(frame, [damper], law, motions, hardware, **options)
+    threads = script.threads
+    responses = mr.simulate_loop(frame, [damper], law, motions, hardware, histories=True, threads=threads)
     return [
         {
             "time": each.time,
@@ -59,11 +60,11 @@ def simulated(law, motions, damper=DAMPERS["RD-1005-3"], frame=FRAME, hardware=H
             "force": each.force[:, 0],
             "current": each.current[:, 0],
         }
-        for each in responses.histories
+        for each in responses.histories or ()
     ]
 
 
-def recorded(signals, true_gains=False):
+def recorded(signals: dict[str, Any], true_gains: bool = False) -> dict[str, Any]:
     """What the sensors make of signals."""
     seen = {"time": signals["time"]}
     for name, (noise, resolution, gain) in SENSORS.items():
@@ -80,7 +81,7 @@ u = (np.pi * 3.0 * (time - 0.5)) ** 2
 pulse = mr.GroundMotion(name="Ricker pulse", dt=1e-3, acceleration=2.0 * (1.0 - 2.0 * u) * np.exp(-u))
 
 
-def decay(time, frequency, zeta, cosine, sine, offset):
+def decay(time: Any, frequency: float, zeta: float, cosine: float, sine: float, offset: float) -> Any:
     """Free vibration of one mode with its natural frequency [Hz] and damping ratio."""
     omega = 2.0 * np.pi * frequency
     turned = omega * np.sqrt(1.0 - zeta**2) * time
@@ -89,7 +90,9 @@ def decay(time, frequency, zeta, cosine, sine, offset):
 
 decays, modes = {}, []
 for added in (0.0, ADDED):
-    (signals,) = simulated(NO_DAMPER, [TABLE.driven(pulse)], frame=replace(FRAME, mass=FRAME.mass + added))
+    (signals,) = simulated(
+        NO_DAMPER, [TABLE.driven(pulse)], DAMPERS["RD-1005-3"], replace(FRAME, mass=FRAME.mass + added)
+    )
     record = recorded(signals)
     free = (record["time"] >= 1.0 + 5.0 / TABLE.bandwidth) & (
         record["time"] < 1.0 + 5.0 / TABLE.bandwidth + LENGTH
@@ -147,7 +150,7 @@ PEAKS = {
 SMALL = {0.25: 0.8, 0.5: 1.6}  # m/s^2: of the tests at 3 Hz in which the damper nearly holds the frame
 
 
-def sine_command(frequency, peak):
+def sine_command(frequency: float, peak: float) -> mr.GroundMotion:
     """A sine of the table's displacement that grows over two seconds, so that the table stays about its middle."""
     time, omega = (
         1e-3 * np.arange(round((RAMP + SETTLE + CYCLES / frequency) / 1e-3) + 1),
@@ -162,7 +165,7 @@ def sine_command(frequency, peak):
     return mr.GroundMotion(name=f"sine of {frequency:g} Hz", dt=1e-3, acceleration=acceleration)
 
 
-def sine_tests(wanted, damper, seen=recorded, frame=FRAME):
+def sine_tests(wanted: Any, damper: Any, seen: Any = recorded, frame: Any = FRAME) -> dict[Any, Any]:
     """Steady records of the tests `(current, frequency, peak)` by their key, as the sensors have them."""
     records = {}
     for current in sorted({each[0] for each in wanted}):
@@ -175,7 +178,7 @@ def sine_tests(wanted, damper, seen=recorded, frame=FRAME):
     return records
 
 
-def shapes(time, frequency, harmonics=HARMONICS):
+def shapes(time: Any, frequency: float, harmonics: int = HARMONICS) -> tuple[Any, Any]:
     """One, then sine and cosine of each harmonic; and the derivatives of these."""
     rates = 2.0 * np.pi * frequency * np.arange(1, harmonics + 1)
     sine, cosine = np.sin(np.outer(time, rates)), np.cos(np.outer(time, rates))
@@ -184,12 +187,12 @@ def shapes(time, frequency, harmonics=HARMONICS):
     return np.column_stack([np.ones(time.size), pairs]), np.column_stack([np.zeros(time.size), derived])
 
 
-def amplitude(record, frequency, name):
+def amplitude(record: Any, frequency: float, name: str) -> float:
     """Amplitude of the first harmonic of a signal."""
     return float(np.hypot(*np.linalg.lstsq(shapes(record["time"], frequency)[0], record[name])[0][1:3]))
 
 
-def damper_tests(records, harmonics=HARMONICS):
+def damper_tests(records: Any, harmonics: int = HARMONICS) -> list[mr.DamperTest]:
     """Force of the load cell over the motion of the Fourier series: three cycles, every second sample."""
     tests = []
     for (current, frequency, peak), record in records.items():
@@ -209,7 +212,7 @@ def damper_tests(records, harmonics=HARMONICS):
     return tests
 
 
-def fitted_to(tests, *, bounded=True):
+def fitted_to(tests: Any, *, bounded: bool = True) -> mr.Fit:
     """The current laws of the static hysteretic model; x_s stays between what the sensor resolves and 1 mm."""
     bounds = {"x_s": (1e-5, 1e-3)} if bounded else None
     return mr.identify(MODEL, tests, bounds=bounds, rng=0, threads=script.threads)
@@ -222,9 +225,8 @@ if script.quick:
 wanted += [(current, 3.0, peak) for current, peak in SMALL.items()]
 sweep = [(current, frequency, 2.0) for current in (0.0, 0.25) for frequency in SWEEP]
 still = mr.GroundMotion(name="still", dt=1e-3, acceleration=np.zeros(201))
-switched = replace(
-    HARDWARE, faults=(mr.closed_loop.Fault(channel="command", start=0.0, end=0.05, value=0.0),)
-)
+off = mr.closed_loop.Fault(channel="command", start=0.0, end=0.05, value=0.0)
+switched = replace(HARDWARE, faults=(off,))
 largest = mr.ControlLaw(name="passive", gains={"command": [LARGEST_CURRENT]})
 fits, records, rates, measured = {}, {}, {}, {}
 for name, damper in list(DAMPERS.items())[: 1 if script.quick else None]:
@@ -232,7 +234,7 @@ for name, damper in list(DAMPERS.items())[: 1 if script.quick else None]:
     for way in (name, f"{name}, true gains"):
         script.say(way)
 
-        def seen(signals, true_gains=way != name):
+        def seen(signals: Any, true_gains: bool = way != name) -> Any:
             return recorded(signals, true_gains)
 
         records[way] = sine_tests(wanted, damper, seen)
@@ -245,7 +247,7 @@ for name, damper in list(DAMPERS.items())[: 1 if script.quick else None]:
             step["current"][late],
             p0=(100.0, LARGEST_CURRENT),
         )
-        rates[way] = (rate, np.sqrt(covariance[0, 0]))
+        rates[way] = (float(rate), float(np.sqrt(covariance[0, 0])))
 
 fit = fits["RD-1005-3"]
 columns = {"true": dict(zip([*MODEL.names, "rate"], [*PUBLISHED, DRIVER_RATE], strict=True))}
@@ -253,21 +255,17 @@ for way, each in fits.items():
     estimates = {of.name: of.value for of in each.estimates}
     columns[way] = estimates | {"rate": rates[way][0], "fit [%]": each.fit_percent}
 errors = {each.name: each.standard_error for each in fit.estimates} | {"rate": rates["RD-1005-3"][1]}
-names = columns["RD-1005-3"]
-rows = {
-    name: {"standard error": errors.get(name)} | {way: of.get(name) for way, of in columns.items()}
-    for name in names
-}
-script.table(
-    "damper", rows, title="Coefficients of the dampers, in SI units and A, and the rate of the driver"
-)
+found: dict[str, Any] = {name: {"standard error": errors.get(name)} for name in columns["RD-1005-3"]}
+for name, row in found.items():
+    row |= {way: of.get(name) for way, of in columns.items()}
+script.table("damper", found, title="Coefficients of the dampers in SI units, and the rate of the driver")
 
 # %% Response amplitudes under 2 m/s^2, and those of the identified rig.
 identified_frame = mr.buildings.shear_building(
     masses=[mass], stiffnesses=[stiffness], storey_damping=[4.0 * np.pi * f * mass * zeta]
 )
 predicted = sine_tests(sweep, device(MODEL, fit.theta, rates["RD-1005-3"][0]), dict, identified_frame)
-sines = {f"{frequency:g} Hz": {} for frequency in SWEEP}
+sines: dict[str, Any] = {f"{frequency:g} Hz": {} for frequency in SWEEP}
 for (current, frequency, peak), record in measured["RD-1005-3"].items():
     of_rig = predicted[current, frequency, peak]
     sines[f"{frequency:g} Hz"] |= {

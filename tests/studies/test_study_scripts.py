@@ -17,7 +17,10 @@ from common import DATA
 STUDIES = Path(__file__).parents[2] / "studies"
 SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("__init__", "common"))
 # Seconds each.
-LONG = {"gradients", "yielding_frame"}
+LONG = {
+    *("chapter_6_floors", "chapter_7_rig", "gradients", "robust_control", "rollout", "rollout_yields"),
+    "yielding_frame",
+}
 
 
 def private_names(tree: ast.Module) -> list[str]:
@@ -27,12 +30,11 @@ def private_names(tree: ast.Module) -> list[str]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "mrwork":
             public = import_module(node.module or "").__all__
             found += [f"{node.module}.{each.name}" for each in node.names if each.name not in public]
+        # What a call returns has methods, which are no names of a module.
         elif isinstance(node, ast.Attribute) and (text := ast.unparse(node)).replace(".", "").isidentifier():
             names = text.split(".")
             module: object = import_module("mrwork")
-            # What a call returns has methods, which are no names of a module.
-            of_module = names[0] == "mr" and all(name.isidentifier() for name in names)
-            for name in names[1:] if of_module else ():
+            for name in names[1:] if names[0] == "mr" else ():
                 if not isinstance(module, ModuleType):
                     break
                 if name not in module.__all__:

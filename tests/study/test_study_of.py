@@ -31,9 +31,8 @@ SLOW = {
     "studies/respond/five_storeys.toml",
     "studies/rollout/yields.toml",
     *(
-        f"studies/{study}/{use}_{level}.toml"
-        for study in ("rollout", "robust_control")
-        for use in ("level", "chosen")
+        f"studies/rollout/{use}_{level}.toml"
+        for use in ("level", "chosen", "robust_level", "robust_chosen")
         for level in ("01", "03")
     ),
 }
