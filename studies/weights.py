@@ -3,7 +3,7 @@
 They are: a semidefinite program and the Riccati equations agree to 2e-6 in 21 trial problems, and no limit or budget is
 exceeded by more than 1e-9. In the loop they do not beat a scanned R of equal drift weights: on the records that chose R
 the scores are 0.511 and 0.512 at 0.1 g, 0.544 and 0.530 at 0.3 g. A semi-active condition helps where R is unknown:
-0.517 to 0.528 over four decades of R at 0.1 g. Five minutes of one core, the quick form half a minute.
+0.517 to 0.528 over four decades of R at 0.1 g. A minute of one core, the quick form six seconds.
 """
 
 import time
