@@ -3,7 +3,7 @@
 Cylinders of 0.15, 0.26 and 0.42 l give 4, 8 and 12 kN. Under four measured records of 0.3 g and clipped-optimal
 control they have 0.46, 0.39 and 0.39 of the response with a pair of RD-1005-3 without current, the pair itself 0.54:
 beyond 8 kN there is no gain. Constant currents gain 1 to 8 % on the pair. Of dampers of 8 kN the smallest, 0.250 l, has
-a dynamic range of 11.5; half more volume buys 22.5. Three minutes of one core, the quick form fifteen seconds.
+a dynamic range of 11.5; half more volume buys 22.5. Two minutes of one core, the quick form fifteen seconds.
 """
 
 from dataclasses import replace
