@@ -18,23 +18,14 @@ from studies.chapter_2.device_families import FAMILIES
 from studies.chapter_3 import sized_front
 from studies.chapter_3.models_on_one_test import NOISE, SHOWN_TEST
 from studies.chapter_3.sized_frame import FORCES, PAIR, wishes
-from studies.chapter_6 import tuning
-from studies.chapter_6.loop_findings import TUNED_LAWS, found_by
-from studies.chapter_6.tables import tables
-from studies.chapter_6.thesis_tables import thesis_tables
-from studies.chapter_6.tuning import control_law_of
 from studies.controller_weights.study import found_by as weights_found
 from studies.controller_weights.tables import tables as weight_tables
 from studies.former.command import Work
 from studies.former.expected import departures
-from studies.former.frame import LEVELS, RECORDS, level_name
+from studies.former.frame import RECORDS
 
 STUDIES = measured_data.ROOT / "studies"
 MEASURED = measured_data.DATA / "records"
-measured = pytest.mark.skipif(
-    not (MEASURED / "el_centro_1940_ns.csv").is_file(),
-    reason=f"no measured records in {MEASURED}; set MRWORK_DATA",
-)
 
 
 def assert_filled(shown: Any) -> None:
@@ -92,7 +83,7 @@ def decaying_sines(folder: Path) -> Path:
     return folder
 
 
-# Half a minute; chapter 6 and the designed weights stand for the others in every change.
+# Half a minute; the designed weights stand for the others in every change.
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "holds", "pictures"),
@@ -120,26 +111,7 @@ def test_the_quick_form_of_a_chapter_finds_what_is_expected(
         assert not [outside for outside in ('src="', "url(http", "<link", "<script") if outside in text]
 
 
-@measured
-@pytest.mark.long
-def test_the_quick_form_of_chapter_6_finds_what_is_expected() -> None:
-    found = {**found_by(Work(quick=True, records=MEASURED)), "seconds": 0.0}
-    assert departures(found, STUDIES / "chapter_6/expected.toml") == []
-    of_thesis = thesis_tables(found, [level_name(level) for level in LEVELS])
-    assert_filled(chain(tables(found), *of_thesis.values()))
-
-
 def test_the_quick_form_of_designed_weights_finds_what_is_expected() -> None:
     found = weights_found(quick=True, records=MEASURED, threads=1, say=lambda what: None)
     assert departures(found, STUDIES / "controller_weights/expected.toml") == []
     assert_filled(weight_tables(found))
-
-
-def test_every_tuned_law_has_a_setting_for_both_levels() -> None:
-    kept = tuning.kept()
-    assert set(TUNED_LAWS) <= set(kept)
-    for at_level in kept.values():
-        assert len(at_level) == len(LEVELS)
-        assert all(
-            control_law_of(each).name == each.law for each in at_level if each.law != "inverse_network"
-        )
