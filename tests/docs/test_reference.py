@@ -79,7 +79,9 @@ def test_every_public_name_is_listed_and_described_once(texts):
 
 
 def test_every_study_is_included(texts):
-    names = {path.parent.name for path in Path(__file__).parents[2].glob("studies/*/README.md")}
+    studies = Path(__file__).parents[2] / "studies"
+    names = {path.parent.name for path in studies.glob("*/README.md")}
+    names |= {path.stem for path in studies.glob("*.py")} - {"__init__", "common"}
     assert {path.stem for path in texts if path.parent == STUDIES} == names | {"index"}
 
 

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 STUDIES = ROOT / "studies"
-CITED = re.compile(r"studies/(?:_generated/)?(\w+?)(?:\.md|/)")
+CITED = re.compile(r"studies/(?:_generated/)?(\w+?)(?:\.md|\.py|/)")
 # Numbers that are shown as per cent may be stated as shares.
 SCALES = (1.0, 100.0)
 
@@ -21,6 +21,14 @@ DERIVED = {
 }
 
 
+def files_of(study: str) -> list[Path]:
+    """Where a study states its figures: its script, notes and tables, or README and figures of its folder."""
+    script, folder = STUDIES / f"{study}.py", STUDIES / study
+    if script.is_file():
+        return [script, *folder.glob("*.csv"), *folder.glob("notes.md")]
+    return [folder / "README.md", folder / "expected.toml"] if (folder / "expected.toml").is_file() else []
+
+
 def parts_of(page: Path) -> list[tuple[str, str]]:
     """Each paragraph, list and table of a page that cites a study with figures, or follows on that: study and text."""
     found: list[tuple[str, str]] = []
@@ -28,7 +36,7 @@ def parts_of(page: Path) -> list[tuple[str, str]]:
     for section in re.split(r"(?m)^#", page.read_text(encoding="utf-8")):
         study = ""
         for block in re.split(r"\n\s*\n|\n(?=- )", section):
-            cited = [name for name in CITED.findall(block) if (STUDIES / name / "expected.toml").is_file()]
+            cited = [name for name in CITED.findall(block) if files_of(name)]
             study = cited[-1] if cited else study
             if study and (cited or block.startswith(("|", "- "))):
                 found.append((study, block))
@@ -44,8 +52,7 @@ CASES = [
 
 
 def stated(study: str) -> set[float]:
-    files = [STUDIES / study / name for name in ("README.md", "expected.toml")]
-    text = "\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files_of(study) if file.is_file())
     numbers = [float(each) for each in re.findall(r"-?\d+\.?\d*(?:e[-+]?\d+)?", text.replace(" 000", "000"))]
     return {abs(scale * each) for each in numbers for scale in SCALES}
 
