@@ -1,10 +1,11 @@
-"""Pages of the studies, whose READMEs are included, and of the benchmarks."""
+"""Pages of the studies, from their docstrings, expected numbers and notes, and of the benchmarks."""
 
 from __future__ import annotations
 
 import ast
 import csv
 import importlib.metadata
+import re
 import tomllib
 from pathlib import Path
 
@@ -31,37 +32,59 @@ def study_pages() -> dict[str, str]:
     return {"index": _index(), **{name: _page(name) for name in studies()}}
 
 
-def _index() -> str:
-    rows = [
-        (
-            f"[{prose(_title(path))}]({name}.md)",
-            code(path.relative_to(ROOT).as_posix().removesuffix("/README.md")),
+_FIRST = ("identification", "weights_tuning")
+
+
+def listed(link: str) -> str:
+    """Table of the scripts: question with a `link` to format with the name, answer, minutes."""
+    scripts = [name for name, path in studies().items() if path.suffix == ".py"]
+    rows = []
+    for name in sorted(scripts, key=lambda each: (each not in _FIRST, each)):
+        question, answer = _question_and_answer(studies()[name])
+        *sentences, minutes = re.split(r"(?<=[.)])\s+(?=[A-Z0-9])", answer)
+        rows.append(
+            (
+                f"[{prose(question)}]({link.format(name)})",
+                prose(" ".join(sentences)),
+                prose(minutes.rstrip(".")),
+            )
         )
-        for name, path in studies().items()
-    ]
+    return table(("question", "answer", "time"), rows)
+
+
+def readme() -> str:
+    """The text of `studies/README.md`."""
     return document(
         "# Studies",
-        "A study answers one question with numbers that its command measures anew: `python studies/NAME/study.py`, "
-        "from the folder of the project. Those on measured records skip what is not there. Each page is the README of "
-        "its folder.",
-        table(("question", "folder"), rows),
+        "A study is a script of public names that answers one question with numbers that it finds anew: `python "
+        "studies/NAME.py`, with `--quick` in seconds. It prints tables, saves figures in `out/studies/NAME` and ends "
+        "with status 1 where a number is not the expected one of `studies/NAME/*.csv`. Copy the first two.",
+        listed("{}.py"),
+    )
+
+
+def _index() -> str:
+    return document(
+        "# Studies",
+        "A study answers one question with numbers that its script finds anew: `python studies/NAME.py`, from the "
+        "folder of the project. Those on measured records end with status 2 where the records are not there. "
+        "[Study files](respond.md) of `mrwork respond` are beside them.",
+        listed("{}.md"),
         toctree(*studies(), hidden=""),
     )
 
 
-def _title(path: Path) -> str:
-    if path.suffix == ".py":
-        return _about(path).partition("\n")[0]
-    return path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
-
-
-def _about(script: Path) -> str:
-    return ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+def _question_and_answer(script: Path) -> tuple[str, str]:
+    """First line and first paragraph below it of the docstring."""
+    text = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+    question, _, rest = text.partition("\n")
+    return question, " ".join(rest.strip().partition("\n\n")[0].split())
 
 
 def _script_page(script: Path) -> str:
     """Question and answer of its docstring, the numbers that are expected of it, and its notes."""
-    question, _, answer = _about(script).partition("\n")
+    text = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+    question, _, answer = text.partition("\n")
     folder = script.with_suffix("")
     parts = [f"# {question}", answer.strip(), f"```sh\npython studies/{script.name}\n```"]
     for path in sorted(folder.glob("*.csv")):
@@ -108,3 +131,7 @@ def _versions() -> str:
         "with them:",
         table(("package", "version"), [(code(name), versions[name]) for name in names]),
     )
+
+
+if __name__ == "__main__":
+    print(readme(), end="")

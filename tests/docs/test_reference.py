@@ -12,6 +12,7 @@ from generate.api_pages import described_names, namespaces
 from generate.equations import tex
 from generate.markdown import prose
 from generate.pages import REFERENCE, STUDIES, pages, pictures
+from generate.study_pages import readme
 from mrwork.base.keys import keys_in_words, tables
 from mrwork.cli.door import parser, verbs
 from mrwork.control.laws.law_settings import SETTINGS
@@ -83,6 +84,11 @@ def test_every_study_is_included(texts):
     names = {path.parent.name for path in root.glob("*/README.md")}
     names |= {path.stem for path in root.glob("*.py")} - {"__init__", "common"}
     assert {path.stem for path in texts if path.parent == STUDIES} == names | {"index"}
+
+
+def test_the_table_of_studies_has_all_scripts():
+    written = (Path(__file__).parents[2] / "studies" / "README.md").read_text(encoding="utf-8")
+    assert written == readme(), "in docs: python -m generate.study_pages > ../studies/README.md"
 
 
 def test_every_link_of_a_page_leads_to_a_page(texts):
