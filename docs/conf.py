@@ -29,7 +29,7 @@ extensions = [
 exclude_patterns = ["generate", "**/.ipynb_checkpoints"]
 root_doc = "index"
 nitpicky = True
-# Types of other libraries, whose pages would have to be fetched, and of the lower tier, which has no pages.
+# Types of other libraries, whose pages would have to be fetched, and of names that are not public.
 nitpick_ignore_regex = [(r"py:.*", r".*")]
 suppress_warnings = [
     "config.cache",

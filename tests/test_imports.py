@@ -71,7 +71,7 @@ STEPS = {
     "predict and calibrate": ("mr.calibrate([mr.predict(fit, other)], held_out='')", JAX),
     "choose": ("mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])", JAX),
     "everything of a study but the design of weights": (
-        "mr.control.WeightWishes, mr.control.design_weights, mr.control.RegulatorSettings(control_weight=1.0)\n"
+        "mr.control.design_weights, mr.control.RegulatorSettings(control_weight=1.0)\n"
         "mr.read_study(sys.argv[2])",
         ("cvxpy", "clarabel", *JAX),
     ),

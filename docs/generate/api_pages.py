@@ -1,6 +1,6 @@
 """Pages of the Python interface: a page for each public name, a list for each namespace.
 
-A name is public where `__all__` of its namespace has it, which follows from the stub; names of the lower tier are not.
+A name is public where `__all__` of its namespace has it, which follows from the stub.
 A value that several namespaces list has one page, that of the first.
 """
 

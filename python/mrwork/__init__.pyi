@@ -77,10 +77,3 @@ from .uncertainty.planning import plan as plan
 from .uncertainty.posterior.draws import Draws as Draws
 from .uncertainty.posterior.sample import sample as sample
 from .workers.engine import Workers as Workers
-
-if True:  # the lower tier
-    from .base.blas import on_one_blas_thread as on_one_blas_thread
-    from .cli.workers import on_workers as on_workers
-    from .workers.engine import present_workers as present_workers
-    from .workers.engine import working_on as working_on
-    from .workers.local import local_workers as local_workers

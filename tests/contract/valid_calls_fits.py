@@ -94,7 +94,6 @@ def identification_calls(_: Path) -> Calls:
     yield call(_free("unit").jacobian, points=np.full(4, 0.5))
     yield call(_free().gradient, points=theta[None])
     yield call(identification.search_box, spec=_BINGHAM, bounds=mr.Box.of(_BINGHAM), tests=(test,))
-    yield call(identification.LevelFit, command=1.0, minima=theta[None])
 
 
 def jax_calls(_: Path) -> Calls:
@@ -158,7 +157,6 @@ def search_calls(_: Path) -> Calls:
     )
     yield call(_SPHERE.start, n_params=2, rng=0, replicates=(0, 1))
     yield call(_SPHERE.tell, state=_begun()[0], proposal=_begun()[1], misfit=_begun()[2])
-    yield call(search.Streams, rng=0, replicate=np.array([0, 1]), generation=np.array([0, 0]))
 
 
 def plots_calls(_: Path) -> Calls:

@@ -12,7 +12,7 @@ from study_samples import results
 import mrwork as mr
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.linear.lqr import weighed_state
-from mrwork.control.linear.plant import Outputs
+from mrwork.control.linear.plant import Outputs, stack_outputs
 from tests.contract.wrong_arguments import Calls, call, calls_with
 
 
@@ -84,7 +84,7 @@ def plants_calls(_: Path) -> Calls:
     of, frame = mr.control, five_storeys()
     plant = of.plant_of(frame, frame.storeys[:2])
     outputs = of.drifts(plant)
-    measured = of.stack_outputs(of.accelerations(plant), of.deformations(plant))
+    measured = stack_outputs(of.accelerations(plant), of.deformations(plant))
     yield call(of.plant_of, building=frame, attachment=frame.storeys[:2], device_names=["a", "b"])
     values = {
         **{"plant": plant, "measurements": measured, "sample_time": 1e-3, "ground_intensity": 1.0},
@@ -154,16 +154,10 @@ def laws_calls(_: Path) -> Calls:
     yield call(known.gain_rows, n_devices=2, n_states=10)
     yield call(of.settings_of, name="modified_clipped_optimal", given=clipped)
     yield call(of.design_law, name="modified_clipped_optimal", problem=problem, settings=clipped)
-    lyapunov = of.LyapunovSettings(state_weight=np.eye(10))
+    lyapunov = of.settings_of("lyapunov", {"state_weight": np.eye(10)})
     yield call(of.design_law, name="lyapunov", problem=problem, settings=lyapunov)
     weights = {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7}
     yield call(of.RegulatorSettings, **weights)
-    wishes = {
-        **{"rms_drift": 2e-3, "budget": (500.0,), "spectrum": "kanai_tajimi", "ground_frequency": 15.0},
-        **{"ground_damping": 0.6, "intensity": 1e-3, "stiffness": [0.8, 1.0], "semi_active": 0.5},
-        "sampled": False,
-    }
-    yield call(of.WeightWishes, **wishes)
 
 
 def loop_calls(_: Path) -> Calls:

@@ -1,7 +1,6 @@
 """Names of a namespace, loaded when they are first used, as its stub lists them.
 
-The imports at the top of `__init__.pyi` are the public tier: what users need, with checked arguments. Those under its
-`if` are the lower tier, for the studies: they can be had by name, are not listed by `dir`, and check nothing.
+The imports of `__init__.pyi` are the public names: what users need, with checked arguments.
 """
 
 from __future__ import annotations
@@ -15,9 +14,8 @@ from pathlib import Path
 
 def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` of the package whose `__init__.py` is the file."""
-    stub = ast.parse(Path(file).with_suffix(".pyi").read_text())
-    listed = sorted(_modules(stub.body, package))
-    modules = _modules(ast.walk(stub), package)
+    modules = _modules(ast.parse(Path(file).with_suffix(".pyi").read_text()).body, package)
+    listed = sorted(modules)
 
     def load(name: str) -> object:
         if name not in modules:

@@ -30,8 +30,3 @@ from .yielding import Pushover as Pushover
 from .yielding import pushover as pushover
 from .yielding import with_p_delta as with_p_delta
 from .yielding import with_storeys_that_yield as with_storeys_that_yield
-
-if True:  # the lower tier
-    from .passive_devices import TUNINGS as TUNINGS
-    from .passive_devices import column_length as column_length
-    from .passive_devices import liquid_column_optimum as liquid_column_optimum

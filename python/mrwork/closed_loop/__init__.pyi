@@ -1,3 +1,4 @@
+from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .evaluation import criteria as criteria
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
@@ -6,16 +7,7 @@ from .prescribed import simulate_prescribed as simulate_prescribed
 from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device
+from .simulate import LoopVariation as LoopVariation
 from .simulate import simulate_loop as simulate_loop
 from .user_law import LoopSample as LoopSample
 from .user_law import UserLaw as UserLaw
-
-if True:  # the lower tier
-    from .evaluation import SCORE as SCORE
-    from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
-    from .evaluation import Scales as Scales
-    from .evaluation import criterion as criterion
-    from .evaluation import ratio as ratio
-    from .evaluation import score as score
-    from .evaluation import values as values
-    from .simulate import LoopVariation as LoopVariation

@@ -448,6 +448,7 @@ class GainChanges:
     reach: float
 
 
+@checked
 @array_dataclass(repr=False)
 class LoopVariation(Summarised):
     """Realisations of a loop: each is one draw of its dampers with a building, a delay and noise of its own.
@@ -473,6 +474,7 @@ class LoopVariation(Summarised):
         """Number of realisations."""
         return len(self.buildings)
 
+    @checked
     def distinct_from(self, building: Building) -> tuple[list[Building], list[int]]:
         """Distinct buildings, none if all are `building`, and the index of each realisation's own."""
         if all(own is building for own in self.buildings):

@@ -10,6 +10,7 @@ from .laws.law_problem import ReferencePeaks as ReferencePeaks
 from .laws.law_settings import design_law as design_law
 from .laws.law_settings import settings_of as settings_of
 from .laws.lyapunov import lyapunov_function as lyapunov_function
+from .laws.regulator_settings import RegulatorSettings as RegulatorSettings
 from .laws.sliding import optimal_surface as optimal_surface
 from .laws.sliding import placed_surface as placed_surface
 from .linear.lqr import observer_of as observer_of
@@ -29,28 +30,11 @@ from .linear.plant import velocities as velocities
 from .linear.riccati import kalman_gains as kalman_gains
 from .linear.riccati import lyapunov_solutions as lyapunov_solutions
 from .linear.riccati import regulator_gains as regulator_gains
+from .weights.limits import DesignCase as DesignCase
+from .weights.limits import LoopTiming as LoopTiming
 from .weights.limits import RmsLimits as RmsLimits
 from .weights.limits import SemiActiveCondition as SemiActiveCondition
+from .weights.limits import stiffness_cases as stiffness_cases
 from .weights.program import inverse_weights as inverse_weights
 from .weights.weight_certificate import DesignedWeights as DesignedWeights
 from .weights.weight_solver import design_weights as design_weights
-
-if True:  # the lower tier
-    from .laws.law_problem import Design as Design
-    from .laws.law_settings import SETTINGS as SETTINGS
-    from .laws.law_settings import PassiveSettings as PassiveSettings
-    from .laws.law_settings import design_candidates as design_candidates
-    from .laws.lyapunov import LyapunovSettings as LyapunovSettings
-    from .laws.lyapunov import ProportionalSettings as ProportionalSettings
-    from .laws.regulator_settings import RegulatorSettings as RegulatorSettings
-    from .laws.rollout import RolloutSettings as RolloutSettings
-    from .laws.weights import WeightWishes as WeightWishes
-    from .linear.lqr import published_regulator as published_regulator
-    from .linear.lqr import regulator_as_published as regulator_as_published
-    from .linear.plant import deformation_rates as deformation_rates
-    from .linear.plant import stack_outputs as stack_outputs
-    from .weights.limits import DesignCase as DesignCase
-    from .weights.limits import LoopTiming as LoopTiming
-    from .weights.limits import sine_force as sine_force
-    from .weights.limits import stiffness_cases as stiffness_cases
-    from .weights.weight_solver import WeightDesigner as WeightDesigner

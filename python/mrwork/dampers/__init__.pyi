@@ -12,15 +12,3 @@ from .simulation import Outcome as Outcome
 from .spec import DamperSpec as DamperSpec
 from .spec import damper as damper
 from .spec import damper_models as damper_models
-
-if True:  # the lower tier
-    from .._rust import flops_per_step as flops_per_step
-    from .._rust import fma_peak as fma_peak
-    from .._rust import force_histories as force_histories
-    from .._rust import misfits as misfits
-    from .._rust import sensitivities as sensitivities
-    from .simulation import Loading as Loading
-    from .simulation import instruction_set as instruction_set
-    from .simulation import simulate_force as simulate_force
-    from .simulation import simulate_forces as simulate_forces
-    from .spec import PUBLISHED_SETS as PUBLISHED_SETS

@@ -7,15 +7,3 @@ from .problem import start_from as start_from
 from .progress import Progress as Progress
 from .settings import FitSettings as FitSettings
 from .settings import Multistart as Multistart
-
-if True:  # the lower tier
-    from .equivalent import identifiable_form as identifiable_form
-    from .minimise.by_optimistix import find_minimum_by_optimistix as find_minimum_by_optimistix
-    from .minimise.level_search import LevelFit as LevelFit
-    from .minimise.level_search import joint_starts as joint_starts
-    from .minimise.level_search import levels_of as levels_of
-    from .minimise.levenberg_marquardt import find_minima as find_minima
-    from .minimise.levenberg_marquardt import find_minimum as find_minimum
-    from .minimise.multistart import MultistartResult as MultistartResult
-    from .minimise.multistart import search_starts as search_starts
-    from .result import free_run as free_run

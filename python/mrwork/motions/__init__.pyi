@@ -8,6 +8,7 @@ from .ground_motion import time_scaled as time_scaled
 from .ground_motion import trimmed as trimmed
 from .read import read_motion as read_motion
 from .read import read_motions as read_motions
+from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectral_density import fitted_spectrum as fitted_spectrum
 from .spectral_density import stationary_ground as stationary_ground
@@ -29,9 +30,3 @@ from .targets import check_suite as check_suite
 from .targets import en_1998_spectrum as en_1998_spectrum
 from .targets import scaled_to_target as scaled_to_target
 from .targets import table_spectrum as table_spectrum
-
-if True:  # the lower tier
-    from .ground_motion import brought_to_rest as brought_to_rest
-    from .spectral_density import CloughPenzien as CloughPenzien
-    from .spectral_density import mean_square_of as mean_square_of
-    from .synthetic import ricker as ricker

@@ -94,11 +94,13 @@ class CloughPenzien:
         """S0 [m^2/s^3] of the white noise."""
         return self.soil.intensity
 
+    @checked
     def transfer(self, w: Floats) -> Complexes:
         """Transfer function from bedrock to ground acceleration at circular frequencies w [rad/s], shape of w."""
         w_f, zeta_f = self.frequency, self.damping
         return self.soil.transfer(w) * -(w**2) / (w_f**2 - w**2 + 2j * zeta_f * w_f * w)
 
+    @checked
     def density(self, w: Floats) -> Floats:
         """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in the shape of w."""
         return self.soil.intensity * np.abs(self.transfer(w)) ** 2

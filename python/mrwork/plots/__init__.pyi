@@ -15,20 +15,3 @@ from .of_time import commands as commands
 from .of_time import histories as histories
 from .of_time import loops as loops
 from .of_time import residuals as residuals
-
-if True:  # the lower tier
-    from .of_fits import DrawsPlots as DrawsPlots
-    from .of_fits import FitPlots as FitPlots
-    from .of_fits import PredictionPlots as PredictionPlots
-    from .of_fits import ProfilesPlots as ProfilesPlots
-    from .of_fits import RunPlots as RunPlots
-    from .of_fits import TestPlots as TestPlots
-    from .of_studies import BuildingPlots as BuildingPlots
-    from .of_studies import FragilityPlots as FragilityPlots
-    from .of_studies import FrontPlots as FrontPlots
-    from .of_studies import HistoryPlots as HistoryPlots
-    from .of_studies import MotionPlots as MotionPlots
-    from .of_studies import PushoverPlots as PushoverPlots
-    from .of_studies import ResponsesPlots as ResponsesPlots
-    from .of_studies import SpectrumPlots as SpectrumPlots
-    from .of_studies import SuitePlots as SuitePlots

@@ -14,11 +14,3 @@ from .rig_table import ListedTest as ListedTest
 from .rig_table import read_test_table as read_test_table
 from .rig_table import write_test_table as write_test_table
 from .window import cut as cut
-
-if True:  # the lower tier
-    from .checks import detect_smoothing as detect_smoothing
-    from .columns import parse_column_option as parse_column_option
-    from .damper_test import AS_IT_IS as AS_IT_IS
-    from .damper_test import Measured as Measured
-    from .likeness import RecordedMotion as RecordedMotion
-    from .motion import regular_cycles as regular_cycles

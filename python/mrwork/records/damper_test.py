@@ -245,7 +245,7 @@ class Finding:
 class Smoothing:
     """A moving average over `window_seconds` [s] that was applied to the named channels."""
 
-    _made_by: ClassVar[str] = "mr.records.detect_smoothing(test)"
+    _made_by: ClassVar[str] = "mr.read_damper_test(path)"
 
     window_seconds: float
     kind: Literal["moving_average"]

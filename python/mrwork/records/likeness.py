@@ -59,7 +59,7 @@ class RecordedMotion(Related):
     [N], as the displacement.
     """
 
-    _made_by: ClassVar[str] = "mr.records.RecordedMotion.of(test)"
+    _made_by: ClassVar[str] = "mr.read_damper_test(path)"
 
     test: str
     sha256: str

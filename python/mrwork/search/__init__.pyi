@@ -10,16 +10,3 @@ from .registry import OPTIMISERS as OPTIMISERS
 from .registry import PEERS as PEERS
 from .rules import EliteRule as EliteRule
 from .rules import StopRules as StopRules
-
-if True:  # the lower tier
-    from .course import Ceiling as Ceiling
-    from .course import select as select
-    from .loop import AbortableObjective as AbortableObjective
-    from .loop import GenerationEvent as GenerationEvent
-    from .loop import run_replicates as run_replicates
-    from .particle_swarm import CONSTRICTION as CONSTRICTION
-    from .registry import library as library
-    from .rules import first_improvement as first_improvement
-    from .rules import threshold as threshold
-    from .unit_cube import Streams as Streams
-    from .unit_cube import latin_hypercube as latin_hypercube

@@ -12,8 +12,3 @@ from .run import run_study as run_study
 from .schema import TuneTable as TuneTable
 from .study import MotionOfStudy as MotionOfStudy
 from .study import Study as Study
-
-if True:  # the lower tier
-    from .schema import OPTIMAL_PASSIVE as OPTIMAL_PASSIVE
-    from .schema import PASSIVE_OFF as PASSIVE_OFF
-    from .schema import PASSIVE_ON as PASSIVE_ON

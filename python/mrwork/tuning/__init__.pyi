@@ -3,7 +3,3 @@ from .results import Front as Front
 from .results import TuningResults as TuningResults
 from .results import read_tuning as read_tuning
 from .run import tune as tune
-
-if True:  # the lower tier
-    from .results import FrontPoint as FrontPoint
-    from .results import LawResult as LawResult

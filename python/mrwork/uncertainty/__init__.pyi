@@ -9,6 +9,8 @@ from .bands.prediction import LeftOut as LeftOut
 from .bands.prediction import Prediction as Prediction
 from .bands.prediction import predict as predict
 from .bands.prediction import predict_left_out as predict_left_out
+from .candidate_tests import Candidate as Candidate
+from .candidate_tests import Limits as Limits
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
 from .choice.laws import choose_laws as choose_laws
@@ -27,15 +29,3 @@ from .posterior.target import Lognormal as Lognormal
 from .posterior.target import Normal as Normal
 from .posterior.target import Prior as Prior
 from .posterior.target import Uniform as Uniform
-
-if True:  # the lower tier
-    from .bands.band import simulate_draws as simulate_draws
-    from .candidate_tests import Candidate as Candidate
-    from .candidate_tests import Limits as Limits
-    from .noise import NOISES as NOISES
-    from .noise import Noise as Noise
-    from .posterior.draws import select_kept_rows as select_kept_rows
-    from .posterior.laplace import first_walkers as first_walkers
-    from .posterior.nuts import nuts_of as nuts_of
-    from .posterior.sample import Ensemble as Ensemble
-    from .posterior.target import Target as Target

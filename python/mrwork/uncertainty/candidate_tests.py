@@ -59,6 +59,7 @@ class Candidate:
         """Peak velocity [m/s]."""
         return 2.0 * pi * self.frequency * self.amplitude
 
+    @checked
     def in_words(self, unit: CommandUnit | None) -> str:
         """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
@@ -89,6 +90,7 @@ class Limits:
         _check_within("`stroke`", self.stroke, STROKE_RANGE, "m")
         _check_within("`peak_velocity`", self.peak_velocity, VELOCITY_RANGE, "m/s")
 
+    @checked
     def allow(self, candidate: Candidate) -> bool:
         """Whether the test is within the limits, up to rounding."""
         within = 1.0 + 1e-9

@@ -300,7 +300,7 @@ class PublishedRegulator(Summarised):
     acceleration over that of each sensor, in SI.
     """
 
-    _made_by: ClassVar[str] = "mr.control.published_regulator(name)"
+    _made_by: ClassVar[str] = "the setting `published` of a law"
 
     name: str
     n_floors: int

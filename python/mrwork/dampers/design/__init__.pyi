@@ -12,8 +12,3 @@ from .sizing import DamperWishes as DamperWishes
 from .sizing import SizeFront as SizeFront
 from .sizing import size_damper as size_damper
 from .sizing import size_front as size_front
-
-if True:  # the lower tier
-    from .flow import summed_pressure as summed_pressure
-    from .materials import FLUIDS as FLUIDS
-    from .sizing import SizingProgress as SizingProgress

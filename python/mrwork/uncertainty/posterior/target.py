@@ -290,7 +290,7 @@ class Target(Summarised):
     nuisance parameters take their least-squares values for each candidate.
     """
 
-    _made_by: ClassVar[str] = "mr.uncertainty.Target.of(form, objective, noise, ...)"
+    _made_by: ClassVar[str] = "mr.sample(fit, test)"
 
     _units: ClassVar[Mapping[str, str]] = {"deviations": "N"}
 
