@@ -4,7 +4,7 @@ Not the best passive one: clipped-optimal and Lyapunov control score 0.43 and 0.
 best constant current 0.41, at half of its current; clipped-optimal is better in 4 of 16 figures, Lyapunov in none. The
 identified rig predicts peak displacements within 2.8 % (rms over all tests), peak accelerations within 1.4 %; most of
 it are gains of sensors. Frame and damper are those which `chapter_7_rig.py` identifies. With a damper of a form that
-the model does not contain the rms displacement is 23 % off. Two minutes of one core, the quick form ten seconds.
+the model does not contain the rms displacement is 23 % off. One minute of one core, the quick form ten seconds.
 """
 
 import csv
