@@ -2,8 +2,8 @@
 
 It has them: every history and peak at the default step of 0.5 ms is within 0.002 % of the limit to which OpenSees goes
 with smaller steps. A knee of the default sharpness, 10, changes the largest drift by -2.6 % in the mean of nine runs
-and by up to 10 %, one of 50 by -0.3 and 1.3 %. To errors of 0.2 % OpenSees takes 130 times the seconds of this package.
-Five minutes of one core, the quick form ten seconds. Status 2 where openseespy (extra `opensees`) is not installed.
+and by up to 10 %, one of 50 by -0.3 and 1.3 %. To errors of 0.2 % OpenSees takes some hundred times our seconds.
+Six minutes of one core, the quick form twelve seconds. Status 2 where openseespy (extra `opensees`) is not installed.
 """
 
 import sys
