@@ -12,7 +12,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize
 
 import mrwork as mr
-from mrwork.buildings.passive_devices import head_loss_of
+from mrwork.buildings.passive_devices import column_length, head_loss_of, liquid_column_optimum
 from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 
 FRAME = mr.building("uts")
@@ -90,7 +90,7 @@ def test_the_knee_of_bearings_is_passed_at_five_yield_displacements(sharpness: f
 def test_a_liquid_column_has_the_mass_and_the_length_of_its_liquid() -> None:
     found = of.with_liquid_column(FRAME, floor=5, mass=50.0, frequency=0.5, width_ratio=0.7, head_loss=3.0)
     assert found.total_mass == pytest.approx(FRAME.total_mass + 50.0)
-    length = of.column_length(0.5)
+    length = column_length(0.5)
     assert np.sqrt(2.0 * STANDARD_GRAVITY / length) / (2.0 * np.pi) == pytest.approx(0.5)
     # rho A xi / 2, with rho A = m / L.
     assert found.elements[0].head_loss == pytest.approx(0.5 * 3.0 * 50.0 / length)
@@ -114,7 +114,7 @@ def mean_square(mass_ratio: float, width_ratio: float, frequency_ratio: float, r
 def test_the_published_optimum_of_a_liquid_column_is_the_minimum(
     mass_ratio: float, width_ratio: float
 ) -> None:
-    published = of.liquid_column_optimum(mass_ratio, width_ratio)
+    published = liquid_column_optimum(mass_ratio, width_ratio)
     found = minimize(
         lambda at: mean_square(mass_ratio, width_ratio, at[0], at[1]),
         np.array([1.0, 0.05]),
@@ -130,7 +130,7 @@ def test_the_head_loss_of_a_damping_ratio_dissipates_as_much() -> None:
     velocity = rms * np.random.default_rng(5).normal(size=2_000_000)
     # Power per rho A of the loss of head, and of the dashpot 2 zeta omega L.
     lost = np.mean(0.5 * xi * np.abs(velocity) ** 3)
-    linear = 2.0 * ratio * 2.0 * np.pi * frequency * of.column_length(frequency) * rms**2
+    linear = 2.0 * ratio * 2.0 * np.pi * frequency * column_length(frequency) * rms**2
     assert lost == pytest.approx(linear, rel=3e-3)
 
 
