@@ -114,7 +114,7 @@ _WORDS: Final[Mapping[str, str]] = {
         "sampling_time sampling_period sampling_interval sample_period sample_rate sampling_rate sampling_frequency fs "
         "ts control_period control_interval"
     ),
-    "dt step interval": "time_step delta_t integration_step h dt",
+    "dt step": "time_step delta_t integration_step h dt",
     "duration end": "length total_time time t_end t_max t_final",
     "start": "t_start begin t0 from",
     "synthetic": "artificial random white_noise stochastic kanai_tajimi clough_penzien simulated filtered_noise",
