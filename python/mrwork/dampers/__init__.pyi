@@ -6,14 +6,14 @@ from .conversions import normalised_from_bouc_wen as normalised_from_bouc_wen
 from .conversions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .coordinates import Box as Box
 from .parameters import CurrentLaws as CurrentLaws
+from .simulation import flops_per_step as flops_per_step
+from .simulation import fma_peak as fma_peak
 from .spec import DamperSpec as DamperSpec
 from .spec import damper as damper
 from .spec import damper_models as damper_models
 
 if True:  # the lower tier
     from .._rust import LoadingHistory as LoadingHistory
-    from .._rust import flops_per_step as flops_per_step
-    from .._rust import fma_peak as fma_peak
     from .._rust import force_histories as force_histories
     from .._rust import misfits as misfits
     from .._rust import sensitivities as sensitivities
