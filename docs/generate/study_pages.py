@@ -73,18 +73,18 @@ def _script_page(script: Path) -> str:
             parts += [f"Expected numbers of `{path.stem}`:", table(["", *map(prose, headings[1:])], rows)]
     if (folder / "notes.md").is_file():
         parts.append(f"```{{include}} ../../../studies/{script.stem}/notes.md\n```")
+    if script.stem == BENCHMARKS:
+        parts += [
+            "What was measured, and on which machine, stands in {doc}`/explanation/speed`.",
+            _versions(),
+        ]
     return document(*parts)
 
 
 def _page(name: str) -> str:
     if (path := studies()[name]).suffix == ".py":
         return _script_page(path)
-    included = f"```{{include}} ../../../studies/{name}/README.md\n```"
-    if name != BENCHMARKS:
-        return document(included)
-    return document(
-        included, "What was measured, and on which machine, stands in {doc}`/explanation/speed`.", _versions()
-    )
+    return document(f"```{{include}} ../../../studies/{name}/README.md\n```")
 
 
 def _versions() -> str:

@@ -17,9 +17,8 @@ from mrwork.records import DamperTest
 from mrwork.report import Table
 from studies.former.arrays import Floats
 from studies.former.table import Cell, table_of
+from studies.former.timing import Run, require_agreement, time_in_turns
 from studies.gradients.posed import near_nominal, record
-from studies.speed.timing import require_agreement, time_in_turns
-from studies.speed.workload import Run
 
 # jax leaves these unannotated.
 _jax: Any = jax

@@ -24,9 +24,9 @@ from mrwork.records import DamperTest
 from mrwork.report import Table
 from studies.former.arrays import Floats
 from studies.former.table import Cell, table_of
+from studies.former.timing import rotated, timed
 from studies.gradients.own_loop import force_by_diffrax
 from studies.gradients.posed import record
-from studies.speed.timing import rotated, timed
 
 MODEL, HELD = "normalised_bouc_wen", "x0"
 # jax leaves these unannotated.

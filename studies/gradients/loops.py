@@ -14,7 +14,7 @@ import mrwork as mr
 from mrwork.report import Table
 from studies.former.arrays import Floats
 from studies.former.table import Cell, table_of
-from studies.speed.timing import time_in_turns
+from studies.former.timing import time_in_turns
 
 CASES = ("one damper", "two dampers, observer, delay", "storeys that yield")
 # The weights of the regulator inside a learned law, and the scales of its signals.

@@ -21,8 +21,8 @@ from typing import Any
 from mrwork.report import Table
 from studies.former.command import Command, Findings, Say
 from studies.former.processor import processor
+from studies.former.workers import cores_for, rows_of
 from studies.gradients import calls, fits, hang, loops, samplers
-from studies.speed.workers import cores_for, rows_of
 
 _PEERS = ("blackjax", "diffrax", "numpyro", "optax")
 

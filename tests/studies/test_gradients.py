@@ -18,7 +18,7 @@ def rows_of_quick(name: str, **settings: Any) -> list[Any]:
 
 
 def test_calls_of_all_contenders_agree_and_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("studies.speed.timing.TURN_SECONDS", 1e-4)
+    monkeypatch.setattr("studies.former.timing.TURN_SECONDS", 1e-4)
     rows = rows_of_quick("calls")
     assert len({(row.what, row.order) for row in rows}) == 4
     assert all(0.0 < row.apart < 1e-9 for row in rows)

@@ -17,7 +17,9 @@ from common import DATA
 STUDIES = Path(__file__).parents[2] / "studies"
 SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("__init__", "common"))
 # Seconds each.
-LONG: set[str] = set()
+LONG: set[str] = {"speed_kernels", "speed_loop", "speed_posterior"}
+# What a script must be told.
+ARGUMENTS = {"speed": ["regulators"]}
 
 
 def private_names(tree: ast.Module) -> list[str]:
@@ -56,7 +58,8 @@ def test_a_script_is_short_and_uses_public_names(path: Path) -> None:
 def test_the_quick_form_finds_what_is_expected(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", [path.name, "--quick", "--json", "--out", str(tmp_path)])
+    arguments = [path.name, *ARGUMENTS.get(path.stem, []), "--quick", "--json", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", arguments)
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(path), run_name="__main__")
     if ended.value.code == 2 and not DATA.is_dir():

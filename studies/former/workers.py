@@ -12,9 +12,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, is_dataclass
 from importlib import import_module
 from typing import Any
 
@@ -27,62 +26,6 @@ Say = Callable[[str], None]
 
 def silent(what: str) -> None:
     """Tell nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bar:
-    """A target and the measured value; `measured` is `None` if one of the contenders never reached the target."""
-
-    claim: str
-    threads: int
-    aim: float
-    measured: float | None
-    met: bool = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "met", self.measured is not None and self.measured >= self.aim)
-
-    def __str__(self) -> str:
-        where = f", {self.threads} thread(s)" if self.threads else ""
-        measured = "nothing to compare" if self.measured is None else f"{self.measured:.3g}"
-        return f"{'met' if self.met else 'NOT MET':<8} {self.claim}{where}: {measured}, aim {self.aim:g}"
-
-
-def ratio_bar(claim: str, threads: int, aim: float, over: float | None, under: float | None) -> Bar:
-    """A target of a ratio, of which one part may not be known."""
-    return Bar(claim=claim, threads=threads, aim=aim, measured=over / under if over and under else None)
-
-
-class Benchmark(ABC):
-    """All that one run measured: a dataclass of plain values."""
-
-    @abstractmethod
-    def text(self) -> Iterator[str]:
-        """The lines for a terminal."""
-
-    @property
-    def exit_status(self) -> int:
-        """Of the command line."""
-        return 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InterruptibleBenchmark(Benchmark):
-    """What one run measured of a job that Ctrl-C may end; `seconds` of all that it did."""
-
-    bars: tuple[Bar, ...]
-    seconds: float
-    interrupted: bool
-
-    @property
-    def exit_status(self) -> int:
-        """Of an interrupted run, 130."""
-        return 130 if self.interrupted else 0
-
-
-def record_kind(*, synthetic: bool) -> str:
-    """Whether a record was measured, for the text."""
-    return "SYNTHETIC, the measured record is not here" if synthetic else "measured"
 
 
 def cores_for(threads: Sequence[int]) -> list[int]:
@@ -143,23 +86,6 @@ def rows_of(
             raise MrworkError(
                 f"the benchmark process on {count} core(s) ended with code {worker.returncode}: {last}"
             )
-
-
-def rows_until_interrupted(
-    job: Callable[..., Iterator[Any]],
-    runs: Mapping[int, Mapping[str, Any]],
-    cores: Sequence[int],
-    say: Say = silent,
-) -> tuple[dict[int, list[Any]], bool]:
-    """Rows of a job by its number of threads, of which `runs` has the settings; whether Ctrl-C ended it before."""
-    rows: dict[int, list[Any]] = {threads: [] for threads in runs}
-    try:
-        for threads, settings in runs.items():
-            for row in rows_of(job, cores[:threads], settings, say):
-                rows[threads].append(row)
-    except KeyboardInterrupt:
-        return rows, True
-    return rows, False
 
 
 def main() -> None:
