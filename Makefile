@@ -48,8 +48,8 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix
 
 bench: $(VENV)/.built $(VENV)/.dev
-	$(BIN)/python studies/speed/study.py kernels
-	$(BIN)/python studies/speed/study.py models
+	$(BIN)/python studies/speed.py kernels
+	$(BIN)/python studies/speed.py models
 
 # The pages, and first the code blocks in them and in the README; notebooks and blocks that have not changed are not run again.
 docs: $(VENV)/.built $(VENV)/.docs

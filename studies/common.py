@@ -31,10 +31,8 @@ class Script:
     file, about
         `__file__` and `__doc__` of the script. Its expected numbers, study files and data stand in the folder of its
         name beside it.
-    quick
-        What the quick form leaves out.
-    seed
-        Default of `--seed`.
+    quick, seed
+        What the quick form leaves out, and the default of `--seed`.
     options
         Further options: keyword arguments of `add_argument` by the name of the option.
     """
@@ -44,8 +42,9 @@ class Script:
     ) -> None:
         self.name = Path(file).stem
         self.folder = Path(file).with_suffix("")
-        form = argparse.RawDescriptionHelpFormatter
-        parser = argparse.ArgumentParser(prog=self.name, description=about, formatter_class=form)
+        parser = argparse.ArgumentParser(
+            self.name, None, about, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
         parser.add_argument("--quick", action="store_true", help=quick or "the same as without")
         parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
         parser.add_argument(
@@ -157,15 +156,12 @@ def _agrees(value: Any, expected: str, tolerance: str) -> bool:
     if isinstance(value, str) or value is None:
         return value == expected
     if ".." in expected:
-        least, most = (float(end) if end else math.nan for end in expected.split(".."))
-        return not value < least and not value > most
+        least, most = expected.split("..")
+        return float(least or "-inf") <= value <= float(most or "inf")
     number, unit = tolerance.removesuffix("%"), tolerance.endswith("%")
     allowed = float(number or 0.0) * (abs(float(expected)) / 100.0 if unit else 1.0)
-    return (
-        abs(value - float(expected)) <= allowed
-        or (math.isnan(value) and expected == "nan")
-        or value == float(expected)
-    )
+    equal = value == float(expected) or (math.isnan(value) and expected == "nan")
+    return equal or abs(value - float(expected)) <= allowed
 
 
 def _write_expected(path: Path, rows: Mapping[str, Row], form: str) -> None:

@@ -20,9 +20,7 @@ BENCHMARKS = "speed"
 
 def studies() -> dict[str, Path]:
     """Script of each study, or the README of its folder, by name."""
-    scripts = {
-        path.stem: path for path in ROOT.glob("studies/*.py") if path.stem not in ("__init__", "common")
-    }
+    scripts = {path.stem: path for path in ROOT.glob("studies/*.py") if path.stem not in ("common", "timing")}
     folders = {path.parent.name: path for path in ROOT.glob("studies/*/README.md")}
     return dict(sorted((folders | scripts).items()))
 
@@ -96,18 +94,18 @@ def _script_page(script: Path) -> str:
             parts += [f"Expected numbers of `{path.stem}`:", table(["", *map(prose, headings[1:])], rows)]
     if (folder / "notes.md").is_file():
         parts.append(f"```{{include}} ../../../studies/{script.stem}/notes.md\n```")
+    if script.stem == BENCHMARKS:
+        parts += [
+            "What was measured, and on which machine, stands in {doc}`/explanation/speed`.",
+            _versions(),
+        ]
     return document(*parts)
 
 
 def _page(name: str) -> str:
     if (path := studies()[name]).suffix == ".py":
         return _script_page(path)
-    included = f"```{{include}} ../../../studies/{name}/README.md\n```"
-    if name != BENCHMARKS:
-        return document(included)
-    return document(
-        included, "What was measured, and on which machine, stands in {doc}`/explanation/speed`.", _versions()
-    )
+    return document(f"```{{include}} ../../../studies/{name}/README.md\n```")
 
 
 def _versions() -> str:

@@ -80,6 +80,8 @@ def simulation_calls(_: Path) -> Calls:
     yield call(mr.Loading, **{name: getattr(_loading(), name) for name in fields})
     yield call(mr.simulate_force, spec=_BINGHAM, theta=theta, loading=_loading(), substep_factor=1)
     yield call(mr.simulate_force, spec=laws, theta=laws.nominal, loading=_loading())
+    yield call(dampers.flops_per_step, model=_BINGHAM, theta=theta)
+    yield call(dampers.fma_peak, threads=1, seconds=0.001)
     values = {
         **{"spec": _BINGHAM, "theta": rows, "history": history, "force": np.ones(_N_TIME), "first": 2},
         **{"limits": np.full(3, 1e9), "substep_factor": 1, "columns": [0, 1], "threads": 1},

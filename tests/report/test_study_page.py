@@ -23,7 +23,6 @@ from mrwork.study.tables import (
     MOST_LISTED,
     value_table,
 )
-from studies.former.expected import departures
 
 
 def page_of(**changes: object) -> str:
@@ -168,15 +167,6 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
     # What is counted is counted over all.
     assert "Worse control laws, of 100" in page
     assert "lowest score of 100 control laws" in page
-
-
-@pytest.mark.contract
-def test_a_figure_of_a_study_outside_its_limits_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "expected.toml"
-    file.write_text('a.b = { value = 1.0, tolerance = 0.1 }\nc = { most = 1.0 }\nd = "diverged"\n')
-    wrong = departures({"a": {"b": 1.2}, "c": 2.0, "d": "finished"}, file)
-    assert [sentence.partition(" is ")[0] for sentence in wrong] == ["a, b", "c", "d"]
-    assert departures({"a": {"b": 1.05}, "c": 1.0, "d": "diverged"}, file) == departures({}, file) == []
 
 
 @pytest.mark.contract

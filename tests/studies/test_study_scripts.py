@@ -12,15 +12,25 @@ from types import ModuleType
 
 import pytest
 
-from common import DATA
+from common import DATA, departures
 
 STUDIES = Path(__file__).parents[2] / "studies"
-SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("__init__", "common"))
+SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("common", "timing"))
 # Seconds each.
 LONG = {
-    *("chapter_6_floors", "chapter_7_rig", "gradients", "robust_control", "rollout", "rollout_yields"),
+    *(
+        "boucwen_benchmark",
+        "chapter_6_floors",
+        "chapter_7_rig",
+        "gradients",
+        "how_sure",
+        "one_model_for_a_rig",
+    ),
+    *("robust_control", "rollout", "rollout_yields", "speed_kernels", "speed_loop", "speed_posterior"),
     "yielding_frame",
 }
+# What a script must be told.
+ARGUMENTS = {"speed": ["regulators"]}
 
 
 def private_names(tree: ast.Module) -> list[str]:
@@ -60,7 +70,8 @@ def test_a_script_is_short_and_uses_public_names(path: Path) -> None:
 def test_the_quick_form_finds_what_is_expected(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", [path.name, "--quick", "--json", "--out", str(tmp_path)])
+    arguments = [path.name, *ARGUMENTS.get(path.stem, []), "--quick", "--json", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", arguments)
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(path), run_name="__main__")
     told = capsys.readouterr()
@@ -70,3 +81,15 @@ def test_the_quick_form_finds_what_is_expected(
     assert found.pop("departures") == []
     assert ended.value.code == 0
     assert any(table for table in found.values())
+
+
+def test_a_number_outside_its_limits_is_named(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text(
+        "form,row,tolerance,a,b,c\nfull,one,10 %,1.0,2..3,finished\nboth,two,0.1,1.0,..3,\nquick,three,,1,,\n"
+    )
+    right = {"one": {"a": 1.05, "b": 2.5, "c": "finished"}, "two": {"a": 0.95, "b": -5.0, "c": "anything"}}
+    assert departures(tmp_path, "table", right, "full") == []
+    wrong = {"one": {"a": 1.2, "b": float("nan"), "c": "diverged"}, "two": {"a": float("nan"), "b": 4.0}}
+    named = sorted(each.rpartition(":")[0] for each in departures(tmp_path, "table", wrong, "full"))
+    assert named == ["table, one, a", "table, one, b", "table, one, c", "table, two, a", "table, two, b"]
+    assert len(departures(tmp_path, "table", {}, "quick")) == 3

@@ -9,6 +9,8 @@ from .coordinates import Box as Box
 from .parameters import CurrentLaws as CurrentLaws
 from .parameters import LawName as LawName
 from .simulation import Outcome as Outcome
+from .simulation import flops_per_step as flops_per_step
+from .simulation import fma_peak as fma_peak
 from .spec import DamperSpec as DamperSpec
 from .spec import damper as damper
 from .spec import damper_models as damper_models

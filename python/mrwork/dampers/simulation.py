@@ -16,12 +16,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.base.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
+from mrwork.base.arguments import (
+    AnyArrayLike,
+    AnyNumbers,
+    Count,
+    NotNegative,
+    Samples,
+    Shape,
+    Threads,
+    checked,
+)
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, SimulationError
 
 MOST_SUBSTEPS = 256
@@ -377,3 +386,66 @@ def instruction_set() -> InstructionSets:
     except ValueError as error:
         raise SettingError(str(error)) from None
     return InstructionSets(used=used, built=tuple(built), machine=tuple(machine))
+
+
+@checked
+def fma_peak(threads: Threads = 1, seconds: NotNegative = 0.04) -> float:
+    """Measure the peak rate of this machine [1/s]: floating-point operations of independent fused multiply-adds.
+
+    A fused multiply-add counts as two operations. With `flops_per_step` it tells what share of the machine a simulation
+    uses.
+
+    Parameters
+    ----------
+    threads
+        Threads that compute at once, 0 for all; the rate is that of all together.
+    seconds
+        Time of the measurement [s].
+
+    Raises
+    ------
+    SettingError
+        Where so many threads, or so long a measurement, are refused.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.dampers.fma_peak(seconds=0.001) > 1e6
+    True
+    """
+    with core_refusals():
+        return _rust.fma_peak(threads, seconds)
+
+
+@checked
+def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape(("n_params",))]) -> int:
+    """Count the floating-point operations of one Runge-Kutta step of a damper model and of its residual.
+
+    Additions, multiplications and divisions are counted by running them; a fused multiply-add counts as two. A model
+    without states has no step: then they are those of the force and the residual.
+
+    Parameters
+    ----------
+    model
+        A model without current laws, or its name.
+    theta
+        Parameters in the order of `mr.damper(name).names`, shape (n_params,), in SI units.
+
+    Raises
+    ------
+    SettingError
+        Where the parameters are not those of the model, it has current laws, or it is a damper of your own.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.dampers.flops_per_step("bingham", mr.damper("bingham").nominal) > 10
+    True
+    """
+    spec = damper(model) if isinstance(model, str) else model
+    if spec.current is not None or spec.own is not None:
+        raise SettingError(
+            f"operations of {spec.name} are not counted; give a model of the package without current laws"
+        )
+    with core_refusals():
+        return _rust.flops_per_step(spec.name, np.ascontiguousarray(theta, dtype=np.float64))
