@@ -18,16 +18,9 @@ STUDIES = Path(__file__).parents[2] / "studies"
 SCRIPTS = sorted(path for path in STUDIES.glob("*.py") if path.stem not in ("common", "timing"))
 # Seconds each.
 LONG = {
-    *(
-        "boucwen_benchmark",
-        "chapter_6_floors",
-        "chapter_7_rig",
-        "gradients",
-        "how_sure",
-        "one_model_for_a_rig",
-    ),
-    *("robust_control", "rollout", "rollout_yields", "speed_kernels", "speed_loop", "speed_posterior"),
-    "yielding_frame",
+    *("boucwen_benchmark", "chapter_2", "chapter_3_design", "chapter_4", "chapter_5", "chapter_6_floors"),
+    *("gradients", "how_sure", "one_model_for_a_rig", "robust_control", "rollout", "rollout_yields"),
+    *("sets_beyond", "speed_kernels", "speed_loop", "speed_posterior", "yielding_frame"),
 }
 # What a script must be told.
 ARGUMENTS = {"speed": ["regulators"]}
