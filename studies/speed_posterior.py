@@ -77,7 +77,10 @@ place = 1.0 / (1.0 + np.exp(-first[-1]))
 slope = np.log(likelihood.box.upper[-1] / likelihood.box.lower[-1]) * place * (1.0 - place)
 precision[n_free, n_free] += 2.0 * draws.temper * len(J) * slope**2
 kernel = numpyro.infer.NUTS(
-    potential_fn=potential, dense_mass=True, inverse_mass_matrix=jnp.asarray(np.linalg.inv(precision))
+    potential_fn=potential,
+    dense_mass=True,
+    inverse_mass_matrix=jnp.asarray(np.linalg.inv(precision)),
+    max_tree_depth=3 if script.quick else 10,
 )
 run = numpyro.infer.MCMC(kernel, num_warmup=nuts_draws, num_samples=nuts_draws, progress_bar=False)
 
