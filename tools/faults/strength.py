@@ -4,7 +4,8 @@
     python -m tools.faults.strength plant faults.json LINES CHECKOUT
 
 LINES is the folder of `tools.faults.lines`, CHECKOUT a clone with the compiled module, whose files are changed and
-restored. `tests/strength.csv` has the faults of November 2026 and what caught them.
+restored. `strength.csv` beside this file has faults of November 2026 (20 in Rust, chosen in the same way) and what
+caught them.
 """
 
 from __future__ import annotations
