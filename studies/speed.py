@@ -29,9 +29,7 @@ parser = argparse.ArgumentParser(prog="speed.py", description=__doc__, epilog=mo
 parser.add_argument("subject", choices=SUBJECTS)
 parser.add_argument("--threads", type=int, nargs="+", metavar="N", help="one number after another")
 parser.add_argument("--quick", action="store_true", help="tiny sizes on one thread, some seconds")
-parser.add_argument(
-    "--json", action="store_true", help="one JSON object, whose `rows` are those of all threads"
-)
+parser.add_argument("--json", action="store_true", help="one JSON object with the `rows` of all threads")
 options, others = parser.parse_known_args()
 pinning = hasattr(os, "sched_setaffinity")
 cores = sorted(os.sched_getaffinity(0)) if pinning else list(range(os.cpu_count() or 1))
@@ -46,9 +44,12 @@ for count in counts:
     command = [sys.executable, script, "--threads", str(count), *others]
     command += ["--quick"] * options.quick + ["--json"] * options.json
     environment = os.environ | dict.fromkeys(POOLS, str(count)) | {"JAX_PLATFORMS": "cpu"}
-    pin = (lambda count=count: os.sched_setaffinity(0, cores[:count])) if pinning else None
     out = subprocess.PIPE if options.json else None
-    run = subprocess.run(command, env=environment, stdout=out, preexec_fn=pin, check=False)
+    if pinning:  # as the process that is started
+        os.sched_setaffinity(0, cores[:count])
+    run = subprocess.run(command, env=environment, stdout=out, check=False)
+    if pinning:
+        os.sched_setaffinity(0, cores)
     status = max(status, run.returncode)
     if options.json and run.stdout:
         tables = json.loads(run.stdout)
