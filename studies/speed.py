@@ -13,8 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-# Numbers of threads of each subject.
-SUBJECTS = {
+SUBJECTS = {  # with numbers of threads
     "kernels": [1, 2],
     "models": [1],
     "loop": [1, 2],
