@@ -1,9 +1,9 @@
 """Do static models of a magnetorheological damper fit it at every current, and what laws do their parameters follow?
 
-On settled harmonic tests of a measured damper the polynomial-fitting model is best at nearly every current and leaves 7
-to 15 N, the static hysteretic one 8 to 15 N, Bouc-Wen 9 to 16 N, if the models are averaged as the records were: with
+On settled harmonic tests of a measured damper the polynomial-fitting model is best at every current and leaves 7 or 9 N
+by motion, the static hysteretic one 8 or 10 N, Bouc-Wen 9 or 11 N, if the models are averaged as the records were: with
 the averaging ignored Bouc-Wen leaves 45 to 49 N. Laws found jointly cost 4.9 % of the force in place of 1.5 %;
-polynomials through the values at each current cost 9.8 %. Seven minutes of one core, the quick form twenty seconds.
+polynomials through the values at each current cost 8.9 %. Seven minutes of one core, the quick form ten seconds.
 """
 
 from dataclasses import replace
