@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
@@ -21,13 +21,14 @@ from mrwork.store.input_file import (
     LEAST,
     RECORD,
     TOML,
+    Allowance,
     finite_numbers,
     is_there,
     read_arrays,
     start_of,
     text_of,
 )
-from mrwork.store.members import members_of
+from mrwork.store.members import _text, members_of
 from mrwork.study import read_results, read_study
 from mrwork.uncertainty.candidate_tests import read_candidates
 
@@ -110,3 +111,13 @@ def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> 
         file.create_dataset("force", shape=(LEAST // 8 + 1, 1), chunks=(1024, 1), dtype="f4")
     content = (tmp_path / "file.h5").read_bytes()
     refusal(members_of, content, "hdf5", tmp_path / "file.h5", match="'force' claims 101 MB")
+
+
+def test_a_text_that_stands_in_many_cells_counts_in_each(tmp_path: Path) -> None:
+    class Sheet:
+        @staticmethod
+        def iter_rows() -> Iterator[list[str]]:
+            while True:
+                yield ["x" * 1_000_000]
+
+    refusal(_text, Sheet(), Allowance(tmp_path / "rig.xlsx", 100), match="a sheet claims")

@@ -49,7 +49,7 @@ def members_of(
     """
     try:
         return (_hdf5 if form == "hdf5" else _xlsx)(data, Allowance(path, len(data)))
-    except (RecordError, KeyboardInterrupt, SystemExit):
+    except (RecordError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # the libraries raise whatever a damaged file leads them to; one panics
         raise RecordError(f"{path}: not a readable {name} ({reason_of(error)}); {remedy}") from None
@@ -136,15 +136,20 @@ def _xlsx(data: bytes, allowance: Allowance) -> dict[str, Member]:
         name: Member(
             is_group=False,
             attributes={},
-            array=np.frombuffer(_text(book.get_sheet_by_name(name)), dtype=np.uint8),
+            array=np.frombuffer(_text(book.get_sheet_by_name(name), allowance), dtype=np.uint8),
         )
         for name in names
     }
 
 
-def _text(sheet: Any) -> bytes:
-    rows = ("\t".join(map(_cell, row)) for row in sheet.iter_rows())
-    return "\n".join(rows).encode("utf-8", "replace").rstrip(b"\n")
+def _text(sheet: Any, allowance: Allowance) -> bytes:
+    """The rows of a sheet as lines; a text that stands in many cells is in the file once, and counts in each."""
+    lines = []
+    for row in sheet.iter_rows():
+        line = "\t".join(map(_cell, row))
+        allowance.take(len(line), "a sheet")
+        lines.append(line)
+    return "\n".join(lines).encode("utf-8", "replace").rstrip(b"\n")
 
 
 def _cell(value: Any) -> str:
