@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import array_dataclass
 from mrwork.errors import RecordError, reason_of
-from mrwork.store.input_file import Allowance
+from mrwork.store.input_file import LEAST, Allowance
 
 Format = Literal["hdf5", "xlsx"]
 
@@ -23,6 +23,8 @@ _DEEPEST: Final = 2
 _MOST: Final = 10_000
 _LONGEST: Final = 100_000
 _MOST_SHEETS: Final = 100
+# Bytes of XML in which a workbook has a byte of its cells, with room.
+_MARKUP: Final = 4
 _WORKBOOK: Final = "xl/workbook.xml"
 # Ends of lines and separators, within a cell.
 _BLANKS: Final = str.maketrans(
@@ -48,28 +50,29 @@ def members_of(
     `#`; of .xlsx the sheets, by name, as bytes of a text with tabs between cells.
     """
     try:
-        return (_hdf5 if form == "hdf5" else _xlsx)(data, Allowance(path, len(data)))
+        return (_hdf5 if form == "hdf5" else _xlsx)(data, path)
     except (RecordError, MemoryError, KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # the libraries raise whatever a damaged file leads them to; one panics
         raise RecordError(f"{path}: not a readable {name} ({reason_of(error)}); {remedy}") from None
 
 
-def _hdf5(data: bytes, allowance: Allowance) -> dict[str, Member]:
+def _hdf5(data: bytes, path: Path) -> dict[str, Member]:
     import h5py
 
+    allowance = Allowance(path, len(data))
     with h5py.File(io.BytesIO(data), "r") as file:
         members = [("", file), *_members(file, "", 1)]
-        for path, member in members:
+        for name, member in members:
             if _is_numeric(member):
-                allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{path}'")
+                allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{name}'")
         return {
-            path: Member(
+            name: Member(
                 is_group=isinstance(member, h5py.Group),
                 attributes=dict(_attributes(member)),
                 array=np.ascontiguousarray(member[()]) if _is_numeric(member) else None,
             )
-            for path, member in members
+            for name, member in members
         }
 
 
@@ -118,14 +121,16 @@ def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _xlsx(data: bytes, allowance: Allowance) -> dict[str, Member]:
+def _xlsx(data: bytes, path: Path) -> dict[str, Member]:
     import python_calamine
 
+    allowance = Allowance(path, len(data))
+    unpacked = Allowance(path, _MARKUP * len(data), least=_MARKUP * LEAST)
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if _WORKBOOK not in archive.namelist():
             raise ValueError("it holds no workbook")
         for entry in archive.infolist():
-            allowance.take(entry.file_size, f"'{entry.filename}'")
+            unpacked.take(entry.file_size, f"'{entry.filename}'")
     book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
     names = [
         each.name for each in book.sheets_metadata if each.typ == python_calamine.SheetTypeEnum.WorkSheet
