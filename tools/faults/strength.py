@@ -60,13 +60,20 @@ def _is_text(node: ast.expr) -> bool:
 
 
 def tests_by_line(folder: Path) -> dict[str, dict[int, list[str]]]:
-    """What all processes have written, without the lines that an import executes."""
-    found: dict[str, dict[int, list[str]]] = defaultdict(lambda: defaultdict(list))
+    """What all processes have written; a line that an import executes has its effect in every test of the file."""
+    found: dict[str, dict[int, set[str]]] = defaultdict(lambda: defaultdict(set))
     for path in folder.glob("*.json"):
         for file, lines in json.loads(path.read_text()).items():
             for number, tests in lines.items():
-                found[file][int(number)] += [test for test in tests if test != "import"]
-    return found
+                found[file][int(number)] |= set(tests)
+    of_file = {file: set().union(*lines.values()) for file, lines in found.items()}
+    return {
+        file: {
+            number: sorted((of_file[file] if "import" in tests else tests) - {"import"})
+            for number, tests in lines.items()
+        }
+        for file, lines in found.items()
+    }
 
 
 def draw(folder: Path, seed: int, each: int = 2) -> list[dict[str, Any]]:
@@ -79,7 +86,7 @@ def draw(folder: Path, seed: int, each: int = 2) -> list[dict[str, Any]]:
     for path in sorted(PACKAGE.glob("*/**/*.py")):
         file, text = path.relative_to(PACKAGE).as_posix(), path.read_text()
         for node, kind, new in faults(ast.parse(text)):
-            if node.lineno != node.end_lineno or not tests[file][node.lineno]:
+            if node.lineno != node.end_lineno or not tests.get(file, {}).get(node.lineno):
                 continue
             old = text.splitlines()[node.lineno - 1].encode()
             inside = f"({ast.unparse(ast.fix_missing_locations(new))})".encode()
