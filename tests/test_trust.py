@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import ast
+import io
 import os
 import re
 from pathlib import Path
 
 import numpy as np
 from refusals import refusal
+from report_samples import comparison
+from report_samples import fit as sample_fit
+from run_folders import write_fit
 
 import mrwork
-from mrwork.store.input_file import make_stored_kind, read_arrays
+from mrwork.store.run_folder import PREDICTIONS, RunFolder
+from mrwork.store.run_writer import add_to_run
 from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
@@ -71,9 +76,11 @@ class Hostile:
 
 def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None:
     harm = tmp_path / "harm"
-    forged = tmp_path / "predictions.npz"
+    forged = io.BytesIO()
     np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
-    refusal(read_arrays, forged, make_stored_kind("calibrate"), match="damaged")
+    run = write_fit(tmp_path / "run", sample_fit(comparison()))
+    add_to_run(run, {PREDICTIONS: forged.getvalue()})
+    refusal(RunFolder.open(run).arrays, PREDICTIONS, match="cannot be read .*allow_pickle")
     assert not harm.exists()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cache
@@ -16,15 +15,13 @@ from loop_samples import devices, five_storeys, rd1005
 from plotted_results import draws, front, profiles
 from posterior_samples import MODEL, small_fit, small_test
 from refusals import refusal
-from run_folders import choice_of_laws, ranking_of_two
+from run_folders import choice_of_laws, ranking_of_two, write_fit
 
 import mrwork as mr
 from mrwork.base.labelled import WithAxes
-from mrwork.identification.fit_file import addition_content, write_run
 from mrwork.store.codec import json_document
-from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import Destination
-from mrwork.store.run_folder import DRAWS, FIT_RUN, PROFILES, RANKING
+from mrwork.store.run_folder import DRAWS, PROFILES, RANKING
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.posterior.draws import draws_content
 
 
@@ -162,13 +159,13 @@ def test_a_study_is_two_groups_and_one_table() -> None:
 def test_a_loaded_run_is_whole_and_the_same_when_loaded_twice(tmp_path: Path) -> None:
     fit, found = small_fit(), draws()
     place = tmp_path / "run"
-    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, manifest={}, journal=os.devnull)
+    write_fit(place, fit)
     contents = {
-        DRAWS: draws_content(found, fit),
-        PROFILES: addition_content(asdict(profiles()), fit),
+        DRAWS: draws_content(found),
+        PROFILES: json_document(asdict(profiles())).encode(),
         RANKING: json_document(asdict(ranking_of_two(MODEL))).encode(),
     }
-    write_files(place, contents)
+    add_to_run(place, contents)
     once, twice = mr.load(place), mr.load(place)
     for run in (once, twice):
         assert run.draws is not None

@@ -13,6 +13,7 @@ from refusals import command_refusal
 import mrwork as mr
 from mrwork import load
 from mrwork.identification.fit_file import read_fit
+from mrwork.store.run_writer import add_to_run
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +33,7 @@ def valley(profiled: Path) -> Path:
     for estimate in document["estimates"]:
         if estimate["name"] in ("delta", "x_s"):
             estimate |= {"value": 0.5 * estimate["value"], "remark": ""}
-    (place / "fit.json").write_text(json.dumps(document))
-    # That of a fit with other parameters would be refused.
-    (place / "manifest.json").write_text("{}")
+    add_to_run(place, {"fit.json": json.dumps(document).encode()})
     return place
 
 
@@ -149,7 +148,7 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(planned: Path, tmp
     lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
     assert "Draws of the posterior" in printed("plan", with_draws, *lists)
     (with_draws / "posterior.nc").write_text("no")
-    command_refusal("plan", with_draws, *lists, match="run `mrwork sample .*sampled` again")
+    command_refusal("plan", with_draws, *lists, match="posterior.nc is not as .*run `mrwork sample` again")
 
 
 # One free number: the search is over at once.

@@ -59,7 +59,7 @@ def folder(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
 
 def steps(folder: Path) -> int:
     """Steps that an unfinished run has recorded, wherever it keeps them."""
-    return sum(n_steps(path) for pattern in ("*.jsonl", "*.jsonl.part") for path in folder.rglob(pattern))
+    return sum(n_steps(path) for pattern in ("*.jsonl", "*.jsonl.new") for path in folder.rglob(pattern))
 
 
 def contents(folder: Path) -> dict[Path, bytes]:

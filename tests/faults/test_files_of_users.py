@@ -42,7 +42,7 @@ def test_a_file_that_grows_is_not_written_through_a_link(tmp_path: Path, link: o
             journal.record("step", "", {})
 
     refusal(grow, match="link")
-    refusal(Lock, tmp_path / "chain", match="link")
+    refusal(Lock, tmp_path, "chain", match="link")
     assert (tmp_path / "precious").read_bytes() == before
 
 

@@ -26,8 +26,8 @@ from mrwork.files.matrices import read_matrix
 from mrwork.files.open_table import open_table
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
-from mrwork.store.parse import json_value, toml_table
-from mrwork.study import read_results, read_study
+from mrwork.store.parse import toml_table
+from mrwork.study import read_study
 
 STUDY = study_text("control_weight = 1e-13")
 STIFF = study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
@@ -193,7 +193,6 @@ def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: P
 
 
 LONG = "1" * 400
-JSON = ["[" * 100_000 + "]" * 100_000, '{"a":' * 3_000 + "1" + "}" * 3_000, LONG, "[NaN]", "", "{"]
 TOML = [
     "x = " + "{a = " * 5_000 + "1" + "}" * 5_000,
     "a." * 20_000 + "a = 1",
@@ -203,33 +202,13 @@ TOML = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "text"), [*(("a.json", each) for each in JSON), *(("a.toml", each) for each in TOML)]
-)
-def test_a_text_that_would_exhaust_its_parser_is_refused_in_a_phrase(
-    tmp_path: Path, name: str, text: str
-) -> None:
+@pytest.mark.parametrize("text", TOML)
+def test_a_text_that_would_exhaust_its_parser_is_refused_in_a_phrase(tmp_path: Path, text: str) -> None:
     with pytest.raises(ValueError, match=r"^[^\n]{5,150}$"):
-        (json_value if name == "a.json" else toml_table)(text)
-    (tmp_path / "results.json").write_text(text)
+        toml_table(text)
     (tmp_path / "a.toml").write_text(text)
-    if name == "a.json":
-        refusal(read_results, tmp_path, match=r"results\.json")
-    else:
-        refusal(read_study, tmp_path / name, match=r"a\.toml")
-
-
-@pytest.mark.parametrize("text", ['[{"a": {"gain": 1, "b": 2, "gain": 3}}]', '{"g\\u0061in": 1, "gain": 2}'])
-def test_a_key_that_stands_twice_in_an_object_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="the key 'gain' stands more than once"):
-        json_value(text)
+    refusal(read_study, tmp_path / "a.toml", match=r"a\.toml")
 
 
 def test_sound_texts_are_read() -> None:
-    assert json_value('{"a": {"b": 1}, "b": {"a": [1.5], "b": 1}}')["b"] == {"a": [1.5], "b": 1}
     assert toml_table("a.b.c = [[1, 2], [3, 4]] # ............ " + "a." * 300)["a"]["b"]["c"][1] == [3, 4]
-
-
-def test_a_document_of_too_many_values_is_refused_before_it_is_read() -> None:
-    with pytest.raises(ValueError, match="more than 16,000,000 values"):
-        json_value("[" + "[]," * 8_000_000 + "[]]")

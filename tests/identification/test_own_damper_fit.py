@@ -15,15 +15,14 @@ import numpy as np
 import own_dampers
 import pytest
 from command_line import printed
-from refusals import command_refusal, refusal
+from refusals import command_refusal
 
 import mrwork as mr
 from mrwork.cli import own_models
 from mrwork.dampers import own_equations
 from mrwork.errors import JournalError
-from mrwork.identification.fit_file import fit_from_json
 from mrwork.records import cut
-from mrwork.store.codec import json_document
+from mrwork.store.codec import built, json_document
 from mrwork.twins import models
 
 FILE = Path(own_dampers.__file__)
@@ -54,15 +53,9 @@ def test_estimates_are_those_of_the_model() -> None:
     errors = np.array([each.standard_error for each in theirs.estimates], dtype=float)
     assert (np.abs(np.array(ours.theta) - np.array(theirs.theta)) <= 1e-6 * errors).all()
     assert ours.half_step_percent is None or ours.half_step_percent < 0.01
-    again = fit_from_json(json_document(ours.as_dict()), origin="fit")
+    again = built(mr.Fit, json.loads(json_document(ours.as_dict())))
     assert again.spec == own
     assert again.fingerprint == ours.fingerprint != replace(ours, own=None, model=model.name).fingerprint
-
-
-def test_a_damper_with_the_name_of_one_of_the_package_is_refused() -> None:
-    document = mr.identify(own_dampers.guo, TEST).as_dict()
-    forged = document | {"own": document["own"] | {"name": "hyperbolic_tangent_guo"}}
-    refusal(fit_from_json, json.dumps(forged, default=str), origin="fit.json", match="model of the package")
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -13,12 +14,13 @@ from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit_file import fit_content, fit_from_json
+from mrwork.identification.fit_file import fit_content
 from mrwork.identification.minimise.levenberg_marquardt import find_minima, nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.reading import synthetic_test
+from mrwork.store.codec import built
 
 MODEL = damper("normalised_modified_bouc_wen")
 TRUE = {
@@ -201,5 +203,5 @@ def test_a_costly_fit_is_not_only_converged_and_names_the_model_that_is_as_good(
     (warning,) = [each for each in fit.warnings if "integration steps" in each]
     # Two forms of one equation; the one with fewer parameters is named.
     assert "hyperbolic_tangent_guo, which has no states" in warning
-    again = fit_from_json(fit_content(fit).decode(), origin="here")
+    again = built(mr.Fit, json.loads(fit_content(fit)))
     assert again.status_in_words == fit.status_in_words

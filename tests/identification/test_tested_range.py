@@ -16,12 +16,12 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 import mrwork as mr
 from mrwork.errors import MrworkWarning, SimulationError
 from mrwork.identification import Multistart
-from mrwork.identification.fit_file import fit_from_json, read_fit
+from mrwork.identification.fit_file import read_fit
 from mrwork.identification.problem import command_warning
 from mrwork.identification.result import explain_failures
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.codec import json_document
+from mrwork.store.codec import built, json_document
 
 LAWFUL = mr.damper("bingham").with_current_laws({"f_c": "linear"}, unit="A")
 SEARCH = EfficientGA(stop=StopRules(max_generations=10))
@@ -44,7 +44,7 @@ def test_a_fit_carries_the_ranges_of_its_tests_into_its_file(fit: mr.Fit) -> Non
     assert fit.tested.velocity == pytest.approx(0.02 * np.pi, rel=1e-3)
     assert (fit.tested.command, fit.tested.command_unit) == ((0.25, 1.0), "A")
     assert "command 0.25 to 1 A" in repr(fit)
-    assert fit_from_json(json_document(fit.as_dict()), origin="fit.json").tested == fit.tested
+    assert built(mr.Fit, json.loads(json_document(fit.as_dict()))).tested == fit.tested
 
 
 def test_a_law_that_turns_negative_near_the_tested_commands_is_a_warning_of_the_fit(fit: mr.Fit) -> None:
@@ -119,7 +119,7 @@ def test_a_pooled_fit_warns_before_the_search_and_carries_the_warning() -> None:
     assert fit.warnings == (str(caught[0].message),)
     # However long it is, it can be read to its end.
     assert "tests at one command" in " ".join(repr(fit).split())
-    assert fit_from_json(json_document(fit.as_dict()), origin="fit.json").warnings == fit.warnings
+    assert built(mr.Fit, json.loads(json_document(fit.as_dict()))).warnings == fit.warnings
 
 
 @pytest.mark.parametrize("currents", [(0.5, 0.5), (0.499, 0.501), (None, None), (None, 0.5)])

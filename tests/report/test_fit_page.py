@@ -18,14 +18,14 @@ import pytest
 import report_samples
 from blank_pictures import blank
 from command_line import printed
+from refusals import refusal
 from report_samples import comparison, fit, quality
+from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun, identify
 from mrwork.drawing import of_tests
 from mrwork.drawing.of_tests import Comparison, comparisons_of
-from mrwork.errors import RecordError
-from mrwork.identification.fit_file import fit_from_json
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
@@ -35,7 +35,9 @@ from mrwork.report.fit.bands import _verdict
 from mrwork.report.fit.page import fit_page, open_run, write_fit_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
-from mrwork.store.codec import json_document
+from mrwork.store.codec import built, json_document
+from mrwork.store.run_folder import PREDICTIONS, RunFolder
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.band import BandScore
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
@@ -329,14 +331,14 @@ def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
     made = comparison(n_time=400)
     content = predictions_content([Prediction(test=made.test, model_force=made.model_force)])
-    (tmp_path / "predictions.npz").write_bytes(content)
-    (read,) = read_predictions(tmp_path)
+    place = write_fit(tmp_path / "run", fit(made))
+    add_to_run(place, {PREDICTIONS: content})
+    (read,) = read_predictions(RunFolder.open(place))
     assert (read.test.name, read.test.dt, read.test.current) == (made.test.name, made.test.dt, 0.5)
     np.testing.assert_allclose(read.model_force, made.model_force, rtol=1e-6, atol=1e-4)
     np.testing.assert_allclose(read.test.force, made.test.force, rtol=1e-6)
-    (tmp_path / "predictions.npz").write_bytes(b"PK nothing")
-    with pytest.raises(RecordError, match=r"predictions\.npz is damaged"):
-        read_predictions(tmp_path)
+    (place / PREDICTIONS).write_bytes(b"PK nothing")
+    refusal(read_predictions, RunFolder.open(place), match="is not as mrwork has written it")
 
 
 _FIGURES = """
@@ -386,7 +388,7 @@ def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPat
     shown = comparisons_of(found, tests)
     assert runs == [test.name for test in tests]
     # Read from its file, a fit has no forces: they are simulated then, to the same bits.
-    again = fit_from_json(json_document(found.as_dict()), origin="fit.json")
+    again = built(mr.Fit, json.loads(json_document(found.as_dict())))
     assert again.forces == ()
     for one, other in zip(shown, comparisons_of(again, tests), strict=True):
         np.testing.assert_array_equal(one.model_force, other.model_force)

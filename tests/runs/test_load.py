@@ -95,7 +95,7 @@ def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Pat
 
 
 @pytest.mark.parametrize(
-    ("copied", "name"), [("identify", FIT), ("respond", RESULTS), ("tune", MANIFEST)], indirect=["copied"]
+    ("copied", "name"), [("identify", FIT), ("respond", RESULTS), ("tune", RESULTS)], indirect=["copied"]
 )
 @pytest.mark.parametrize("content", [b"[]", None])
 def test_a_damaged_file_is_refused_with_the_verb_that_writes_it(
@@ -137,8 +137,8 @@ def test_the_folder_around_runs_and_what_is_within_one_name_the_runs(runs: Path)
 
 
 def test_an_unfinished_run_is_to_be_resumed(tmp_path: Path) -> None:
-    (tmp_path / "run.part").mkdir()
-    (tmp_path / "run.part" / JOURNAL).write_text("")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / JOURNAL).write_text("")
     refusal(mr.load, tmp_path / "run", match="--resume")
 
 
@@ -153,6 +153,6 @@ def test_an_interrupted_run_is_read_back_as_one(copied: Path) -> None:
     stated["status"] = "interrupted"
     (copied / name).write_text(json.dumps(document))
     (copied / MANIFEST).write_text(json.dumps(stated))
-    found = mr.load(copied)
+    found = mr.load(copied, changed=True)
     held = found.fit if isinstance(found, mr.StoredRun) else found
     assert held.status == "interrupted"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -15,15 +14,13 @@ import numpy as np
 import study_samples
 from loop_samples import devices, five_storeys, rd1005
 from posterior_samples import MODEL, small_fit, small_test
+from run_folders import write_fit
 
 import mrwork as mr
 from mrwork.dampers.design import SizeFront
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Multistart
-from mrwork.identification.fit_file import write_run
 from mrwork.records.reading import Reading
-from mrwork.store.output_folder import Destination
-from mrwork.store.run_folder import FIT_RUN
 from mrwork.tuning import Front
 from mrwork.tuning.results import FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
@@ -109,7 +106,7 @@ def run() -> mr.StoredRun:
         fit = mr.identify(MODEL, reading.tests(), search=_QUICK, rng=1)
     fit = fit.with_command("mrwork identify", reading)
     place = folder / "run"
-    write_run(Destination(path=place, kind=FIT_RUN), fit=fit, manifest={}, journal=os.devnull)
+    write_fit(place, fit)
     bands = StoredBands(calibration=calibration(), coverage=(), predictions=predictions())
     return replace(mr.load(place), draws=draws(), profiles=profiles(), bands=bands)
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mrwork.errors import Interrupted
-from mrwork.store.output_folder import Destination
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.unfinished import StepJournals
+from mrwork.store.run_writer import Destination, RunAtWork
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 
@@ -24,16 +23,14 @@ def stopped_and_resumed(
 ) -> tuple[Any, Any]:
     """What a choice has when `stop` holds, and what it comes to when it is resumed."""
     place = Destination(path=folder / "run", kind=FIT_RUN)
+    again = replace(place, resume=True)
 
     def interrupt(progress: ChoiceProgress) -> None:
         if stop(progress):
             raise KeyboardInterrupt
 
-    with (
-        pytest.raises(Interrupted) as interrupted,
-        closing(StepJournals(place, resume=False)) as journals,
-    ):
-        choose(journal_of=journals, on_progress=interrupt)
-    with closing(StepJournals(place, resume=True)) as journals:
+    with pytest.raises(Interrupted) as interrupted, RunAtWork(place) as work:
+        choose(journal_of=work.step_journal, on_progress=interrupt)
+    with RunAtWork(again) as work:
         seen = told if told is not None else []
-        return interrupted.value.result, choose(journal_of=journals, on_progress=seen.append)
+        return interrupted.value.result, choose(journal_of=work.step_journal, on_progress=seen.append)

@@ -1,9 +1,8 @@
-"""Every file that a verb adds to the run folder of a fit, made in little time."""
+"""Run folders of a fit, with every file that a verb adds, made in little time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -11,11 +10,20 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.identification import Fit
-from mrwork.identification.fit_file import addition_content, others_content
+from mrwork.identification.fit_file import others_content, write_run
 from mrwork.store.codec import json_document
-from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, NEAR_SETS, PLAN, PROFILES, RANKING
-from mrwork.store.unfinished import begin_addition, keep_addition
+from mrwork.store.run_folder import (
+    CHAIN,
+    DRAWS,
+    FIT_RUN,
+    LAWS,
+    NEAR_SETS,
+    PLAN,
+    PROFILES,
+    RANKING,
+    RunFolder,
+)
+from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, addition_journal
 from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.held_out import write_held_out
@@ -30,6 +38,13 @@ from mrwork.uncertainty.posterior.draws import draws_content
 WALKERS = 12
 
 
+def write_fit(place: Path, fit: Fit) -> Path:
+    """The run folder of a fit."""
+    with RunAtWork(Destination(path=place, kind=FIT_RUN)) as work:
+        write_run(work, fit=fit, manifest={})
+    return place
+
+
 def add_every_file(
     place: Path, fit: Fit, test: mr.DamperTest, others: Sequence[mr.DamperTest], *, steps: int
 ) -> None:
@@ -38,24 +53,23 @@ def add_every_file(
     A chain of so many `steps` and its draws, profiles, bands calibrated on the `others`, a plan; and, made up, a
     ranking, a choice of laws and another set of laws.
     """
-    with closing(begin_addition(place / CHAIN)) as journal:
+    with addition_journal(place, CHAIN, resume=False, replace=False, note=print) as journal:
         draws = mr.sample(
             fit, test, walkers=WALKERS, most_steps=steps, tempering="effective", threads=1, journal=journal
         )
-        keep_addition(journal, place / CHAIN)
+        add_to_run(place, {DRAWS: draws_content(draws)}, grown=[CHAIN])
     predictions = predict_tests(fit, others)
     calibration = mr.calibrate(predictions, held_out="the fit has not seen")
-    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
-    write_held_out(place, fit, predictions)
+    write_bands(place, calibration, measured_coverage(predictions), predictions)
+    write_held_out(RunFolder.open(place), fit, predictions)
     contents = {
-        DRAWS: draws_content(draws, fit),
-        PROFILES: addition_content(asdict(mr.profile(fit, test, threads=1)), fit),
-        PLAN: addition_content(asdict(_plan(fit, test)), fit),
+        PROFILES: json_document(asdict(mr.profile(fit, test, threads=1))).encode(),
+        PLAN: json_document(asdict(_plan(fit, test))).encode(),
         RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
         LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
-        NEAR_SETS: json_document(others_content([fit], fit)).encode(),
+        NEAR_SETS: json_document(others_content([fit])).encode(),
     }
-    write_files(place, contents)
+    add_to_run(place, contents)
 
 
 def _plan(fit: Fit, test: mr.DamperTest) -> object:

@@ -19,12 +19,9 @@ from mrwork.motions import read_motion
 from mrwork.records import read_damper_test, read_test_table
 from mrwork.store.input_file import (
     LEAST,
-    RECORD,
     TOML,
     Allowance,
-    finite_numbers,
     is_there,
-    read_arrays,
     start_of,
     text_of,
 )
@@ -44,7 +41,7 @@ ENTRANCES: dict[str, Callable[[Path], object]] = {
     "frame.mat": read_building,
     "study.toml": read_study,
     "candidates.csv": lambda path: read_candidates(path, damper("bingham")),
-    "results.json": lambda path: read_results(path.parent),
+    "manifest.json": lambda path: read_results(path.parent),
 }
 
 
@@ -72,16 +69,6 @@ def test_a_name_that_is_not_utf_8_is_read_as_far_as_asked(tmp_path: Path) -> Non
         pytest.skip("the file system takes UTF-8 names only")
     assert (start_of(path, TOML, 2), start_of(path, TOML, 9), text_of(path, TOML)) == (b"ab", b"abc", "abc")
     assert not is_there(tmp_path / "none", TOML)
-
-
-def test_only_finite_numbers_are_read_from_arrays(tmp_path: Path) -> None:
-    wrong = {"inf": np.array([1.0, np.inf]), "complex": np.array([1.0 + 1.0j]), "whole": np.array([1, 2])}
-    np.savez(tmp_path / "a.npz", right=np.arange(2.0), half=np.ones(2, np.float16), **wrong)
-    arrays = read_arrays(tmp_path / "a.npz", RECORD)
-    assert finite_numbers(arrays, "right").tolist() == [0.0, 1.0]
-    for name in ("inf", "complex", "whole", "half", "none"):
-        with pytest.raises(ValueError, match=r"finite|other values|has no"):
-            finite_numbers(arrays, name)
 
 
 @pytest.mark.contract

@@ -20,6 +20,7 @@ import mrwork as mr
 from mrwork.identification.fit_file import others_content
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import NEAR_SETS
+from mrwork.store.run_writer import add_to_run
 
 COMMANDS = (0.0, 0.5, 1.0)
 MOTIONS = ((0.004, 1.0), (0.004, 2.0), (0.002, 3.0))
@@ -75,9 +76,8 @@ def apart(folder: Path) -> Path:
     """The same, with sets of which the dampers are half and twice as strong, so that a verdict changes."""
     place = Path(shutil.copytree(folder, folder.parent / "apart"))
     fit = mr.load(place / "run", mr.StoredRun).fit
-    (place / "run" / NEAR_SETS).write_bytes(
-        json_document(others_content([scaled(fit, 0.5), scaled(fit, 2.0)], fit)).encode()
-    )
+    others = json_document(others_content([scaled(fit, 0.5), scaled(fit, 2.0)])).encode()
+    add_to_run(place / "run", {NEAR_SETS: others})
     return place
 
 

@@ -14,7 +14,8 @@ from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import RESULTS
+from mrwork.store.run_folder import RESULTS, STUDY_RUN
+from mrwork.store.run_writer import Destination, RunAtWork
 from mrwork.study import StudyResults, compared, read_results
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
 from mrwork.study.folder import study_document
@@ -187,8 +188,9 @@ def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> 
 
 
 def read_back(results: StudyResults, folder: Path) -> StudyResults:
-    (folder / RESULTS).write_text(json_document(study_document(results)), encoding="utf-8")
-    return read_results(folder)
+    with RunAtWork(Destination(path=folder / "run", kind=STUDY_RUN)) as work:
+        work.commit({RESULTS: json_document(study_document(results)).encode()}, {})
+    return read_results(folder / "run")
 
 
 def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> None:

@@ -12,12 +12,16 @@ import numpy as np
 import pytest
 from posterior_samples import converged_draws, independent_errors, small_fit, small_test
 from refusals import refusal
+from run_folders import write_fit
 from scipy.stats import norm
 
+import mrwork as mr
 from mrwork import Journal
 from mrwork.errors import Interrupted
+from mrwork.store.run_folder import DRAWS
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty import Draws, Normal, Uniform, sample
-from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, read_draws, summary_of
+from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, summary_of
 from mrwork.uncertainty.posterior.sample import Ensemble, SamplingProgress
 
 
@@ -121,8 +125,9 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert tree.attrs["verdict"] == draws.verdict
     assert small_test().sha256 in tree.attrs["inputs"]
     assert tree["observed_data"]["small"].size == small_test().n_time
-    (tmp_path / "posterior.nc").write_bytes(draws_content(draws, small_fit()))
-    read = read_draws(tmp_path, small_fit())
+    run = write_fit(tmp_path / "run", small_fit())
+    add_to_run(run, {DRAWS: draws_content(draws)})
+    read = mr.load(run).draws
     assert read is not None
     same = ("names", "noise_names", "status", "verdict", "n_steps", "thinning")
     assert [getattr(read, name) for name in same] == [getattr(draws, name) for name in same]

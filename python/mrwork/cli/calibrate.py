@@ -32,9 +32,8 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import fit_content, read_fit
 from mrwork.identification.progress import IdentificationInWords, Progress
 from mrwork.records import observed
-from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import adding
 from mrwork.store.run_folder import CALIBRATION, FOLDS
+from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.bands.calibration_files import name_of_fold, stored_fold, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,
@@ -60,7 +59,7 @@ _AS_FITTED = "as in the identification"
 _LEVEL = 0.9
 
 # The fit, predictions by it, and findings of their tests for --json.
-_Predicted = tuple[Fit, tuple[Prediction, ...], list[dict[str, Any]]]
+_Predicted = tuple[tuple[Prediction, ...], list[dict[str, Any]]]
 
 
 def add_options(parser: CommandParser) -> None:
@@ -93,19 +92,19 @@ def run(options: argparse.Namespace) -> int:
         if options.files:
             with on_workers(options, needless="the fit is there, and only predicts the files"):
                 pass
-            (fit, predictions, findings), held_out = _predict_unseen(options), UNSEEN
+            (predictions, findings), held_out = _predict_unseen(options), UNSEEN
         else:
-            (fit, predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
+            (predictions, findings), held_out = _predict_held_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
-        write_bands(options.run_folder, calibration, coverage, unseen, fit)
+        write_bands(options.run_folder, calibration, coverage, unseen)
         document = _summary(calibration, coverage) | {"findings": findings}
         return end_addition(options, document, _text(calibration, coverage, options.run_folder))
 
 
 def _predict_unseen(options: argparse.Namespace) -> _Predicted:
-    """The fit of the run, and predictions of the files by it, for which they must not have been used."""
+    """Predictions of the files by the fit of the run, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
     _, read = read_tests(options, "calibration", fit)
@@ -114,16 +113,16 @@ def _predict_unseen(options: argparse.Namespace) -> _Predicted:
     for condition in filter(None, map(fit.other_condition, tests)):
         note(condition.condition_in_words)
     nuisances = nuisances_of(options, fit.nuisances)
-    return fit, predict_tests(fit, tests, nuisances=nuisances), findings
+    return predict_tests(fit, tests, nuisances=nuisances), findings
 
 
 def _predict_held_out(options: argparse.Namespace) -> _Predicted:
-    """The fit of the run, and cross-validated predictions of its tests, each by a fit to the other tests."""
+    """Cross-validated predictions of the tests of the run, each by a fit to the other tests."""
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
     rests = rests_of(opened.tests, folds_of(opened.tests, options.leave_out))
     names = [name_of_fold(opened.fit, rest) for rest in rests]
-    stored = {name: fit for name in names if (fit := stored_fold(opened.place, name)) is not None}
+    stored = {name: fit for name in names if (fit := stored_fold(opened.run, name)) is not None}
     missing = [number for number, name in enumerate(names) if name not in stored]
     in_words = IdentificationInWords()
 
@@ -135,7 +134,7 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
         return fold if progress is None else f"{fold}: {in_words(progress)}"
 
     def store(number: int, fit: Fit) -> None:
-        write_files(opened.place, {names[missing[number]]: fit_content(fit)})
+        add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)})
 
     settings = opened.fit.settings.again
     try:
@@ -152,7 +151,7 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
             made = {names[number]: batch.fit(place) for place, number in enumerate(missing)}
     except KeyboardInterrupt as interrupt:
         interrupt.add_note(
-            f"the fits of folds so far are in {opened.place / FOLDS}; run the same command again to continue"
+            f"the fits of folds so far are in {opened.run.path / FOLDS}; run the same command again to continue"
         )
         raise
     if batch.kinds_remark:
@@ -164,7 +163,7 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
             f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
             f"{left_out.failures[0]}; leave out less at a time"
         )
-    return opened.fit, left_out.predictions, findings
+    return left_out.predictions, findings
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

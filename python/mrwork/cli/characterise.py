@@ -31,9 +31,8 @@ from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, files_not_read, is_test_table, records_in
 from mrwork.store.input_file import is_folder
-from mrwork.store.output_folder import Destination, check_destination
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
-from mrwork.store.unfinished import is_complete, nothing_to_resume
+from mrwork.store.run_writer import Destination, is_complete, nothing_to_resume
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
@@ -86,8 +85,8 @@ def run(options: argparse.Namespace) -> int:
 def _characterise(options: argparse.Namespace) -> int:
     place = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
-    destination = Destination.of(place, FIT_RUN, replace=options.replace, resume=options.resume)
-    check_destination(destination)
+    destination = Destination(path=place, kind=FIT_RUN, replace=options.replace, resume=options.resume)
+    destination.check()
     begun = (place / FIT).exists() and not (place / SUMMARY).exists()
     if begun and not (options.resume or options.replace) and is_complete(place):
         raise OutputError(

@@ -7,6 +7,7 @@ such as one in a study file, becomes an entry of its own with its words.
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,8 +24,8 @@ from mrwork.cli.output import print_result
 from mrwork.errors import RecordError
 from mrwork.records.reading import is_synthetic
 from mrwork.store.input_file import is_file, make_stored_kind, text_of
-from mrwork.store.parse import json_value, toml_table
-from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunKind, read_kind
+from mrwork.store.parse import toml_table
+from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunFolder, RunKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +89,8 @@ def _once(parts: Sequence[_Part]) -> list[tuple[Reference, list[str]]]:
 
 def _parts(folder: Path) -> list[_Part]:
     """Parts of a run, each with the works it rests on; a part without a published source is left out."""
-    kind, manifest = read_kind(folder)
+    run = RunFolder.open(folder)
+    kind, manifest = run.kind, run.manifest
     names = dict.fromkeys(_texts(manifest.get("model")))
     if is_file(folder / STUDY):
         names |= dict.fromkeys(_texts(_read_stored(folder / STUDY, toml_table)))
@@ -112,7 +114,7 @@ def _records(folder: Path, kind: RunKind, manifest: Mapping[str, Any]) -> list[_
         if isinstance(digest, str) and not is_synthetic(name)
     ]
     if is_file(folder / RESULTS):
-        results = _read_stored(folder / RESULTS, json_value)
+        results = _read_stored(folder / RESULTS, json.loads)
         motions = results.get("motions") if isinstance(results, Mapping) else None
         parts += [
             (f"record: {each['name']}", (reference_of_motion(str(each["name"]), str(each.get("source"))),))

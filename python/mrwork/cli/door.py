@@ -135,7 +135,12 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
         options = parser(arguments).parse_args(arguments)
         signals.interrupt()
         admit_equations(options)
-        return int(options.run(options))
+        if not getattr(options, "changed", False):
+            return int(options.run(options))
+        from mrwork.store.run_folder import reading_changed
+
+        with reading_changed():
+            return int(options.run(options))
     except SystemExit as end:
         # The parser has printed its help, or what is wrong.
         return int(end.code or 0)

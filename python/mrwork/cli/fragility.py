@@ -16,7 +16,7 @@ from mrwork.cli.output import named, print_result, table_lines, undrawn_warned
 from mrwork.errors import SettingError
 from mrwork.store.codec import finite
 from mrwork.store.output_file import replacing
-from mrwork.store.output_folder import check_output
+from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities

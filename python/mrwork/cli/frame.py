@@ -14,10 +14,8 @@ from mrwork.base.progress import ProgressLine
 from mrwork.cli.output import in_words, is_quiet, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
-from mrwork.store.journal import Journal
-from mrwork.store.output_folder import Destination, check_destination
-from mrwork.store.run_folder import JOURNAL, RunKind
-from mrwork.store.unfinished import is_complete, is_copy, nothing_to_resume
+from mrwork.store.run_folder import RunKind
+from mrwork.store.run_writer import Destination, RunAtWork, is_complete, nothing_to_resume
 
 Result = TypeVar("Result")
 
@@ -39,8 +37,8 @@ class Frame:
     def of(cls, options: argparse.Namespace, kind: RunKind, default: str, kept: str) -> Frame:
         """That of the folder of the command line, or of `default` in `out`, which is refused if it is of another."""
         folder = options.out or Path("out") / default
-        destination = Destination.of(folder, kind, replace=options.replace, resume=options.resume)
-        check_destination(destination)
+        destination = Destination(path=folder, kind=kind, replace=options.replace, resume=options.resume)
+        destination.check()
         return cls(options=options, destination=destination, kept=kept)
 
     @property
@@ -67,9 +65,9 @@ class Frame:
         except Interrupted as interrupt:
             return interrupt.result, 130
 
-    def note_complete(self, journal: Journal) -> None:
+    def note_complete(self, work: RunAtWork) -> None:
         """Say where a run that was resumed has done nothing, since it was complete."""
-        if is_complete(self.folder) and is_copy(self.destination.place / JOURNAL, journal):
+        if work.is_as_before:
             note(nothing_to_resume(self.folder))
 
     def is_to_write(self, status: int) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -31,8 +31,8 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for, findings_of_set, gathered_findings
 from mrwork.records.reading import Reading
-from mrwork.store.run_folder import FIT_RUN, REPORT
-from mrwork.store.unfinished import INTERRUPTED, is_complete, nothing_to_resume
+from mrwork.store.run_folder import FIT_RUN, INTERRUPTED, JOURNAL, REPORT, RunFolder
+from mrwork.store.run_writer import RunAtWork, is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -107,29 +107,28 @@ class Identification:
         fit: Fit,
         status: int,
         *,
-        journal: Path,
-        discard: Callable[[], None] | None,
+        work: RunAtWork,
         text: str,
         document: Mapping[str, object],
         documents: Mapping[str, object] | None = None,
+        grown: Collection[str] = (JOURNAL,),
     ) -> int:
-        """Write the run folder, print the result, draw the page; return the exit status.
+        """Commit the run folder, print the result, draw the page; return the exit status.
 
-        After Ctrl-C, `status` 130, nothing waits for the disk, no page is drawn, and a message says what is written.
+        `grown`: the journals that are kept. After Ctrl-C, `status` 130, nothing waits for the disk, no page is drawn,
+        and a message says what is written.
         """
         options, folder, finished = self.frame.options, self.frame.folder, status == 0
         written = self.frame.is_to_write(status)
         if written:
             write_run(
-                self.frame.destination,
+                work,
                 fit=fit,
                 manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
-                journal=journal,
                 documents=documents,
+                grown=grown,
                 flush=finished,
             )
-            if discard is not None:
-                discard()
         if not options.json:
             show(text)
         if finished:
@@ -140,7 +139,7 @@ class Identification:
                 from mrwork.report.fit.page import write_fit_page
                 from mrwork.runs.load import with_additions
 
-                run = with_additions(folder, fit)
+                run = with_additions(RunFolder.open(folder), fit)
                 write_fit_page(run, comparisons_of(fit, self.tests), on_progress=on_progress)
 
             status = draw_last(folder, draw, quiet=self.frame.is_quiet)

@@ -6,7 +6,6 @@ import argparse
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from typing import get_args
 
 from mrwork.base.table import Table
@@ -52,7 +51,7 @@ from mrwork.identification.settings import (
 from mrwork.records import DamperTest
 from mrwork.records.findings import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, NEAR_SETS, RANKING
-from mrwork.store.unfinished import StepJournals, discard_journal, run_journal
+from mrwork.store.run_writer import RunAtWork
 from mrwork.uncertainty.bands.prediction import Fold
 
 _WIDTH = 118
@@ -206,7 +205,8 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
     verb = Identification.of(options, settings, plain.name, kept="the best fit")
     spec = _with_laws(plain, verb.tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    with run_journal(verb.frame.destination, resume=options.resume, note=note) as journal:
+    with RunAtWork(verb.frame.destination, note=note) as work:
+        journal = work.journal()
         fit, status = verb.search(
             lambda line: identify_with(
                 spec,
@@ -219,16 +219,15 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
             IdentificationInWords(),
             before="any candidate was simulated",
         )
-        journal.finish()
-        verb.frame.note_complete(journal)
+        journal.close()
+        verb.frame.note_complete(work)
         if fit is None:
             return status
         fit = verb.described_fit(fit, status)
         return verb.end(
             fit,
             status,
-            journal=journal.path,
-            discard=partial(discard_journal, journal),
+            work=work,
             text=text_of(fit, verb.tests),
             document=summary_of(fit, verb.tests, verb.frame.folder),
         )
@@ -284,7 +283,7 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
     verb = Identification.of(options, settings, "models", kept="what was identified")
     if (status := verb.end_complete(RANKING)) is not None:
         return status
-    with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
+    with RunAtWork(verb.frame.destination, note=note) as work:
         choice, status = verb.search(
             lambda line: choose_model(
                 verb.tests,
@@ -297,7 +296,7 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
                 sampled=options.posterior,
                 threads=options.threads,
                 on_progress=line,
-                journal_of=journals,
+                journal_of=work.step_journal,
             ),
             in_words,
             before="any model was identified",
@@ -316,8 +315,8 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
         return verb.end(
             best,
             status,
-            journal=journals.path(f"{best.model}/fit"),
-            discard=journals.discard if status == 0 else None,
+            work=work,
+            grown=() if status == 0 else work.step_journals,
             text="\n".join([*lines, *(["", text_of(best, verb.tests)] if status == 0 else [])]),
             document={
                 **asdict(ranking),
@@ -342,7 +341,7 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
     verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
     if (status := verb.end_complete(LAWS)) is not None:
         return status
-    with StepJournals(verb.frame.destination, resume=options.resume, note=note) as journals:
+    with RunAtWork(verb.frame.destination, note=note) as work:
         choice, status = verb.search(
             lambda line: choose_laws(
                 models_of(options),
@@ -353,7 +352,7 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
                 settings=settings,
                 threads=options.threads,
                 on_progress=line,
-                journal_of=journals,
+                journal_of=work.step_journal,
             ),
             in_words,
             before="any laws were fitted",
@@ -362,8 +361,6 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
             return status
         table = choice.table
         fit = verb.described_fit(replace(choice.fit, seconds=choice.seconds), status)
-        # The last step that has begun: after an interrupt that may be the choice.
-        steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
         others = (
             f"Other sets of laws that predict nearly as well, within 1 point: {len(choice.others)}, in "
             f"{verb.frame.folder / NEAR_SETS}; predict and respond say how far they are apart where the tests end"
@@ -379,12 +376,12 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
         return verb.end(
             fit,
             status,
-            journal=next(path for path in steps if path.is_file()),
-            discard=journals.discard if status == 0 else None,
+            work=work,
+            grown=() if status == 0 else work.step_journals,
             text="\n".join(lines),
             document=summary_of(fit, verb.tests, verb.frame.folder) | {"choice_of_laws": asdict(table)},
             documents={LAWS: asdict(table)}
-            | ({NEAR_SETS: others_content(choice.others, fit)} if choice.others else {}),
+            | ({NEAR_SETS: others_content(choice.others)} if choice.others else {}),
         )
 
 

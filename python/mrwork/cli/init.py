@@ -24,7 +24,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import OutputError
 from mrwork.records.rig_table import TABLE_NAME, ListedTest, Use, write_test_table
 from mrwork.store.output_file import explain_failure, write_files
-from mrwork.store.output_folder import refuse_place_in_run
+from mrwork.store.run_folder import refuse_place_in_run
 
 Sample = Literal["rig", "study"]
 

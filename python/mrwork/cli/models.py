@@ -17,7 +17,7 @@ from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
-from mrwork.store.output_folder import check_output
+from mrwork.store.run_folder import check_output
 
 _PARAMETER_COLUMNS = (
     TableColumn(heading="parameter", cell=lambda each: each.name),

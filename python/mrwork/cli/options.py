@@ -116,6 +116,11 @@ def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: 
 def add_run(parser: CommandParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
+    parser.add_argument(
+        "--changed",
+        action="store_true",
+        help="also read files of RUN that are not as mrwork has written them",
+    )
     add_trust(parser)
 
 

@@ -19,10 +19,10 @@ from mrwork.cli.output import end_addition, told_findings
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit_file import OpenedRun, addition_content
-from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import adding
+from mrwork.identification.fit_file import OpenedRun
+from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PLAN, REPORT
+from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.candidate_tests import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -104,9 +104,9 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
-    write_files(opened.place, {PLAN: addition_content(document, opened.fit)})
-    printed = document | {"findings": findings, "out": str(opened.place / PLAN)}
-    status = end_addition(options, printed, _text(check, origin, unit, opened.place))
+    add_to_run(opened.run.path, {PLAN: json_document(document).encode()})
+    printed = document | {"findings": findings, "out": str(opened.run.path / PLAN)}
+    status = end_addition(options, printed, _text(check, origin, unit, opened.run.path))
     if ranked.left_out and not options.quiet:
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
@@ -135,7 +135,7 @@ def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Gen
     from mrwork.uncertainty.planning import normal_draws
     from mrwork.uncertainty.posterior.draws import read_draws
 
-    draws = read_draws(opened.place, opened.fit)
+    draws = read_draws(opened.run, opened.fit)
     if draws is None:
         return normal_draws(posterior, _DRAWS, rng), "the linearised posterior"
     stored = draws.theta

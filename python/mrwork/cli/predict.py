@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,14 +27,14 @@ from mrwork.dampers.law_sets import SetsApart
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.dampers.tested_range import Exceedance, worst_of
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit, read_others
+from mrwork.identification.fit_file import fit_of, read_others
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explain_failures, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.store.output_folder import adding
-from mrwork.store.run_folder import HELD_OUT
+from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
+from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
@@ -96,10 +95,11 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how the forces compare."""
-    fit = read_fit(options.run_folder)
-    calibration = None if options.level is None else read_calibration(options.run_folder, fit)
+    run = RunFolder.open(options.run_folder, FIT_RUN)
+    fit = fit_of(run)
+    calibration = None if options.level is None else read_calibration(run)
     # Tests of a calibration are not kept for test, whether its bands are printed or not.
-    calibrated = calibration or stored_calibration(options.run_folder, fit)
+    calibrated = calibration or stored_calibration(run)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     known: list[Likeness] = []
@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
     calibrated_on: list[Likeness] = []
     exceeded: list[tuple[str, Exceedance]] = []
     limited: list[LawLimit] = []
-    others = read_others(Path(options.run_folder), fit) or ()
+    others = read_others(run) or ()
     apart: list[tuple[str, SetsApart]] = []
     held_out: list[Prediction] = []
     nuisances = nuisances_of(options, fit.nuisances)
@@ -217,7 +217,7 @@ def _store(options: argparse.Namespace, fit: Fit, held_out: list[Prediction]) ->
     if not held_out or not os.access(place, os.W_OK):
         return False
     with adding(place, HELD_OUT):
-        write_held_out(place, fit, held_out)
+        write_held_out(RunFolder.open(place), fit, held_out)
     renew_page(place, quiet=is_quiet(options))
     return True
 

@@ -24,10 +24,10 @@ from mrwork.cli.output import (
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit import Direction, Fit
-from mrwork.identification.fit_file import OpenedRun, addition_content, fit_content
-from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import adding
+from mrwork.identification.fit_file import OpenedRun, fit_content
+from mrwork.store.codec import json_document
 from mrwork.store.run_folder import FIT, PROFILES, REPORT
+from mrwork.store.run_writer import add_to_run, adding
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
@@ -65,7 +65,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
 
     findings = told_findings("profile", opened.tests, options)
     # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
-    draws = read_draws(opened.place, opened.fit)
+    draws = read_draws(opened.run, opened.fit)
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
             profiles = profile(
@@ -81,13 +81,13 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     fit = opened.fit.with_identifiability(
         identifiability_of(opened.fit, opened.tests, threads=options.threads)
     )
-    fit = judged_by_additions(opened.place, fit, draws=draws, profiles=profiles)
+    fit = judged_by_additions(opened.run, fit, draws=draws, profiles=profiles)
     directions = () if fit.identifiability is None else fit.identifiability.informative
     document = asdict(profiles) | {"directions": [asdict(each) for each in directions]}
-    contents = {PROFILES: addition_content(document, opened.fit), FIT: fit_content(fit)}
-    write_files(opened.place, contents)
-    printed = document | {"findings": findings, "out": str(opened.place / PROFILES)}
-    return end_addition(options, printed, _text(fit, profiles, directions, opened.place))
+    contents = {PROFILES: json_document(document).encode(), FIT: fit_content(fit)}
+    add_to_run(opened.run.path, contents)
+    printed = document | {"findings": findings, "out": str(opened.run.path / PROFILES)}
+    return end_addition(options, printed, _text(fit, profiles, directions, opened.run.path))
 
 
 def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
@@ -95,11 +95,11 @@ def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.N
     document = asdict(profiles) | {"directions": []}
     written = not _has_complete(opened)
     if written:
-        write_files(opened.place, {PROFILES: addition_content(document, opened.fit)})
-    printed = document | {"out": str(opened.place / PROFILES)}
-    print_result(options, printed, _text(opened.fit, profiles, (), opened.place))
+        add_to_run(opened.run.path, {PROFILES: json_document(document).encode()})
+    printed = document | {"out": str(opened.run.path / PROFILES)}
+    print_result(options, printed, _text(opened.fit, profiles, (), opened.run.path))
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
-    note(f"interrupted; {opened.place / PROFILES} {where}; run the same command again for all")
+    note(f"interrupted; {opened.run.path / PROFILES} {where}; run the same command again for all")
     return 130
 
 
@@ -108,7 +108,7 @@ def _has_complete(opened: OpenedRun) -> bool:
     from mrwork.runs.load import read_profiles
 
     try:
-        earlier = read_profiles(opened.place, opened.fit)
+        earlier = read_profiles(opened.run)
     except RecordError:
         return False
     return earlier is not None and earlier.status == "finished"

@@ -15,7 +15,7 @@ from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.store.run_folder import FIGURES, FIT_RUN, read_kind
+from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -53,7 +53,7 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
     place = options.run_folder
-    kind, _ = read_kind(place)
+    kind = RunFolder.open(place).kind
     if kind is not FIT_RUN and (options.figures or options.all_tests):
         option = "--figures" if options.figures else "--all-tests"
         raise SettingError(

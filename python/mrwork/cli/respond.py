@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.command_parser import CommandParser, examples
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
+    from mrwork.store.run_writer import RunAtWork
     from mrwork.study.course import StudyProgress
     from mrwork.study.results import Ensemble, StudyResults
     from mrwork.study.study import Study
@@ -123,7 +123,7 @@ def run(options: argparse.Namespace) -> int:
     )
 
 
-def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[StudyResults]:
+def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
     from mrwork.cli.study_text import StudyVerb, study_text, telling_why
     from mrwork.study.ensemble import dampers_apart
@@ -136,7 +136,7 @@ def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[S
             "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
             "--law auto"
         )
-    histories = Histories(place, study, resume=options.resume)
+    histories, place = Histories(work, study), work.destination.path
     further: dict[str, Any] = {}
     lines: list[str] = []
 

@@ -26,9 +26,8 @@ from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
-from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import CHAIN, DRAWS, FIT
-from mrwork.store.unfinished import addition_journal, is_copy, keep_addition, nothing_to_resume
+from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
 
@@ -100,23 +99,23 @@ def run(options: argparse.Namespace) -> int:
 
     opened = opened_run(options)
     findings = told_findings("sample", opened.tests, options)
-    kept = opened.place / CHAIN
+    place = opened.run.path
     # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
-    profiles = read_profiles(opened.place, opened.fit)
-    with addition_journal(kept, resume=options.resume, replace=options.replace, note=note) as journal:
+    profiles = read_profiles(opened.run)
+    with addition_journal(place, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, priors, journal, options)
         if draws is None:
             return 130
-        if options.resume and is_copy(kept, journal):
+        journal.close()
+        if not journal.path.is_file():
             note(nothing_to_resume(options.run_folder / CHAIN))
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
-        fit = judged_by_additions(opened.place, opened.fit, draws=draws, profiles=profiles)
-        contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(fit)}
-        write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
-        document = _summary(draws, opened.place) | {"findings": findings}
-        return end_addition(options, document, _text(fit, draws, opened.place))
+        fit = judged_by_additions(opened.run, opened.fit, draws=draws, profiles=profiles)
+        add_to_run(place, {DRAWS: draws_content(draws), FIT: fit_content(fit)}, grown=[CHAIN])
+        document = _summary(draws, place) | {"findings": findings}
+        return end_addition(options, document, _text(fit, draws, place))
 
 
 def _sample(

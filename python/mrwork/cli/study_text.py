@@ -27,7 +27,7 @@ from mrwork.cli.workers import on_workers
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import REPORT, RunKind
-from mrwork.store.unfinished import discard_journal, run_journal
+from mrwork.store.run_writer import RunAtWork
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
@@ -108,7 +108,7 @@ def run_on_study(
     kind: RunKind,
     default: str,
     kept: str,
-    verb_of: Callable[[Study, Path], StudyVerb[Results]],
+    verb_of: Callable[[Study, RunAtWork], StudyVerb[Results]],
     *,
     use: Use | Literal["all"] = "all",
 ) -> int:
@@ -123,14 +123,12 @@ def run_on_study(
         study = read_study(options.study, seed=options.seed, on_python=note, on_progress=report)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
-    with run_journal(frame.destination, resume=options.resume, note=note) as journal:
-        verb = verb_of(study, frame.folder)
-        try:
-            with keep_stdout(), on_workers(options):
-                results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
-        finally:
-            journal.finish()
-        frame.note_complete(journal)
+    with RunAtWork(frame.destination, note=note) as work:
+        verb, journal = verb_of(study, work), work.journal()
+        with keep_stdout(), on_workers(options):
+            results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
+        journal.close()
+        frame.note_complete(work)
         assert results is not None  # an interrupted study has the runs so far
         written, interrupted, folder = frame.is_to_write(status), status == 130, frame.folder
         if written:
@@ -146,14 +144,7 @@ def run_on_study(
                 "created": datetime.now(UTC).isoformat(timespec="seconds"),
                 "seconds": time.perf_counter() - began,
             }
-            verb.write(
-                frame.destination,
-                results,
-                study_file=study.file,
-                manifest=manifest,
-                journal=journal.path,
-            )
-            discard_journal(journal)
+            verb.write(work, results, study_file=study.file, manifest=manifest)
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
                 status = renew_page(folder, quiet=is_quiet(options))

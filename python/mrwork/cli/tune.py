@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
+    from mrwork.store.run_writer import RunAtWork
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
     from mrwork.tuning.results import TuningResults
@@ -77,12 +78,12 @@ def run(options: argparse.Namespace) -> int:
     return run_on_study(options, TUNING_RUN, default, "what was found", partial(_verb, options))
 
 
-def _verb(options: argparse.Namespace, study: Study, place: Path) -> StudyVerb[TuningResults]:
+def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TuningResults]:
     """The tuning of the tables of a study, or of the command line."""
     from mrwork.cli.study_text import StudyVerb
     from mrwork.tuning.results import tuning_document, write_tuning
 
-    tables = _tables(study, options)
+    tables, place = _tables(study, options), work.destination.path
 
     def compute(journal: Journal, line: ProgressLine[Any]) -> TuningResults:
         from mrwork.tuning.run import tune

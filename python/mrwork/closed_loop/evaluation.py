@@ -20,7 +20,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import DRIFT_RATIOS, Building
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
-from mrwork.store.codec import OrNan
 
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
@@ -231,12 +230,12 @@ class Spread:
     """
 
     motions: Whole
-    mean: OrNan
-    least: OrNan
-    lower_quartile: OrNan
-    median: OrNan
-    upper_quartile: OrNan
-    most: OrNan
+    mean: float
+    least: float
+    lower_quartile: float
+    median: float
+    upper_quartile: float
+    most: float
 
     @staticmethod
     def of(values: Sequence[float]) -> Spread:

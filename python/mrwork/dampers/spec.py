@@ -34,7 +34,6 @@ from mrwork.dampers.parameters import (
     polynomial_laws,
 )
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.store.codec import Related
 
 # In place of the name of one model: every model.
 ALL = "all"
@@ -104,7 +103,7 @@ PUBLISHED_SETS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class DamperSpec(Summarised, Related):
+class DamperSpec(Summarised):
     """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
     The parameters of a model with current laws are their coefficients, named `k_w.0`, `k_w.1`; `plain` has the

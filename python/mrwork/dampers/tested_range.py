@@ -17,7 +17,6 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_noise
 from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
-from mrwork.store.codec import Related
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
 _ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
@@ -128,7 +127,7 @@ class Exceedance(Summarised):
 
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class OperatingRange(Summarised, Related):
+class OperatingRange(Summarised):
     """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
 
     `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
@@ -148,13 +147,6 @@ class OperatingRange(Summarised, Related):
     power: NotNegative
     least_stroke: NotNegative | None = None
     levels: tuple[float, ...] = ()
-
-    def disagreement(self) -> str:
-        """First contradiction: ends of a range that are not in order, or a command without unit."""
-        for name, ends in (("frequency", self.frequency), ("command", self.command)):
-            if ends is not None and ends[0] > ends[1]:
-                return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
-        return "the command has no unit" if self.command is not None and self.command_unit is None else ""
 
     @property
     def gap(self) -> tuple[float, float] | None:

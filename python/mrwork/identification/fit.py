@@ -24,7 +24,7 @@ from mrwork.records.damper_test import AS_IT_IS, OperatingRange, Outside, range_
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
-from mrwork.store.codec import LowerBound, OrInfinite, Related, UpperBound, digest_of
+from mrwork.store.codec import digest_of
 
 if TYPE_CHECKING:
     from mrwork.base.plotted import FitPlots
@@ -36,7 +36,7 @@ VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "ne
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Interval(Related):
+class Interval:
     """Interval of one parameter in its unit; an end that the data do not bound is `None`.
 
     `verdict` is `None` for a parameter of the noise.
@@ -47,12 +47,6 @@ class Interval(Related):
     upper: float | None
     verdict: VerdictName | None
     reason: str
-
-    def disagreement(self) -> str:
-        """First contradiction: ends that are not in order."""
-        if self.lower is None or self.upper is None or self.lower <= self.upper:
-            return ""
-        return f"the interval of {self.name} is from {self.lower:g} to {self.upper:g}"
 
     def in_words(self, shown: Callable[[float], str]) -> str:
         """Text such as "6317 to 7278", or "above 835.8" where one end is open; `shown` formats a number."""
@@ -207,8 +201,8 @@ class Estimate:
     unit: str
     value: float
     standard_error: NotNegative | None
-    lower: LowerBound
-    upper: UpperBound
+    lower: float
+    upper: float
     remark: Remark = ""
 
     def judge(self, verdict: Verdict | None) -> Estimate:
@@ -296,7 +290,7 @@ class FitQuality(Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SearchTrace(Summarised, Related):
+class SearchTrace(Summarised):
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
     For `Multistart` an entry is one iteration of all running local minimisations; `ends` are the final misfits, sorted.
@@ -305,22 +299,15 @@ class SearchTrace(Summarised, Related):
     _made_by: ClassVar[str] = "fit.trace"
 
     evaluations: tuple[Whole, ...]
-    best: tuple[OrInfinite, ...]
-    median: tuple[OrInfinite, ...]
+    best: tuple[float, ...]
+    median: tuple[float, ...]
     stop_reason: str
-    ends: tuple[OrInfinite, ...] = ()
+    ends: tuple[float, ...] = ()
 
     @property
     def ended(self) -> str:
         """Why the search ended, in words."""
         return ended_in_words(self.stop_reason)
-
-    def disagreement(self) -> str:
-        """First contradiction: an array without one entry per generation."""
-        sizes = len(self.evaluations), len(self.best), len(self.median)
-        if len(set(sizes)) == 1:
-            return ""
-        return "it has {} counts of simulations, {} least and {} median misfits".format(*sizes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -345,7 +332,7 @@ def step_in_words(percent: float) -> str:
 
 
 @array_dataclass(repr=False)
-class Fit(WithAxes, Summarised, Related):
+class Fit(WithAxes, Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
@@ -416,34 +403,6 @@ class Fit(WithAxes, Summarised, Related):
         inputs = sorted(self.provenance.inputs.items())
         own = () if self.own is None or self.own.own is None else (self.own.own.digest,)
         return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *own)
-
-    def disagreement(self) -> str:
-        """First contradiction: estimates of another model, an estimate out of its bounds, or an unknown parameter."""
-        if self.own is not None and (self.own.own is None or self.own.name != self.model or self.own.current):
-            return f"its damper {self.own.name} is not the {self.model} of its user"
-        spec = self.spec
-        names = tuple(estimate.name for estimate in self.estimates)
-        if names != spec.names:
-            named = list_names(names, 8) or "nothing"
-            return f"its estimates are of {named} where {self.model} has {list_names(spec.names, 8)}"
-        for estimate, parameter in zip(self.estimates, spec.parameters, strict=True):
-            name, unit, lower, upper = estimate.name, estimate.unit, estimate.lower, estimate.upper
-            if (unit or "1") != parameter.unit:
-                return f"{name} is in {unit or 'no unit'} where {self.model} has it in {parameter.unit}"
-            slack = _ROUNDING * max(abs(estimate.value), abs(lower), abs(upper))
-            if not lower - slack <= estimate.value <= upper + slack:
-                return f"{name} is {estimate.value:g}, outside its bounds {lower:g} to {upper:g}"
-        judged: list[Verdict | Interval] = []
-        judged += () if self.identifiability is None else self.identifiability.verdicts
-        judged += () if self.intervals is None else self.intervals.intervals
-        unknown = [judgement.name for judgement in judged if judgement.name not in names]
-        if unknown:
-            return f"it judges {unknown[0]}, which {self.model} does not have"
-        if not self.quality:
-            return "it compares no test"
-        if len(self.motions) != len(self.quality):
-            return f"it compares {len(self.quality)} tests where it knows the motions of {len(self.motions)}"
-        return ""
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:

@@ -263,7 +263,7 @@ class _Ending:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
         if self.reporter.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
-            self.reporter.journal.finish()
+            self.reporter.journal.close()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
             return fit_at(

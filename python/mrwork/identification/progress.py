@@ -8,15 +8,13 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
 from mrwork.errors import Interrupted
-from mrwork.store.codec import build_value
 from mrwork.store.journal import Journal
 
 T = TypeVar("T")
@@ -78,7 +76,6 @@ def _wait_for(thread: threading.Thread) -> None:
 
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "%", "steps"]
-_Count = Annotated[int, Within(least=0)]
 
 
 @dataclass(slots=True)
@@ -106,12 +103,10 @@ class Tally:
 
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
-        self.simulations = build_value(_Count, record["simulations"], "simulations")
-        self.steps = build_value(_Count, record["steps"], "steps")
-        self.spared = build_value(int, record["spared"], "spared")
-        self.added_per_step = {
-            int(index): build_value(float, each, "told") for index, each in record["told"].items()
-        }
+        self.simulations, self.steps, self.spared = (
+            int(record[name]) for name in ("simulations", "steps", "spared")
+        )
+        self.added_per_step = {int(index): float(each) for index, each in record["told"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from mrwork.base.arguments import Count, Level, Seed, checked
-from mrwork.base.hints import Record, Within, fields_of, hints_of
+from mrwork.base.hints import May, Record, Within, fields_of, hints_of
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.residual import NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search.loop import Optimiser
-from mrwork.store.codec import LowerBound, UpperBound, build_value
+from mrwork.store.codec import built
 
 _MULTISTART = "multistart"
 
@@ -62,6 +62,7 @@ class UnregisteredSearch:
     settings: Mapping[str, Any]
 
 
+_Bound: TypeAlias = Annotated[float, May.BE_INFINITE]
 # Any: each optimiser has its own type of state.
 Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser[Any]
 
@@ -148,7 +149,7 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
         return UnregisteredSearch(kind=kind, settings=settings)
     own = Multistart if kind == _MULTISTART else type(searches()[kind])
     _refuse_unknown(own, settings)
-    return build_value(own, settings, "search")  # type: ignore[no-any-return] # the type is the one given
+    return built(own, settings)  # type: ignore[no-any-return] # the type is the one given
 
 
 def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
@@ -208,7 +209,7 @@ class FitSettings:
     """
 
     search: Search | str | None = None
-    bounds: Mapping[str, tuple[LowerBound, UpperBound]] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[_Bound, _Bound]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
     ties: Mapping[str, str] = field(default_factory=dict)
     power: float = NumberOption(
@@ -271,7 +272,7 @@ class FitSettings:
         try:
             search = record.get("search")
             known = {
-                name: build_value(kind, record[name], name)
+                name: built(kind, record[name])
                 for name, kind in hints_of(cls).items()
                 if name in record and name != "search"
             }

@@ -20,7 +20,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import CommandValues, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
-from mrwork.store.codec import Related
 
 # Samples of a cycle, and most samples of a motion that is not periodic.
 _PER_CYCLE: Final = 32
@@ -49,7 +48,7 @@ _CYCLES: Final = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedMotion(Related):
+class RecordedMotion:
     """Motion and command of a test, in the resolution that recognises them.
 
     `shape` is the displacement about its mean per `half_stroke` [m], in steps of `step` [s]: of the mean cycle of a
@@ -115,15 +114,6 @@ class RecordedMotion(Related):
             force_shape=force_shape,
             commands=tuple(_encode_samples(_means(command, n_each))[1] for command in varying),
         )
-
-    def disagreement(self) -> str:
-        """First contradiction: a motion without samples, or a force of another length."""
-        for text in (self.shape, *self.commands):
-            if not _decode_samples(text).size:
-                return f"the motion of {self.test} has no samples"
-        if _decode_samples(self.force_shape).size != _decode_samples(self.shape).size:
-            return f"the force of {self.test} has other samples than its motion"
-        return ""
 
     @property
     def displacement(self) -> Floats:

@@ -22,7 +22,7 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import read_damper_test, test_from_arrays
 from mrwork.records.repairs import RepairKind, repair
 from mrwork.records.window import count_samples_from, cut
-from mrwork.store.codec import record_of
+from mrwork.store.codec import built
 from mrwork.store.input_file import exists
 
 # Called with the number of tests that have been read, and of all.
@@ -136,10 +136,7 @@ class Reading:
         """Undo `as_record`; `origin` names the record in messages."""
         if record is None:
             raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        if isinstance(record, Mapping):
-            # Before readers replaced a velocity that is late by its making, every run used it.
-            record = {"keep_velocity": True, **record}
-        reading: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
+        reading: Reading = built(cls, record)
         return reading
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:

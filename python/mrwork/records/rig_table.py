@@ -21,8 +21,7 @@ from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
-from mrwork.store.output_folder import check_output
-from mrwork.store.run_folder import real_place
+from mrwork.store.run_folder import check_output, real_place
 
 Use = Literal["fit", "calibration", "test"]
 """What a test is used for: identification, calibration of bands, or the final comparison."""

@@ -10,8 +10,8 @@ from mrwork.report.fit.page import open_run, write_fit_page
 from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
 from mrwork.report.study.tuning_page import tuning_page
-from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, read_kind
+from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, RunFolder
+from mrwork.store.run_writer import add_to_run
 from mrwork.study.folder import read_history, read_results
 from mrwork.tuning.results import read_tuning
 
@@ -49,18 +49,19 @@ def write_page(
     PosixPath('out/demo/summary.html')
     """
     place = Path(run)
-    kind, stated = read_kind(place)
+    opened = RunFolder.open(place)
+    stated = opened.manifest
     command = stated.get("command", "")
-    if kind is FIT_RUN:
+    if opened.kind is FIT_RUN:
         return write_fit_page(
             *open_run(place), every_test=every_test, summary=summary, on_progress=on_progress
         )
-    if kind is STUDY_RUN:
+    if opened.kind is STUDY_RUN:
         results = read_results(place)
         histories, seconds = partial(read_history, place, results), stated.get("seconds")
         page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
     else:
         page = tuning_page(read_tuning(place), command=command, summary=summary)
     name = SUMMARY if summary else REPORT
-    write_files(place, page.contents(name))
+    add_to_run(place, page.contents(name))
     return place / name

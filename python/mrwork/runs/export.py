@@ -22,7 +22,7 @@ from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_damper
 from mrwork.runs.load import read_run
 from mrwork.store.output_file import replacing
-from mrwork.store.output_folder import check_output
+from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
 from mrwork.tuning.results import TuningResults
 from mrwork.uncertainty.bands.prediction import predict_tests

@@ -9,21 +9,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 from mrwork.base.arguments import checked
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
-from mrwork.errors import OutputError, RecordError, escape_text
-from mrwork.identification.equivalent import identifiable_form
+from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit, Intervals
-from mrwork.identification.fit_file import (
-    fit_content,
-    manifest_of,
-    read_addition,
-    read_fit,
-    read_others,
-    write_run,
+from mrwork.identification.fit_file import fit_content, fit_of, manifest_of, read_others, write_run
+from mrwork.store.run_folder import (
+    DRAWS,
+    FIT,
+    FIT_RUN,
+    LAWS,
+    PLAN,
+    PROFILES,
+    RANKING,
+    STUDY_RUN,
+    RunFolder,
+    reading_changed,
 )
-from mrwork.store.codec import read_document
-from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import Destination, adding, check_destination, replacing_run
-from mrwork.store.run_folder import DRAWS, FIT, FIT_RUN, LAWS, PLAN, PROFILES, RANKING, STUDY_RUN, read_kind
+from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.held_out import HeldOutTests, read_held_out
@@ -88,14 +89,14 @@ class StoredRun(Summarised):
 
 
 @overload
-def load(run: str | Path, kind: type[RunT], *, trust: bool = False) -> RunT: ...
+def load(run: str | Path, kind: type[RunT], *, trust: bool = False, changed: bool = False) -> RunT: ...
 @overload
 def load(
-    run: str | Path, kind: None = None, *, trust: bool = False
+    run: str | Path, kind: None = None, *, trust: bool = False, changed: bool = False
 ) -> StoredRun | StudyResults | TuningResults: ...
 @checked
 def load(
-    run: str | Path, kind: type[Any] | None = None, *, trust: bool = False
+    run: str | Path, kind: type[Any] | None = None, *, trust: bool = False, changed: bool = False
 ) -> StoredRun | StudyResults | TuningResults:
     """Read back the run folder of any verb.
 
@@ -109,20 +110,22 @@ def load(
     trust
         Let the Python equations of a damper of its user run with your rights, where the fit is of one; its numbers are
         read without.
+    changed
+        Also read files that are not as mrwork has written them, which its manifest tells by their digests.
 
     Returns
     -------
     StoredRun
         Of `mrwork identify` and `demo`: the fit, and what `profile`, `sample`, `calibrate` and `plan` have added.
     StudyResults
-        Of `mrwork respond`: what `run_study` has returned, but for the commands of non-causal optima.
+        Of `mrwork respond`: what `run_study` has returned.
     TuningResults
         Of `mrwork tune`: what `mr.tune` has returned.
 
     Raises
     ------
     RecordError
-        Where it is no run folder, or not of this kind, or one of its files is damaged; the message names the file.
+        Where it is no run folder, or not of this kind, or one of its files was changed; the message names the file.
 
     Examples
     --------
@@ -133,10 +136,11 @@ def load(
     >>> mr.load("out/study").to_pandas()["peak_drift"]  # doctest: +SKIP
     """
     place = Path(run)
-    stored = read_run(place)
-    if trust and isinstance(stored, Fit) and stored.spec.own is not None:
-        stored.spec.own.trust()
-    held = with_additions(place, stored) if isinstance(stored, Fit) else stored
+    with reading_changed(changed):
+        stored = read_run(place)
+        if trust and isinstance(stored, Fit) and stored.spec.own is not None:
+            stored.spec.own.trust()
+        held = with_additions(RunFolder.open(place), stored) if isinstance(stored, Fit) else stored
     if kind is not None and not isinstance(held, kind):
         raise RecordError(
             f"{place} is read back as `{type(held).__name__}`, and `{kind.__name__}` was expected; give the folder of "
@@ -168,33 +172,33 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
     place = Path(folder)
     if isinstance(result, Fit):
         destination = Destination(path=place, kind=FIT_RUN)
-        check_destination(destination)
-        with replacing_run(destination):
-            if destination.run() is not None:
-                raise OutputError(f"{place} has a run, which is not replaced; choose another folder")
-            write_run(destination, fit=result, manifest=manifest_of(result, result.status))
+        if destination.run() is not None:
+            raise OutputError(f"{place} has a run, which is not replaced; choose another folder")
+        with RunAtWork(destination) as work:
+            write_run(work, fit=result, manifest=manifest_of(result, result.status))
         return place
     with adding(place, DRAWS):
-        fit = read_fit(place)
+        run = RunFolder.open(place, FIT_RUN)
+        fit = fit_of(run)
         made_of = result.provenance and result.provenance.inputs
         if (result.model, result.names, made_of) != (fit.model, fit.spec.names, fit.provenance.inputs):
             raise RecordError(
                 f"{place} has another fit than that of the draws; save their fit in a folder, then them"
             )
-        if (place / DRAWS).exists():
+        if run.has(DRAWS):
             raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
-        judged = judged_by_additions(place, fit, draws=result)
-        write_files(place, {DRAWS: draws_content(result, fit), FIT: fit_content(judged)})
+        judged = judged_by_additions(run, fit, draws=result)
+        add_to_run(place, {DRAWS: draws_content(result), FIT: fit_content(judged)})
     return place
 
 
 def read_run(place: Path) -> Fit | StudyResults | TuningResults:
-    """What the verb has found that wrote the folder at `place`, by the reader of its kind."""
-    kind, _ = read_kind(place)
-    if kind is FIT_RUN:
-        return read_fit(place)
+    """What the verb has found that wrote the folder at `place`."""
+    run = RunFolder.open(place)
+    if run.kind is FIT_RUN:
+        return fit_of(run)
     # The wing of control, which a fit does not need, takes half as long again to load.
-    if kind is STUDY_RUN:
+    if run.kind is STUDY_RUN:
         from mrwork.study.folder import read_results
 
         return read_results(place)
@@ -203,59 +207,39 @@ def read_run(place: Path) -> Fit | StudyResults | TuningResults:
     return read_tuning(place)
 
 
-def with_additions(place: Path, fit: Fit) -> StoredRun:
-    """The run of a `fit` that has been read from the folder at `place`, with what later verbs have added."""
-    draws = read_draws(place, fit)
-    ranking = read_document(Ranking, place / RANKING, name="ranking", verb="identify")
-    laws = read_document(LawTable, place / LAWS, name="choice of laws", verb="identify")
-    for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
-        if model not in (None, fit.model):
-            raise RecordError(
-                f"{place / name} is of {escape_text(str(model))} where {FIT} beside it is of {fit.model}; "
-                "run `mrwork identify` again"
-            )
-    profiles = read_profiles(place, fit)
+def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
+    """The run of a `fit` that has been read from a folder, with what later verbs have added."""
+    draws, profiles = read_draws(run, fit), read_profiles(run)
     return StoredRun(
-        place=place,
+        place=run.path,
         fit=fit.with_intervals(_intervals(fit, draws, profiles)),
         draws=draws,
         profiles=profiles,
-        bands=read_bands(place, fit),
-        plan=read_addition(CheckedPlan, place / PLAN, fit, name="plan", verb="plan"),
-        ranking=ranking,
-        laws=laws,
-        others=read_others(place, fit),
-        held_out=read_held_out(place, fit),
+        bands=read_bands(run),
+        plan=run.read(CheckedPlan, PLAN, verb="plan"),
+        ranking=run.read(Ranking, RANKING),
+        laws=run.read(LawTable, LAWS),
+        others=read_others(run),
+        held_out=read_held_out(run, fit),
     )
 
 
 def judged_by_additions(
-    place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
+    run: RunFolder, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
 ) -> Fit:
-    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder at `place`."""
+    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder."""
     return fit.with_intervals(
         _intervals(
             fit,
-            read_draws(place, fit) if draws is None else draws,
-            read_profiles(place, fit) if profiles is None else profiles,
+            read_draws(run, fit) if draws is None else draws,
+            read_profiles(run) if profiles is None else profiles,
         )
     )
 
 
-def read_profiles(place: Path, fit: Fit) -> Profiles | None:
-    """The profiles of the run folder of a fit at `place`, `None` where there are none."""
-    path = place / PROFILES
-    profiles = read_addition(Profiles, path, fit, name="profiles", verb="profile")
-    if profiles is None:
-        return None
-    # Profiles of a model with redundant parameters are in the form without them.
-    form = identifiable_form(fit.spec, {}).spec
-    known = form.names if profiles.model == form.name else fit.spec.names
-    strange = [each.name for each in profiles.profiles if each.name not in known]
-    if profiles.model not in (form.name, fit.model) or strange:
-        what = escape_text(f"profiles {strange[0]}" if strange else f"is of {profiles.model}")
-        raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
-    return profiles
+def read_profiles(run: RunFolder) -> Profiles | None:
+    """The profiles of the run folder of a fit, `None` where there are none."""
+    return run.read(Profiles, PROFILES, verb="profile")
 
 
 def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:

@@ -22,8 +22,8 @@ from mrwork.closed_loop.user_law import Command, UserLaw
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import json_document
-from mrwork.store.run_folder import FIT, FIT_RUN, MANIFEST
+from mrwork.store.run_folder import FIT, FIT_RUN, RunFolder
+from mrwork.store.run_writer import with_manifest
 from mrwork.study import reading
 from mrwork.study.course import StudyProgress
 from mrwork.study.dampers import Identified
@@ -37,13 +37,14 @@ if TYPE_CHECKING:
 def fitted_damper(run: Path) -> FittedDamper:
     """The fit of a run folder as a study takes it."""
     # Most studies name no run, and the wing of identification takes half as long again to load.
-    from mrwork.identification.fit_file import read_fit, read_others
+    from mrwork.identification.fit_file import fit_of, read_others
     from mrwork.uncertainty.posterior.draws import read_draws
 
-    fit = read_fit(run)
+    folder = RunFolder.open(run, FIT_RUN)
+    fit = fit_of(folder)
 
     def draws() -> Floats | None:
-        stored_draws = read_draws(run, fit)
+        stored_draws = read_draws(folder, fit)
         return None if stored_draws is None else stored_draws.theta
 
     chosen = FittedDamper(
@@ -52,7 +53,7 @@ def fitted_damper(run: Path) -> FittedDamper:
     # Draws of the chosen set only are known.
     others = tuple(
         replace(chosen, spec=each.spec, theta=each.theta, draws=partial(np.atleast_2d, np.array(each.theta)))
-        for each in read_others(run, fit) or ()
+        for each in read_others(folder) or ()
     )
     return replace(chosen, others=others)
 
@@ -269,8 +270,7 @@ def _damper_of(fit: Fit) -> FittedDamper:
     from mrwork.identification.fit_file import fit_content, manifest_of
 
     def files() -> dict[str, bytes]:
-        manifest = json_document({"kind": FIT_RUN.kind, "verb": FIT_RUN.verb, **manifest_of(fit, fit.status)})
-        return {FIT: fit_content(fit), MANIFEST: manifest.encode()}
+        return with_manifest({FIT: fit_content(fit)}, manifest_of(fit, fit.status), FIT_RUN)
 
     return FittedDamper(
         spec=fit.spec, theta=fit.theta, tested=fit.tested, files=files, like=cache(partial(_like, fit))

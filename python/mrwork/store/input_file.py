@@ -16,7 +16,7 @@ import os
 import stat
 import warnings
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,6 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.values import Floats
 from mrwork.errors import RecordError, escape_text, reason_of
 
 LEAST: Final = 96 << 20
@@ -254,19 +253,6 @@ def _refuse_damage(path: Path, kind: FileKind) -> Iterator[None]:
         yield
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
         raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
-
-
-def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> Floats:
-    """One of the arrays of a file, of floating-point numbers."""
-    if name not in arrays:
-        raise ValueError(f"it has no {name}")
-    values = arrays[name]
-    # Half precision is written by no program of this package, and extended precision has invalid numbers.
-    if values.dtype.kind != "f" or values.dtype.itemsize not in (4, 8):
-        raise ValueError(f"{name} has other values than floating-point numbers")
-    if not np.isfinite(values).all():
-        raise ValueError(f"{name} has a number that is not finite")
-    return values.astype(np.float64)
 
 
 def _array(data: bytes) -> NDArray[Any]:

@@ -21,12 +21,10 @@ from typing import Any, Final, Protocol, TypeVar
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted
 from mrwork.errors import JournalError, MrworkError
-from mrwork.store.codec import differences, plain, rebuilt
+from mrwork.store.codec import built, differences, plain
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
 from mrwork.store.output_file import Lock, check_own, explain_failure, open_to_write
-from mrwork.store.output_folder import refuse_place_in_run
-from mrwork.store.parse import json_value
-from mrwork.store.run_folder import is_unfinished
+from mrwork.store.run_folder import refuse_place_in_run
 
 T = TypeVar("T")
 # Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
@@ -53,7 +51,8 @@ class Counters(Protocol):
 class Journal:
     """Steps of a run in a file, one per line.
 
-    From the first step until `close`, which the caller calls, no other journal of the file can be written.
+    From the first step, of a resumed one from the start, until `close`, which the caller calls, no other journal of the
+    file can be written.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ class Journal:
     JournalError
         If the file is there and no journal, or has recorded steps and neither `resume` nor `replace` is given. On
         resuming: if there is no such file, or if it is damaged before its end.
-        On resuming or at the first step, unless `lock` was called before: if another writer holds the file.
+        On resuming or at the first step: if another writer holds the file.
     OutputError
         If a line cannot be written, or the file is a link or belongs to a run.
     """
@@ -85,7 +84,34 @@ class Journal:
         replace: bool = False,
         note: Callable[[str], None] | None = None,
     ) -> None:
-        self.path = Path(path)
+        self._begin(Path(path))
+        if resume:
+            self._resume(self.path, note)
+        else:
+            check_own(self.path)
+            refuse_place_in_run(self.path)
+            if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
+                raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
+            if not replace and (steps := n_steps(self.path)):
+                raise JournalError(
+                    f"{self.path} has {counted(steps, 'step')} of an earlier run; continue it with resume=True, or "
+                    "begin anew with replace=True"
+                )
+
+    @classmethod
+    def of_run(cls, path: Path, *, committed: Path, resume: bool, note: Callable[[str], None]) -> Journal:
+        """The journal that grows at `path` in a run folder, which is locked.
+
+        One that is resumed and not there begins as the `committed` one does, once a step is added.
+        """
+        journal = cls.__new__(cls)
+        journal._begin(path, locks=False)
+        if resume:
+            journal._resume(path if path.is_file() else committed, note)
+        return journal
+
+    def _begin(self, path: Path, *, locks: bool = True) -> None:
+        self.path = path
         self._recorded: list[dict[str, Any]] = []
         self.n_asked = 0
         """Number of steps that have been asked for."""
@@ -94,26 +120,13 @@ class Journal:
         self._writing = threading.Lock()
         self._closed = False
         self._lock: Lock | None = None
-        self._kept = False
+        self._locks = locks
         self._file: int | None = None
-        self.is_own = False
-        """Whether this journal has opened the file, which until then is that of an earlier run."""
-        self._synced, self._pause = 0.0, 0.0
+        self._synced, self._pause, self._began = 0.0, 0.0, time.perf_counter()
         self.lines = b""
         """The lines that were there when a file was resumed."""
-        if resume:
-            self._recorded = self._open_file(note)
-        elif not is_unfinished(self.path):
-            check_own(self.path)
-            refuse_place_in_run(self.path)
-            if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
-                raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
-        if not (resume or replace) and (steps := n_steps(self.path)):
-            raise JournalError(
-                f"{self.path} has {counted(steps, 'step')} of an earlier run; continue it with resume=True, or begin "
-                "anew with replace=True"
-            )
-        self._began = time.perf_counter() - self.seconds_before
+        self.has_grown = False
+        """Whether a step was added."""
 
     @property
     def seconds_before(self) -> float:
@@ -186,16 +199,16 @@ class Journal:
         *,
         agrees: Callable[[T], bool] | None = None,
     ) -> T:
-        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`.
+        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass, see `built`.
 
         A recorded result that does not agree with the inputs is none.
         """
 
         def read(record: dict[str, Any]) -> T:
-            rebuilt_step = rebuilt(kind, record)
-            if agrees is not None and not agrees(rebuilt_step):
+            result: T = built(kind, record)
+            if agrees is not None and not agrees(result):
                 raise ValueError("it is of another size than its inputs")
-            return rebuilt_step
+            return result
 
         recalled = self.recall(step, inputs, read)
         if recalled is not None:
@@ -210,14 +223,8 @@ class Journal:
         if new := lines[len(self.lines) :]:
             self._write(new)
 
-    def lock(self) -> Journal:
-        """Lock the file against other writers until `close`, so that it can be copied or moved after `finish`."""
-        self._take_lock()
-        self._kept = True
-        return self
-
-    def finish(self) -> None:
-        """Close the file, and release it unless `lock` was called; a later step is refused."""
+    def close(self) -> None:
+        """Close the file and release it; a later step is refused."""
         try:
             with self._writing:
                 self._closed = True
@@ -229,18 +236,9 @@ class Journal:
                     finally:
                         os.close(file)
         finally:
-            if not self._kept and self._lock is not None:
+            if self._lock is not None:
                 self._lock.release()
                 self._lock = None
-
-    def close(self) -> None:
-        """Close the file and release it; a later step is refused."""
-        self._kept = False
-        self.finish()
-
-    def _take_lock(self) -> None:
-        if self._lock is None:
-            self._lock = Lock(self.path)
 
     def _next(self, step: str) -> dict[str, Any] | None:
         """Next recorded line, which must be of this step; `None` after the last."""
@@ -258,31 +256,38 @@ class Journal:
             f"{step}: the program or the machine has changed since; {_ANEW}"
         )
 
-    def _open_file(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
+    def _resume(self, path: Path, note: Callable[[str], None] | None) -> None:
+        """Read the steps of the file at `path`, which is not damaged before its end."""
         if self.path.parent.is_dir():
             self._take_lock()
         try:
-            check_own(self.path)
-            if not is_there(self.path, JOURNAL_FILE):
-                raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
-            file = self._open()
-            content = bytes_of(self.path, JOURNAL_FILE)
-            recorded, length = read_lines(content, self.path)
+            check_own(path)
+            if not is_there(path, JOURNAL_FILE):
+                raise JournalError(f"there is no journal at {path} to resume; run without --resume")
+            content = bytes_of(path, JOURNAL_FILE)
+            self._recorded, length = read_lines(content, path)
         except MrworkError:
             self.close()
             raise
-        if length < len(content):
-            if note is not None:
-                note(f"the end of {self.path} is torn; its last {len(content) - length} bytes do not count")
-            os.ftruncate(file, length)
+        if length < len(content) and note is not None:
+            note(f"the end of {path} is torn; its last {len(content) - length} bytes do not count")
         self.lines = content[:length]
-        return recorded
+        self._began -= self.seconds_before
+
+    def _take_lock(self) -> None:
+        if self._locks and self._lock is None:
+            self._lock = Lock(self.path.parent, self.path.name)
 
     def _open(self) -> int:
+        """Open the file, which has the lines that were resumed and no others."""
         self._take_lock()
         with explain_failure(f"write {self.path}", "choose another folder"):
             file = open_to_write(self.path, _FLAGS)
-        self._file, self.is_own = file, True
+        size = os.fstat(file).st_size
+        os.ftruncate(file, min(size, len(self.lines)))
+        if size < len(self.lines):
+            os.write(file, self.lines[size:])
+        self._file, self.has_grown = file, True
         return file
 
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
@@ -298,10 +303,7 @@ class Journal:
                     f"{self.path} was closed before the run came to its end; open it again to resume"
                 )
             with explain_failure(f"write the journal {self.path}", _NOT_LOST):
-                file = self._file
-                if file is None:
-                    file = self._open()
-                    os.ftruncate(file, 0)
+                file = self._open() if self._file is None else self._file
                 # A single call writes all or nothing, except on a full disk.
                 if os.write(file, lines) < len(lines):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -384,7 +386,7 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
     if rest != f"{zlib.crc32(body.encode()):08x}{_END}":
         return None
     try:
-        entry: dict[str, Any] = json_value(body + "}")
+        entry: dict[str, Any] = json.loads(body + "}")
     except ValueError:
         return None
     # The checksum is no proof that this package has written the line.

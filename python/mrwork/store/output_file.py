@@ -7,9 +7,9 @@ there by somebody else. A file that is replaced takes the place of a link; a fil
 a file, are refused where they are links, and a file that grows where it has a second name. The folder that the user
 names may be a link (`run_folder.real_place`).
 
-A lock is a file `.NAME.lock` beside the file, with the process and machine that hold it, on which the kernel keeps an
-exclusive lock (`flock`). The kernel releases it when the process ends, however that happens; a lock file that is left
-behind has no effect and is taken over.
+A lock is a file `.NAME.lock` beside the file, or `.lock` in a folder, with the process and machine that hold it, on
+which the kernel keeps an exclusive lock (`flock`). The kernel releases it when the process ends, however that happens;
+a lock file that is left behind has no effect and is taken over.
 
 On NFS the server keeps such locks for all machines (Linux since 2.6.12), but on a mount with `nolock` each machine has
 its own: two machines are then not kept apart. A file system that refuses locks is used without one, after a warning.
@@ -144,14 +144,19 @@ _LONGEST = 300
 _FLAGS = os.O_RDWR | os.O_CREAT
 
 
-class Lock:
-    """Lock of the file or folder at `path`, which need not exist, taken at once and held until `release`."""
+def is_lock(name: str) -> bool:
+    """Whether it is the name of a lock file."""
+    return name.startswith(".") and name.endswith(".lock")
 
-    def __init__(self, path: Path) -> None:
-        self._place = path.with_name(f".{path.name}.lock")
+
+class Lock:
+    """Lock of a folder, or of the file `name` in it, which need not exist; taken at once and held until `release`."""
+
+    def __init__(self, folder: Path, name: str = "") -> None:
+        self._place = folder / (f".{name}.lock" if name else ".lock")
         self._file: int | None = None
-        with explain_failure(f"write {path}", "choose another folder"):
-            self._file = self._take(path)
+        with explain_failure(f"write {folder / name}", "choose another folder"):
+            self._file = self._take(folder / name)
 
     def release(self) -> None:
         """Let another writer have the file; without effect where that was done before."""
@@ -184,11 +189,6 @@ class Lock:
                 os.close(file)
                 raise
             os.close(file)
-
-
-def is_lock(name: str) -> bool:
-    """Whether it is the name of a lock file."""
-    return name.startswith(".") and name.endswith(".lock")
 
 
 def _flock(file: int, path: Path) -> None:

@@ -1,24 +1,42 @@
-"""Folder of a run: names of its files, the verbs that write one, and its manifest, read back and compared.
+"""Folder of a run: names of its files, the verbs that write one, and the folder opened by its manifest.
 
-The contents of each file are defined in the module of its type. Every reader of a folder asks `read_kind` first.
+The manifest is the commit: it lists every file of the run with its digest. A file that is written beside a manifest is
+NAME.new until a manifest that lists it is in place; then it gets its name (`run_writer`). A file whose digest is that
+of the manifest is trusted as it is; any other is refused.
+
+The contents of each file are defined in the module of its type. Every reader of a folder opens it as `RunFolder`.
 """
 
 from __future__ import annotations
 
+import io
+import json
 import os
-from collections.abc import Collection, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base.summary import list_names
-from mrwork.errors import OutputError, RecordError, escape_text
-from mrwork.store.codec import finite, parse_document
-from mrwork.store.input_file import exists, is_file, is_folder, is_there, make_stored_kind, text_of
-from mrwork.store.parse import json_value
+from mrwork.errors import MrworkError, OutputError, RecordError
+from mrwork.store.codec import built
+from mrwork.store.commit import FILES, MANIFEST, NEW, OWN, REPLACED, digest_of, digest_of_manifest, end_commit
+from mrwork.store.input_file import (
+    bytes_of,
+    exists,
+    is_file,
+    is_folder,
+    is_there,
+    make_stored_kind,
+    text_of,
+)
+from mrwork.store.output_file import Lock, refuse_special
 
-MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 SUMMARY = "summary.html"
@@ -38,7 +56,7 @@ PREDICTIONS = "predictions.npz"
 HELD_OUT = "held_out.json"
 HELD_OUT_FORCES = "held_out.npz"
 ADDITIONS = frozenset({
-    CHAIN, f"{CHAIN}.part", DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
+    CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
 })  # fmt: skip
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
@@ -62,9 +80,14 @@ CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 SCORES_TABLE = "scores.csv"
 
-_PART, _CHUNKS = ".part", ".chunks"
-_RESUME = "run the command that began it again with --resume"
-# Runs in a folder that a message names.
+INTERRUPTED: Final = "interrupted"
+"""Status in the manifest of a run that was written before its end."""
+_CHUNKS: Final = ".chunks"
+T = TypeVar("T")
+
+FORMAT: Final = 1
+"""Increased whenever the files of a run folder change in a way that this version cannot read."""
+# Runs in a folder, and files of one, that a message names.
 _NAMED: Final = 5
 
 
@@ -73,7 +96,7 @@ class RunKind:
     """Kind of run folder that a verb writes, with its `kind` in the manifest.
 
     `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
-    verbs write again from the others, and folders of such files, so that the manifest does not list them.
+    verbs write again from the others, and folders of such files.
     """
 
     verb: str
@@ -86,6 +109,10 @@ class RunKind:
         """Whether a file of the folder is one that later verbs write again, or within a folder of such files."""
         return name.partition("/")[0] in self.redrawn
 
+    def adds(self, name: str) -> bool:
+        """Whether a file of the folder is one that later verbs add, or that one of them is at work on."""
+        return name.partition("/")[0].removesuffix(NEW) in self.added
+
     @property
     def entries(self) -> frozenset[str]:
         """Names in the folder that the verb, or a later one, may use; all others are the user's."""
@@ -94,11 +121,15 @@ class RunKind:
 
 # The page, and what is beside it.
 _PAGE: Final = frozenset({REPORT, SUMMARY, f"{DATA}/*.csv"})
+_STEPS: Final = f"{MODELS}/*/*.jsonl"
+_HISTORIES: Final = f"{HISTORIES}/*.npz"
+GROWING: Final = (JOURNAL, _STEPS, _HISTORIES)
+"""Patterns of the files that grow while a run is made, of any kind."""
 
 FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}"})
+    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}", _STEPS})
     | _PAGE,
     added=ADDITIONS | {FIGURES},
 )
@@ -107,7 +138,7 @@ STUDY_RUN: Final = RunKind(
     kind="study",
     written=_PAGE
     | {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE}
-    | {f"{HISTORIES}/*.npz", ENSEMBLE, REALISATIONS},
+    | {_HISTORIES, ENSEMBLE, REALISATIONS},
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",
@@ -136,126 +167,226 @@ def real_place(path: str | Path) -> Path:
         return Path(path)
 
 
-def part_of(path: str | Path) -> Path:
-    """Folder for the journal of an unfinished run to `path`."""
-    place = real_place(path)
-    if not place.name:
-        raise OutputError(
-            f"{path} is the root of all folders, where no run is written; name a folder below it"
-        )
-    return place.with_name(place.name + _PART)
-
-
 def chunks_beside(journal: Path) -> Path:
     """Folder of the finished chunks of the step that a journal does not have yet."""
-    return journal.with_name(f"{journal.name}{_CHUNKS}")
+    return journal.with_name(f"{journal.name.removesuffix(NEW)}{_CHUNKS}")
 
 
-def is_part(path: Path) -> bool:
-    """Whether it is the folder of the journal of an unfinished run."""
-    return path.name.endswith(_PART) and path.is_dir()
+_reads_changed: ContextVar[bool] = ContextVar("_reads_changed", default=False)
 
 
-def is_unfinished(journal: Path) -> bool:
-    """Whether a journal has the place of one whose run is not finished."""
-    return journal.name.endswith(_PART) or any(is_part(folder) for folder in journal.parents)
+@contextmanager
+def reading_changed(accepted: bool = True) -> Iterator[None]:
+    """Read the files of run folders in the block also where they are not as a verb has written them."""
+    token = _reads_changed.set(accepted)
+    try:
+        yield
+    finally:
+        _reads_changed.reset(token)
 
 
-def name_unfinished(kept: Path) -> Path:
-    """Path of an unfinished journal, which is moved to `kept` when it is complete."""
-    return kept.with_name(kept.name + _PART)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFolder:
+    """A run folder opened by its manifest; `path` is its name as the user gives it."""
 
+    path: Path
+    kind: RunKind
+    manifest: Mapping[str, Any]
 
-# Characters of a value in a message.
-_SHOWN: Final = 40
+    @classmethod
+    def open(cls, path: str | Path, wanted: RunKind | None = None) -> RunFolder:
+        """The run folder at `path`, which must be of the kind `wanted`, by default of any."""
+        place = Path(path)
+        kinds = (wanted,) if wanted else RUN_KINDS
+        verbs = [f"`mrwork {each.verb}`" for each in kinds]
+        give = f"give a folder that {', '.join(verbs[:-1])} or {verbs[-1]} has written".replace("  or", "")
+        if not (is_folder(place) and exists(place / MANIFEST)):
+            raise RecordError(_no_run(place, give))
+        run = cls._at(place, RecordError)
+        if run is None:
+            raise RecordError(f"the {MANIFEST} of {place} is not that of a run of mrwork; {give}")
+        if run.kind not in kinds:
+            raise RecordError(
+                f"{place} is a run of `mrwork {run.kind.verb}`, where one of {verbs[0]} was expected; give the folder "
+                "of one, or read this one back with `mr.load`"
+            )
+        if run.format != FORMAT:
+            raise RecordError(run.of_before)
+        if not (run.is_as_written or _reads_changed.get()):
+            raise RecordError(_not_as_written(place / MANIFEST, run.kind.verb))
+        if REPLACED in run.manifest:
+            # Another process may be ending the commit, or the folder be one that cannot be written.
+            with suppress(MrworkError, OSError), Lock(run.place):
+                return run.settled()
+        return run
 
+    @classmethod
+    def to_write(cls, path: Path) -> RunFolder | None:
+        """The run in a folder that will be written; `None` where there is no manifest, or that of another program."""
+        return cls._at(path, OutputError) if is_file(path / MANIFEST) else None
 
-def read_kind(place: Path, wanted: RunKind | None = None) -> tuple[RunKind, Mapping[str, Any]]:
-    """Kind and manifest of the run folder at `place`, which must be of the kind `wanted`, by default of any."""
-    verbs = [f"`mrwork {each.verb}`" for each in ((wanted,) if wanted else RUN_KINDS)]
-    give = f"give a folder that {', '.join(verbs[:-1])} or {verbs[-1]} has written".replace("  or", "")
-    kind_by_files = _kind_by_files(place)
-    file = make_stored_kind(kind_by_files.verb, name="the manifest")
-    path = place / MANIFEST
-    if not (is_folder(place) and is_there(path, file)):
-        raise RecordError(_no_run(place, give))
-    stated = parse_document(text_of(path, file), origin=str(path), verb=kind_by_files.verb)
-    if not isinstance(stated, Mapping):
-        raise RecordError(
-            f"{path} is not a manifest, which is an object of JSON; run `mrwork {kind_by_files.verb}` again"
+    @classmethod
+    def _at(cls, path: Path, error: type[MrworkError]) -> RunFolder | None:
+        manifest = path / MANIFEST
+        try:
+            stated = json.loads(text_of(manifest, make_stored_kind("identify", name="the manifest")))
+        except ValueError as reason:
+            raise error(f"{manifest} is not JSON ({reason}); restore it, or choose another folder") from None
+        kind = kind_of(stated) if isinstance(stated, Mapping) else None
+        return None if kind is None else cls(path=path, kind=kind, manifest=stated)
+
+    @property
+    def place(self) -> Path:
+        """The folder, without links."""
+        return real_place(self.path)
+
+    @property
+    def files(self) -> Mapping[str, str]:
+        """Digest of every file of the run, but for the manifest, by its path in the folder."""
+        listed: Mapping[str, str] = self.manifest.get(FILES, {})
+        return listed
+
+    def settled(self) -> RunFolder:
+        """The run with all its files by their names; the folder must be locked."""
+        run = RunFolder._at(self.path, OutputError)
+        if run is None or REPLACED not in run.manifest:
+            return run or self
+        return replace(run, manifest=end_commit(run.place, run.manifest))
+
+    @property
+    def format(self) -> object:
+        """Format of the folder; `None` of those that were written before there was a number."""
+        return self.manifest.get("format")
+
+    @property
+    def of_before(self) -> str:
+        """What is said of a folder in another format."""
+        return (
+            f"{self.path} was written by another version of mrwork (format {self.format}, not {FORMAT}); "
+            f"run `mrwork {self.kind.verb} ... --out {self.path} --replace` again"
         )
-    # What a manifest does not state contradicts nothing.
-    kinds = [
-        each
-        for each in RUN_KINDS
-        if stated.get("kind", each.kind) == each.kind and stated.get("verb", each.verb) == each.verb
-    ]
-    if not kinds:
-        raise RecordError(f"the {MANIFEST} of {place} is not that of a run of mrwork; {give}")
-    if wanted is not None and wanted not in kinds:
-        raise RecordError(
-            f"{place} is a run of `mrwork {kinds[0].verb}`, where one of {verbs[0]} was expected; give the folder of "
-            "one, or read this one back with `mr.load`"
-        )
-    return wanted or (kinds[0] if len(kinds) == 1 else kind_by_files), stated
+
+    @property
+    def is_as_written(self) -> bool:
+        """Whether the manifest itself is as a verb has written it."""
+        return self.manifest.get(OWN) == digest_of_manifest(self.manifest)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the run was not interrupted."""
+        return self.manifest.get("status") != INTERRUPTED
+
+    def owns(self, name: str) -> bool:
+        """Whether a name in the folder is of the run, or one that later verbs use."""
+        return name.removesuffix(NEW) in self.kind.entries | {each.partition("/")[0] for each in self.files}
+
+    def has(self, name: str) -> bool:
+        """Whether there is a file of that name, of the run or put there."""
+        return name in self.files or exists(self.path / name)
+
+    def file(self, name: str) -> Path:
+        """Path of a file of the run, which does not have its name yet where a commit was cut off."""
+        beside = self.path / (name + NEW)
+        return beside if REPLACED in self.manifest and exists(beside) else self.path / name
+
+    def content(self, name: str, *, verb: str = "") -> bytes | None:
+        """Content of a file, `None` where there is none; refused where it is not as its `verb` has written it."""
+        path, verb = self.file(name), verb or self.kind.verb
+        file = make_stored_kind(verb)
+        if not is_there(path, file):
+            return None
+        content = bytes_of(path, file)
+        if digest_of(name, content) == self.files.get(name) or _reads_changed.get():
+            return content
+        raise RecordError(_not_as_written(self.path / name, verb))
+
+    def document(self, name: str, *, verb: str = "") -> Any:
+        """The value of a JSON file, as `content`; `None` where there is none."""
+        content = self.content(name, verb=verb)
+        return None if content is None else json.loads(content.decode())
+
+    def read(self, kind: type[T], name: str, *, verb: str = "") -> T | None:
+        """The value of this type in a JSON file, as `content`; `None` where there is none."""
+        with self.explained(name):
+            document = self.document(name, verb=verb)
+            return None if document is None else built(kind, document)
+
+    def arrays(self, name: str, *, verb: str = "") -> dict[str, NDArray[Any]] | None:
+        """The arrays of a file by name, as `content`; `None` where there is none."""
+        content = self.content(name, verb=verb)
+        if content is None:
+            return None
+        with self.explained(name), np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return dict(arrays)
+
+    @contextmanager
+    def explained(self, name: str) -> Iterator[None]:
+        """Say of a file that was changed, and is read as it is, why it cannot be."""
+        try:
+            yield
+        except MrworkError:
+            raise
+        except (
+            ArithmeticError,
+            AttributeError,
+            LookupError,
+            OSError,
+            StopIteration,
+            TypeError,
+            ValueError,
+        ) as reason:
+            raise RecordError(
+                f"{self.path / name} cannot be read ({type(reason).__name__}: {reason}); restore it, or run "
+                f"`mrwork {self.kind.verb}` again"
+            ) from None
 
 
-def _kind_by_files(place: Path) -> RunKind:
-    """The kind of a folder, by the files that no other kind has; of a fit where there are none of these."""
-    for known in RUN_KINDS:
-        others = frozenset().union(*(each.written for each in RUN_KINDS if each is not known))
-        if any(exists(place / name) for name in known.written - others):
-            return known
-    return FIT_RUN
+def refuse_place_in_run(path: Path) -> None:
+    """Check that what is written at `path` is no part of a run that lies in a folder above it."""
+    place = real_place(path.parent) / path.name
+    for folder in place.parents:
+        run = None
+        # A damaged manifest may be that of any program.
+        with suppress(MrworkError):
+            run = RunFolder.to_write(folder)
+        if run is not None and run.owns(place.relative_to(folder).parts[0]):
+            raise OutputError(f"{path} belongs to the run in {folder}; give a place of its own")
+
+
+def check_output(place: Path, *, replace: bool, otherwise: str) -> None:
+    """Check that the file that a user names can be written: none is there, or one of the user's that is to be replaced.
+
+    `otherwise`: what else to do than to choose another name.
+    """
+    if is_folder(place):
+        raise OutputError(f"{place} is a folder; give the name of a file")
+    if not replace and (exists(place) or os.path.islink(place)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
+        raise OutputError(f"{place} is there already; choose another name, or {otherwise}")
+    refuse_special(place)
+    refuse_place_in_run(place)
+
+
+def _not_as_written(path: Path, verb: str) -> str:
+    return (
+        f"{path} is not as mrwork has written it; run `mrwork {verb}` again, restore the file, or read it as it is "
+        "with --changed (in Python mr.load(..., changed=True))"
+    )
 
 
 def _no_run(place: Path, give: str) -> str:
     """Why what is at `place` is no run folder, and what to give instead."""
     for around in place.parents[:2]:
-        if exists(place) and kind_of(read_manifest_if_whole(around / MANIFEST)):
+        if exists(place) and is_file(around / MANIFEST) and RunFolder._at(around, RecordError):
             return f"{place} is a part of the run {around}; give that folder"
-    if is_part(place):
-        return f"{place} is the journal of an unfinished run; {_RESUME}"
     if not exists(place):
-        part = part_of(place)
-        return (
-            f"{place} is not written yet, {part} is the journal of its unfinished run; {_RESUME}"
-            if is_folder(part)
-            else f"{place} does not exist; {give}"
-        )
+        return f"{place} does not exist; {give}"
     if not is_folder(place):
         return f"{place} is a file; {give}"
+    if any(next(place.glob(pattern), None) for pattern in GROWING):
+        return f"{place} has an unfinished run; run the command that began it again with --resume"
     runs: list[str] = []
     with suppress(OSError):
         runs = sorted(each.name for each in place.iterdir() if is_file(each / MANIFEST))
     if runs:
         return f"{place} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
     return f"{place} is not a run folder, it has no {MANIFEST}; {give}"
-
-
-def read_manifest_if_whole(manifest: Path) -> Mapping[str, Any]:
-    """Content of a manifest; empty where the manifest is damaged."""
-    try:
-        stated = json_value(text_of(manifest, make_stored_kind("identify", name="the manifest")))
-    except (RecordError, ValueError):
-        return {}
-    return stated if isinstance(stated, Mapping) else {}
-
-
-def check_manifest(
-    place: Path, stated: Mapping[str, Any], facts: Mapping[str, Collection[object]], *, file: str, verb: str
-) -> None:
-    """Check that a manifest agrees with its results; a manifest with fewer facts is from another version.
-
-    `facts`: the values that an entry may have. `file`, `verb`: name of the results, and what writes both, for messages.
-    """
-    for name, permitted in facts.items():
-        if name in stated and stated[name] not in [finite(value) for value in permitted]:
-            shown = repr(stated[name])
-            cut = f"{shown[:_SHOWN]}…" if len(shown) > _SHOWN else shown
-            raise RecordError(
-                escape_text(
-                    f"{place / MANIFEST} is of another run than {file} beside it: its {name} is {cut}; "
-                    f"restore the one that was written with it, or run `mrwork {verb}` again"
-                )
-            )

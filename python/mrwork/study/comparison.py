@@ -19,7 +19,6 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
-from mrwork.store.codec import OrNan
 from mrwork.study.results import StudyResults, shares_in_words
 from mrwork.study.storeys import limits_in_words
 from mrwork.study.study import Kind, uses_in_words
@@ -131,8 +130,8 @@ class QuantityChange:
     `motion` is the name of the motion of the largest. NaN and `None` if a run is missing or did not finish.
     """
 
-    mean: OrNan
-    largest: OrNan
+    mean: float
+    largest: float
     motion: str | None
 
     @property

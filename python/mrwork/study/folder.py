@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,24 +18,21 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.closed_loop.responses import unit_of
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
 from mrwork.errors import RecordError
-from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
-from mrwork.store.input_file import exists, is_there, make_stored_kind, read_arrays
-from mrwork.store.output_folder import Destination, write_folder
+from mrwork.store.codec import json_document
+from mrwork.store.input_file import exists
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
     ENSEMBLE,
     HISTORIES,
     JOURNAL,
-    MANIFEST,
     PROFILES_TABLE,
     REALISATIONS,
     RESULTS,
     STUDY,
     STUDY_RUN,
-    check_manifest,
-    read_kind,
+    RunFolder,
 )
-from mrwork.store.unfinished import INTERRUPTED
+from mrwork.store.run_writer import RunAtWork
 from mrwork.study.comparison import (
     QuantityChange,
     StudyComparison,
@@ -58,7 +54,6 @@ from mrwork.study.results import (
 from mrwork.study.run_result import (
     FINISHED,
     HALF_STEP,
-    HISTORY_KIND,
     NOMINAL,
     DeviceDemand,
     Histories,
@@ -67,7 +62,6 @@ from mrwork.study.run_result import (
     RunHistory,
     RunResult,
     criteria_of_runs,
-    kept_quantities,
     numbered,
     read_stored_history,
     stem_of_history,
@@ -89,7 +83,7 @@ class StoredChanges:
     kind: Kind
     rank: str
     place: Count
-    score: OrNan
+    score: float
     against_uncontrolled: dict[str, QuantityChange]
     worse_than_uncontrolled: tuple[str, ...]
     against_best_passive: dict[str, QuantityChange]
@@ -102,7 +96,7 @@ class StoredGroup:
 
     name: str
     motions: tuple[str, ...]
-    scores: dict[str, OrNan]
+    scores: dict[str, float]
 
 
 def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
@@ -136,15 +130,9 @@ def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
 _LEAST_STROKE = "least_stroke"
 
 
-@cache
-def _kept_axes() -> dict[str, str]:
-    """Axis of each quantity that a run has."""
-    return {each.name: each.axis for each in kept_quantities()}
-
-
-# Every criterion by name; NaN if the run has none, `null` in the file.
-_Criteria = dict[str, OrNan]
-_Quantities = dict[str, tuple[OrNan, ...] | OrNan]
+# Every criterion by name; NaN if the run has none.
+_Criteria = dict[str, float]
+_Quantities = dict[str, tuple[float, ...] | float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,15 +141,15 @@ class StoredStepCheck:
 
     outcome: OutcomeName
     steps: Whole
-    largest: OrInfinite | None
+    largest: float | None
     changes: _Criteria
     criteria: _Criteria
-    energy_error: OrNan
+    energy_error: float
     quantities: _Quantities
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStudyRun(Related):
+class StoredStudyRun:
     """A run in the results file: its criteria and their ratios to other rows under the same motion.
 
     These are the building without dampers, i = 0, and the passive damper with the lowest score.
@@ -179,7 +167,7 @@ class StoredStudyRun(Related):
     criteria: _Criteria
     over_uncontrolled: _Criteria
     over_passive_off: _Criteria
-    energy_error: OrNan
+    energy_error: float
     steps: Whole
     step_check: StoredStepCheck | None
     over_best_passive: _Criteria
@@ -190,36 +178,6 @@ class StoredStudyRun(Related):
     bands: dict[str, RealisationBand]
     quantities: _Quantities
 
-    def disagreement(self) -> str:
-        """First contradiction: missing or unknown names, or a finished run without the value of a criterion.
-
-        A criterion that came after the file was written is unknown there, as is one that stands on unknown heights.
-        """
-        tables = [self.criteria, self.over_uncontrolled, self.over_passive_off, self.over_best_passive]
-        quantities = [self.quantities]
-        if self.step_check is not None:
-            tables += [self.step_check.changes, self.step_check.criteria]
-            quantities.append(self.step_check.quantities)
-        every = {entry.name for entry in criteria()}
-        needed = {entry.name for entry in criteria() if not entry.optional}
-        of_run = {*_kept_axes(), _LEAST_STROKE}
-        named: list[tuple[str, Collection[str], Collection[str], Collection[str]]] = [
-            *(("criterion", every, needed, table) for table in tables),
-            *(("quantity", of_run, of_run, table) for table in quantities),
-        ]
-        for what, known, wanted, stored in named:
-            if lacking := [name for name in wanted if name not in stored]:
-                return f"its run under {self.motion} lacks {lacking[0]} in a table"
-            if unknown := [name for name in stored if name not in known]:
-                return f"its run under {self.motion} has the unknown {what} {unknown[0]!r} in a table"
-        empty = [name for name in needed if not math.isfinite(self.criteria[name])]
-        return f"its run under {self.motion} finished without {empty[0]}" if empty and self.finished else ""
-
-    @property
-    def finished(self) -> bool:
-        """Whether the run has results."""
-        return self.outcome in FINISHED
-
 
 def _result(run: StoredStudyRun | StoredStepCheck) -> RunResult:
     """The run itself."""
@@ -229,7 +187,7 @@ def _result(run: StoredStudyRun | StoredStepCheck) -> RunResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Document(Related):
+class _Document:
     """The results file; its fields are the keys of the JSON object.
 
     `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
@@ -267,52 +225,6 @@ class _Document(Related):
     detailed: Whole
     with_histories: tuple[Whole, ...]
 
-    def disagreement(self) -> str:
-        """First contradiction: duplicate motion, unknown row or motion, or duplicate run."""
-        names = [motion.name for motion in self.motions]
-        if len(set(names)) < len(names):
-            return "it has two motions of one name"
-        kinds: dict[str, Kind] = {row.label: row.kind for row in self.rows}
-        runs: dict[tuple[str, str], StoredStudyRun] = {}
-        for run in self.results:
-            where = f"{run.controller} under {run.motion}"
-            if run.motion not in names:
-                return f"it has no motion {run.motion!r}"
-            if run.controller not in self.scores:
-                return f"it has a run of {where} and no score of {run.controller}"
-            if run.kind != kinds.setdefault(run.controller, run.kind):
-                return f"{run.controller} is of the kind {kinds[run.controller]!r}, and {run.kind!r} under {run.motion}"
-            if runs.setdefault((run.controller, run.motion), run) is not run:
-                return f"it has two runs of {where}"
-            if strange := self._misshapen_quantity(run):
-                return f"its run of {where} has {strange} of another length than the axis"
-        if [row.label for row in self.rows] != list(self.scores):
-            return "its rows are not those of its scores"
-        if self.detailed >= len(names) or any(row >= len(self.scores) for row in self.with_histories):
-            return "it has no such motion or row for its histories"
-        return self._gap(names, runs) if self.complete else ""
-
-    def _misshapen_quantity(self, run: StoredStudyRun) -> str:
-        """First quantity of a run that is not as long as its axis; that of devices may have any length."""
-        lengths = {"run": None, "floor": len(self.floors), "storey": len(self.storeys)}
-        for name, value in run.quantities.items():
-            length = len(value) if isinstance(value, tuple) else None
-            if length != lengths.get(_kept_axes().get(name, "device"), length or 0):
-                return name
-        return ""
-
-    def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
-        """First run that is missing from a complete study, or that lacks its repetition with half the step."""
-        halved = any(run.step_check is not None for run in self.results)
-        for row in self.scores:
-            for motion in names:
-                run = runs.get((row, motion))
-                if run is None:
-                    return f"it is complete without a run of {row} under {motion}"
-                if halved and run.step_check is None:
-                    return f"{row} under {motion} is not repeated with half the step, as others are"
-        return ""
-
 
 # What it has as the results have it.
 _OF_DOCUMENT = (
@@ -337,16 +249,10 @@ def read_results(folder: str | Path) -> StudyResults:
     >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
     0.0123
     """
-    place = Path(folder)
-    # A file of results that was copied without its manifest is read, too.
-    file = make_stored_kind("respond", name="a study")
-    alone = not exists(place / MANIFEST) and is_there(place / RESULTS, file)
-    stated = {} if alone else read_kind(place, STUDY_RUN)[1]
-    document = read_document(_Document, place / RESULTS, name="study", verb="respond")
+    run = RunFolder.open(folder, STUDY_RUN)
+    document = run.read(_Document, RESULTS)
     if document is None:
-        raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork respond` again")
-    facts = {"title": (document.title,), "status": ("finished" if document.complete else INTERRUPTED,)}
-    check_manifest(place, stated, facts, file=RESULTS, verb="respond")
+        raise RecordError(f"{folder} has no {RESULTS}; run `mrwork respond` again")
     labels, names = [row.label for row in document.rows], [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
     halved = {key: run.step_check for key, run in runs.items() if run.step_check is not None}
@@ -364,7 +270,7 @@ def read_results(folder: str | Path) -> StudyResults:
         for name, value in {**ended, "energy_error": stored.energy_error}.items():
             labelled.numbers[name][key] = value
     if document.realisations:
-        _read_realisations(place, labelled, document.realisations)
+        _read_realisations(run, labelled, document.realisations)
     return StudyResults(
         labelled=labelled,
         runs={key: _result(run) for key, run in runs.items()},
@@ -372,25 +278,16 @@ def read_results(folder: str | Path) -> StudyResults:
         demanded={key: run.demands for key, run in runs.items()},
         floor_names=document.floors,
         storey_names=document.storeys,
-        ensemble=read_document(Ensemble, place / ENSEMBLE, name="ensemble", verb="respond --ensemble"),
+        ensemble=run.read(Ensemble, ENSEMBLE, verb="respond --ensemble"),
         **{name: getattr(document, name) for name in _OF_DOCUMENT},
     )
 
 
-_REALISED = make_stored_kind("respond", name="criteria of the realisations")
-
-
-def _read_realisations(place: Path, labelled: LabelledRuns, count: int) -> None:
+def _read_realisations(run: RunFolder, labelled: LabelledRuns, count: int) -> None:
     """Fill in the criteria of the realisations, the last ones of their axis; a row without any has NaN."""
-    path = place / REALISATIONS
-    arrays = read_arrays(path, _REALISED)
-    shape, optional = (*labelled.shape[:2], count), {entry.name for entry in criteria() if entry.optional}
-    for name, values in labelled.numbers.items():
-        if name not in arrays and name in optional:
-            continue
-        if name not in arrays or arrays[name].shape != shape:
-            raise RecordError(f"{path} has no {name} of {shape} runs; {_REALISED.remedy}")
-        values[..., -count:] = arrays[name]
+    arrays = run.arrays(REALISATIONS) or {}
+    for name in arrays.keys() & labelled.numbers.keys():
+        labelled.numbers[name][..., -count:] = arrays[name]
 
 
 def _realisations(results: StudyResults) -> dict[str, bytes]:
@@ -407,29 +304,21 @@ def read_history(place: Path, results: StudyResults, row: int, motion: int) -> R
     """The history of a run in the folder of a study, if it is stored."""
     results.check_place(row, motion)
     # The rest of the name is that of the row before its command was chosen.
-    path = next((place / HISTORIES).glob(f"{stem_of_history(row, motion)}-*.npz"), None)
-    if path is None or not is_there(path, HISTORY_KIND):
-        return None
-
-    def check(history: RunHistory) -> None:
-        short = [name for name, each in history.numbers.items() if each.shape[:1] != history.time.shape]
-        if history.time.ndim != 1 or short:
-            raise ValueError(f"{', '.join(short) or 'time'} has another length")
-
-    return read_stored_history(path, check)
+    run, stem = RunFolder.open(place, STUDY_RUN), f"{HISTORIES}/{stem_of_history(row, motion)}-"
+    name = next((each for each in run.files if each.startswith(stem)), None)
+    return None if name is None or not exists(run.file(name)) else read_stored_history(run.file(name))
 
 
 def write_study(
-    destination: Destination,
+    work: RunAtWork,
     results: StudyResults,
     *,
     study_file: StudyFile,
     manifest: Mapping[str, object],
-    journal: Path,
     histories: Histories,
     further: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the folder of a study without its page, in place of an earlier one."""
+    """Commit the folder of a study without its page, in place of an earlier one."""
     tables = {
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: _criteria_csv(results),
@@ -437,20 +326,17 @@ def write_study(
     }
     if further and "ensemble" in further:
         tables[ENSEMBLE] = json_document(further["ensemble"])
-    write_folder(
-        destination,
+    work.commit(
         {STUDY: study_file.content, **_realisations(results)}
         | {name: text.encode() for name, text in tables.items()},
-        manifest=manifest,
-        copied={JOURNAL: journal},
-        linked={f"{HISTORIES}/{path.name}": path for path in histories.paths()},
-        folders=(HISTORIES,),
+        manifest,
+        grown=(JOURNAL, *histories.names),
         flush=results.complete,
     )
 
 
 def study_document(results: StudyResults) -> dict[str, Any]:
-    """The results as a JSON object; numbers that are not finite are `null`."""
+    """The results as a JSON object."""
     comparison = compared(results)
     passive = comparison.passive
     document = _Document(
@@ -484,8 +370,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         findings=findings(results),
         **{name: getattr(results, name) for name in _OF_DOCUMENT},
     )
-    content: dict[str, Any] = finite(asdict(document))
-    return content
+    return asdict(document)
 
 
 def design_document(study: Study) -> dict[str, Any]:
@@ -507,7 +392,7 @@ def design_document(study: Study) -> dict[str, Any]:
         for label, law in study.laws
         if law.notes or law.shaping_notes
     ]
-    document: dict[str, Any] = finite({"settings": taken, "weights": weights, "loops": loops})
+    document: dict[str, Any] = {"settings": taken, "weights": weights, "loops": loops}
     return {name: value for name, value in document.items() if value}
 
 

@@ -39,7 +39,6 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
-from mrwork.store.codec import OrInfinite, OrNan, Related
 from mrwork.study.levels import RecordLevels
 from mrwork.study.run_result import (
     DeviceDemand,
@@ -68,9 +67,9 @@ BAND = 0.9
 class RealisationBand:
     """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
 
-    lower: OrNan
-    median: OrNan
-    upper: OrInfinite
+    lower: float
+    median: float
+    upper: float
 
     @staticmethod
     def of(values: Floats) -> RealisationBand:
@@ -166,8 +165,8 @@ class BuildingFacts:
     name: str
     masses: tuple[float, ...]
     stiffnesses: tuple[float, ...]
-    periods: tuple[OrInfinite, ...]
-    damping_ratios: tuple[OrNan, ...]
+    periods: tuple[float, ...]
+    damping_ratios: tuple[float, ...]
     heights: tuple[float, ...] = ()
     yield_drifts: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
@@ -219,7 +218,7 @@ class Verdict:
 
     subject: str
     answers: tuple[str, ...]
-    values: tuple[OrNan, ...]
+    values: tuple[float, ...]
 
     @property
     def changes(self) -> bool:
@@ -237,19 +236,13 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ensemble(Summarised, Related):
+class Ensemble(Summarised):
     """A study with each of the `sets` of laws of its dampers, the chosen one first, and its verdicts."""
 
     _made_by: ClassVar[str] = "mr.load(folder).ensemble"
 
     sets: tuple[str, ...]
     verdicts: tuple[Verdict, ...]
-
-    def disagreement(self) -> str:
-        """A verdict of another number of sets."""
-        numbers = {len(each) for verdict in self.verdicts for each in (verdict.answers, verdict.values)}
-        wrong = numbers - {len(self.sets)}
-        return f"it has {min(wrong)} values for {len(self.sets)} sets of laws" if wrong else ""
 
     @property
     def in_words(self) -> tuple[str, ...]:

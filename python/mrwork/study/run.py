@@ -25,7 +25,6 @@ from mrwork.closed_loop.simulate import loop_observer, measured_floors, simulate
 from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.errors import Interrupted, JournalError, SimulationError
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import OrNan
 from mrwork.store.journal import Journal
 from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
 from mrwork.study.loop_runs import OnBlock, simulate_criteria, with_devices
@@ -76,8 +75,8 @@ class BestConstant:
     """
 
     command: float
-    score: OrNan
-    scores: tuple[OrNan, ...]
+    score: float
+    scores: tuple[float, ...]
     runs: int
 
     def in_words(self, label: str, largest: float, unit: str) -> str:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 import re
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,11 +42,11 @@ from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import RecordError
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import OneOf, array_of, plain, rebuilt
-from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays
+from mrwork.store.codec import array_of, built, plain
 from mrwork.store.journal import Journal
-from mrwork.store.output_file import check_own, check_own_folder, replacing
-from mrwork.store.run_folder import HISTORIES, part_of, real_place
+from mrwork.store.output_file import replacing
+from mrwork.store.run_folder import HISTORIES
+from mrwork.store.run_writer import RunAtWork
 from mrwork.study.study import Arrangement, Realisations, Study, StudyLaw, commands_force
 
 _OUTCOMES = {
@@ -56,7 +58,7 @@ _OUTCOMES = {
 }
 
 
-OutcomeName = Annotated[str, OneOf(tuple(each.name.lower() for each in Outcome))]
+OutcomeName = str
 """How a run ended, as results files have it."""
 
 FINISHED = ("finished", "failed_safe")
@@ -209,7 +211,7 @@ def read_recorded(record: Mapping[str, Any], arrangement: Arrangement) -> RunRes
         for each in quantities
     }
     own = {name: value for name, value in record.items() if name not in numbers}
-    result = rebuilt(RunResult, {**own, "numbers": numbers})
+    result: RunResult = built(RunResult, {**own, "numbers": numbers})
     _ = Outcome[result.outcome.upper()]
     for quantity in quantities:
         shape, expected = np.shape(numbers[quantity.name]), _shape_of(quantity, arrangement)
@@ -291,110 +293,76 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
     )
 
 
-# Hours of a tall building.
-HISTORY_KIND = replace(make_stored_kind("respond", name="the history of a run"), largest=4 << 30)
-
-
 class Histories:
-    """Histories of the study to be written to `path`, in single precision except for time.
+    """Histories of the study that is made in a run folder, in single precision except for time."""
 
-    While the study runs, they are stored in a folder beside `path`; a resumed study also reads those in `path`.
-    """
-
-    def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
+    def __init__(self, work: RunAtWork, study: Study) -> None:
+        self._work = work
         self._study = study
-        self._begun = part_of(path) / HISTORIES
-        self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
-        for folder in (self._begun.parent, *self._folders):
-            check_own_folder(folder)
-        self._damaged: set[Path] = set()
-        if not resume:
-            self.discard()
         rows = [_stem_of(each.label) for each in study.rows]
         motions = [_stem_of(each.name) for each in study.motions]
         self._names = {
-            (row, motion): f"{stem_of_history(row, motion)}-{label}-{name}.npz"
+            (row, motion): f"{HISTORIES}/{stem_of_history(row, motion)}-{label}-{name}.npz"
             for row, label in enumerate(rows)
             for motion, name in enumerate(motions)
         }
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Paths in the run folder, also of those that are not stored."""
+        return tuple(self._names.values())
+
     def is_stored(self, row: int, motion: int) -> bool:
-        """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
-        while (path := self._path(row, motion)) is not None:
-            try:
-                self._read(path, row, motion)
-            except RecordError:
-                self._damaged.add(path)
-            else:
-                return True
-        return False
+        """Whether the history of a run is stored and whole; a damaged one will be written again."""
+        path = self._work.grown(self._names[row, motion])
+        if not path.is_file():
+            return False
+        try:
+            self._check(read_stored_history(path), row, motion)
+        except RecordError:
+            return False
+        return True
 
     def keep(self, row: int, motion: int, history: RunHistory) -> None:
         """Store the history of a run, whole or not at all."""
         arrays = {name: np.asarray(values, dtype=np.float32) for name, values in history.numbers.items()}
-        target = self._begun / self._names[row, motion]
-        with replacing(target) as stream:
+        with replacing(self._work.growing(self._names[row, motion])) as stream:
             np.savez(stream, time=history.time, **arrays)  # type: ignore[arg-type] # none is called allow_pickle
-        self._damaged.discard(target)
 
-    def paths(self) -> list[Path]:
-        """Files of all stored histories."""
-        paths = (self._path(row, motion) for row, motion in self._names)
-        return [path for path in paths if path is not None]
-
-    def discard(self) -> None:
-        """Remove the folder beside the study, which has the histories now."""
-        if self._begun.is_dir():
-            for path in self._begun.iterdir():
-                path.unlink(missing_ok=True)
-            self._begun.rmdir()
-
-    def _path(self, row: int, motion: int) -> Path | None:
-        name = self._names[row, motion]
-        paths = [folder / name for folder in self._folders]
-        for path in paths:
-            # It is linked or copied into the folder of the study.
-            check_own(path)
-        return next(
-            (path for path in paths if path not in self._damaged and is_there(path, HISTORY_KIND)), None
-        )
-
-    def _read(self, path: Path, row: int, motion: int) -> RunHistory:
+    def _check(self, history: RunHistory, row: int, motion: int) -> None:
         study = self._study
         arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
-
-        def check(history: RunHistory) -> None:
-            _check_time(history.time, study.grounds[motion].duration, study.hardware.sample_time)
-            shapes = {each.name: _shape_of(each, arrangement) for each in kept_signals()}
-            for name, shape in {**shapes, "energy": (_N_ENERGIES,)}.items():
-                own_shape, expected = history.numbers[name].shape, (history.time.size, *shape)
-                if own_shape != expected:
-                    raise ValueError(f"{name} has the shape {own_shape} where {expected} was expected")
-
-        return read_stored_history(path, check)
+        _check_time(history.time, study.grounds[motion].duration, study.hardware.sample_time)
+        for each in kept_signals():
+            expected = (history.time.size, *_shape_of(each, arrangement))
+            if history.numbers[each.name].shape != expected:
+                raise RecordError(
+                    f"{each.name} of a history has another shape than {expected}; run without --resume"
+                )
 
 
-def read_stored_history(path: Path, check: Callable[[RunHistory], None]) -> RunHistory:
-    """The history in a file, refused where `check` finds by a `ValueError` that it is not that of its run."""
-    arrays = read_arrays(path, HISTORY_KIND)
+def read_stored_history(path: Path) -> RunHistory:
+    """The history in a file."""
     try:
-        time, names = finite_numbers(arrays, "time"), (*(each.name for each in kept_signals()), "energy")
-        history = RunHistory(time=time, numbers={name: finite_numbers(arrays, name) for name in names})
-        check(history)
-    except ValueError as reason:
-        sentence = f"{path} is not the history of this run ({reason}); {HISTORY_KIND.remedy}"
-        raise RecordError(sentence) from None
-    return history
+        # From a stream of ours, which NumPy leaves open where the file is damaged.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+            names = (*(each.name for each in kept_signals()), "energy")
+            numbers = {name: arrays[name].astype(np.float64) for name in names}
+            return RunHistory(time=arrays["time"], numbers=numbers)
+    except (KeyError, OSError, ValueError, zipfile.BadZipFile, zlib.error) as reason:
+        raise RecordError(
+            f"{path} is not the history of a run ({reason}); run `mrwork respond` again"
+        ) from None
 
 
 def _check_time(time: Floats, duration: float, sample_time: float) -> None:
     """Check that there is a sample at every step, from the start of a motion to its end [s]."""
-    expected = np.arange(time.size) * sample_time
-    if time.ndim != 1 or not np.array_equal(time, expected):
-        raise ValueError(f"its times are not those of samples every {sample_time:g} s")
     # A motion need not end at a sample.
-    if not abs(duration / sample_time - time.size) < 2.0:
-        raise ValueError(f"it has {time.size} samples every {sample_time:g} s of a motion of {duration:g} s")
+    whole = abs(duration / sample_time - time.size) < 2.0
+    if not (whole and np.array_equal(time, np.arange(time.size) * sample_time)):
+        raise RecordError(
+            f"a history has not the samples every {sample_time:g} s of {duration:g} s; run without --resume"
+        )
 
 
 def stem_of_history(row: int, motion: int) -> str:

@@ -24,7 +24,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store.function_text import function_text
 from mrwork.store.input_file import exists
 from mrwork.store.output_file import write_files
-from mrwork.store.output_folder import check_output
+from mrwork.store.run_folder import check_output
 from mrwork.study.schema import StudyTable
 
 _OTHERWISE = "replace it by `replace=True`"

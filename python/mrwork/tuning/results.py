@@ -21,19 +21,10 @@ from mrwork.base.table import Table, csv_text
 from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.store.codec import OrInfinite, OrNan, Related, finite, json_document, read_document
-from mrwork.store.output_folder import Destination, write_folder
+from mrwork.store.codec import json_document
 from mrwork.store.parse import toml_table
-from mrwork.store.run_folder import (
-    CHOSEN,
-    JOURNAL,
-    RESULTS,
-    SCORES_TABLE,
-    STUDY,
-    TUNING_RUN,
-    check_manifest,
-    read_kind,
-)
+from mrwork.store.run_folder import CHOSEN, RESULTS, SCORES_TABLE, STUDY, TUNING_RUN, RunFolder
+from mrwork.store.run_writer import RunAtWork
 from mrwork.study.placements import placed_document
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile, level_warnings
@@ -57,8 +48,8 @@ class MotionScore:
     """Score and criteria of a law under one motion, as ratios to passive-off (i = 0)."""
 
     motion: str
-    score: OrNan
-    criteria: dict[str, OrNan]
+    score: float
+    criteria: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -72,14 +63,14 @@ class TuningJudgement(Summarised):
     ratios over motions. `bands` are those of score and ratios, each the mean over motions, over realisations.
     """
 
-    score: OrNan
-    objective: OrInfinite
-    violation: OrInfinite
-    criteria: dict[str, OrNan]
-    largest: dict[str, OrInfinite]
+    score: float
+    objective: float
+    violation: float
+    criteria: dict[str, float]
+    largest: dict[str, float]
     spread: dict[str, Spread]
     motions: tuple[MotionScore, ...]
-    energy_error: OrNan
+    energy_error: float
     bands: dict[str, RealisationBand] = field(default_factory=dict)
 
 
@@ -119,7 +110,7 @@ class TracePoint:
     """The least penalised objective after a number of candidates."""
 
     candidates: Whole
-    least: OrInfinite
+    least: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +122,7 @@ class DesignNotes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawResult(Summarised, Related):
+class LawResult(Summarised):
     """A law with the settings that were chosen for it, or a reference.
 
     `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study
@@ -176,15 +167,6 @@ class LawResult(Summarised, Related):
         """The settings as a candidate."""
         return _candidate_of(self.settings)
 
-    def disagreement(self) -> str:
-        """First contradiction: no largest command where it is a setting, or a command setting that is no number."""
-        if LARGEST not in self.settings and self.limited:
-            return f"{self.label} has no {LARGEST} among its settings"
-        for name, value in _part_settings(self.settings)[1].items():
-            if not isinstance(value, int | float) or isinstance(value, bool):
-                return f"{name} of {self.label} is not a number"
-        return ""
-
 
 _OF_COMMAND = (LARGEST, *SHAPING_SPANS)
 
@@ -211,8 +193,8 @@ class Placement:
 
     storeys: dict[str, Whole]
     command: float
-    train: OrInfinite
-    test: OrInfinite | None = None
+    train: float
+    test: float | None = None
     given: bool = False
     count: Count = 1
 
@@ -227,8 +209,8 @@ class FrontPoint:
     """A point of a Pareto front: its objectives on the training and on the test motions, settings and certificate."""
 
     settings: dict[str, Any]
-    train: dict[str, OrInfinite]
-    test: dict[str, OrInfinite] | None
+    train: dict[str, float]
+    test: dict[str, float] | None
     certificate: str
 
     @property
@@ -559,24 +541,21 @@ def _value(value: Any) -> str:
 
 
 def write_tuning(
-    destination: Destination,
+    work: RunAtWork,
     results: TuningResults,
     *,
     study_file: StudyFile,
     manifest: Mapping[str, object],
-    journal: Path,
 ) -> None:
-    """Write the folder of a tuning without its page, in place of an earlier one."""
+    """Commit the folder of a tuning without its page, in place of an earlier one."""
     contents = {
         RESULTS: json_document(tuning_document(results)),
         SCORES_TABLE: _scores_csv(results),
         CHOSEN: chosen_study(results, study_file),
     }
-    write_folder(
-        destination,
+    work.commit(
         {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
-        manifest=manifest,
-        copied={JOURNAL: journal},
+        manifest,
         flush=results.status == "finished",
     )
 
@@ -596,22 +575,15 @@ def read_tuning(folder: str | Path) -> TuningResults:
     >>> mr.tuning.read_tuning("out/study").laws[0].settings  # doctest: +SKIP
     {'drifts': 1.0, 'control_weight': 1.2e-13, 'largest_command': 1.316}
     """
-    place = Path(folder)
-    _, manifest = read_kind(place, TUNING_RUN)
-    results = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
+    results = RunFolder.open(folder, TUNING_RUN).read(TuningResults, RESULTS)
     if results is None:
-        raise RecordError(f"{place / RESULTS} cannot be read (it does not exist); run `mrwork tune` again")
-    facts = {"title": (results.title,), "status": (results.status,)}
-    check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
+        raise RecordError(f"{folder} has no {RESULTS}; run `mrwork tune` again")
     return results
 
 
 def tuning_document(results: TuningResults) -> dict[str, Any]:
-    """The results as a JSON object; numbers that are not finite are `null`."""
-    document: dict[str, Any] = finite(
-        {**asdict(results), "warnings": results.warnings, "findings": results.findings}
-    )
-    return document
+    """The results as a JSON object."""
+    return {**asdict(results), "warnings": results.warnings, "findings": results.findings}
 
 
 def chosen_study(results: TuningResults, study_file: StudyFile) -> str:

@@ -20,7 +20,6 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.store.codec import Related
 from mrwork.study.arrangements import check_criterion, check_law, refuse_within
 from mrwork.study.run_result import LabelledRuns
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
@@ -210,7 +209,7 @@ class LawCandidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FreeSetting(Related):
+class FreeSetting:
     """A setting with the ends of its range; a search is uniform in it or its logarithm.
 
     `levels` is the number of equal steps that it takes, 0 for all numbers; `entry` its index in a setting that is an
@@ -224,13 +223,6 @@ class FreeSetting(Related):
     levels: Whole = 0
     entry: Whole | None = None
     start: Share = 0.5
-
-    def disagreement(self) -> str:
-        """First contradiction: a range that cannot be searched on its scale."""
-        has_logarithm = self.lower > 0.0 and self.upper <= _WIDEST * self.lower
-        if self.lower < self.upper and (self.scale == "linear" or has_logarithm) and self.levels != 1:
-            return ""
-        return f"{self.name} cannot be searched from {self.lower:g} to {self.upper:g}"
 
     @property
     def label(self) -> str:

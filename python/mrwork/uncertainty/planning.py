@@ -28,7 +28,6 @@ from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.store.codec import Related
 from mrwork.uncertainty.candidate_tests import Candidate, check_possible, harmonic_motion
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 from mrwork.uncertainty.identifiability.verdicts import Scale
@@ -62,7 +61,7 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Plan(Summarised, Related):
+class Plan(Summarised):
     """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before.
 
     First are those within the `gap` of the tested commands: there no gain counts what the form of the laws leaves open.
@@ -90,10 +89,6 @@ class Plan(Summarised, Related):
             f"No test shows the laws between {low:g} and {high:g} {unit}, and no band has the error of their form: "
             f"test there first. Of {count} tests there {most}"
         )
-
-    def disagreement(self) -> str:
-        """First contradiction: a plan without candidates."""
-        return "" if self.gains else "it ranks no candidate"
 
     def _summary(self) -> Summary:
         return Summary(

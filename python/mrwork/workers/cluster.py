@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import warnings
@@ -14,7 +15,6 @@ from typing import Any
 
 from mrwork.errors import SettingError, WorkerError, reason_of
 from mrwork.store.input_file import FileKind, text_of
-from mrwork.store.parse import json_value
 
 # For an answer of the scheduler, and then for the first worker [s].
 _SECONDS = 10
@@ -61,7 +61,7 @@ def address_of(scheduler: str) -> str:
     address: object = scheduler
     if Path(scheduler).is_file():
         try:
-            address = json_value(text_of(Path(scheduler), _SCHEDULER_FILE))["address"]
+            address = json.loads(text_of(Path(scheduler), _SCHEDULER_FILE))["address"]
         except (LookupError, TypeError, ValueError):
             address = ""
     if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):

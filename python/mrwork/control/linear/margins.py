@@ -16,7 +16,6 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.plant import Plant, hold_input
 from mrwork.errors import SettingError
-from mrwork.store.codec import OrInfinite, OrNan
 
 Complexes = NDArray[np.complex128]
 
@@ -44,12 +43,12 @@ class DeviceMargins(Summarised):
     _units: ClassVar[Mapping[str, str]] = {"phase": "degrees", "delay": "s"}
 
     device: str
-    gain_up: OrInfinite
-    gain_up_frequency: OrNan
+    gain_up: float
+    gain_up_frequency: float
     gain_down: float
-    phase: OrInfinite
-    phase_frequency: OrNan
-    delay: OrInfinite
+    phase: float
+    phase_frequency: float
+    delay: float
 
     @property
     def in_words(self) -> str:

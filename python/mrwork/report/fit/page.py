@@ -36,8 +36,8 @@ from mrwork.report.section import (
     warning_section,
 )
 from mrwork.runs.load import StoredRun, with_additions
-from mrwork.store.output_file import write_files
 from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS = (HELD_OUT, BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
@@ -143,7 +143,7 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
     if fit.identifiability is None:
         # That of an interrupted run is not stored.
         fit = fit.with_identifiability(identifiability_of(fit, opened.tests))
-    return with_additions(opened.place, fit), comparisons_of(fit, opened.tests)
+    return with_additions(opened.run, fit), comparisons_of(fit, opened.tests)
 
 
 def write_fit_page(
@@ -157,7 +157,7 @@ def write_fit_page(
     """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
     page = fit_page(run, comparisons, every_test=every_test, summary=summary, on_progress=on_progress)
     name = SUMMARY if summary else REPORT
-    write_files(run.place, page.contents(name))
+    add_to_run(run.place, page.contents(name))
     return run.place / name
 
 
@@ -196,7 +196,7 @@ def write_figures(
     for number, (name, draw) in enumerate(drawn.items()):
         on_progress(PageProgress(done=number, total=len(drawn), task=f"figure {name}"))
         figure = draw()
-        write_files(
+        add_to_run(
             run.place,
             {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)},
         )

@@ -18,16 +18,15 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation
 from mrwork.records.likeness import RecordedMotion, alike_groups
-from mrwork.store.codec import digest_of, parse_document, read_document, record_of
-from mrwork.store.input_file import finite_numbers, is_there, make_stored_kind, read_arrays, text_of
-from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS
+from mrwork.store.codec import built, digest_of, json_document
+from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 
+_VERB = "calibrate"
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
 _CHANNELS = ("displacement", "velocity", "force")
@@ -92,26 +91,12 @@ class _Facts:
 _FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation"))
 
 
-def read_bands(place: Path, fit: Fit) -> StoredBands | None:
-    """The bands of the run folder of a fit at `place`, `None` where there are none."""
-    covered = read_document(_Coverage, place / CALIBRATION, name="calibration", verb="calibrate")
-    if covered is None:
+def read_bands(run: RunFolder) -> StoredBands | None:
+    """The bands of the run folder of a fit, `None` where there are none."""
+    calibration, covered = stored_calibration(run), run.read(_Coverage, CALIBRATION, verb=_VERB)
+    if calibration is None or covered is None:
         return None
-    calibration, predictions = read_calibration(place, fit), read_predictions(place)
-    known = {motion.test for motion in calibration.motions}
-    strange = [each.test.label for each in predictions if each.test.label not in known]
-    if strange:
-        raise RecordError(
-            f"{place / PREDICTIONS} has {strange[0]}, which {CALIBRATION} beside it does not have; "
-            f"run `mrwork calibrate {place}` again"
-        )
-    strange = [row.test for row in covered.coverage if row.test not in known]
-    if strange:
-        raise RecordError(
-            f"{place / CALIBRATION} has the coverage of '{strange[0]}', which is none of its tests; "
-            f"run `mrwork calibrate {place}` again"
-        )
-    return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=predictions)
+    return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=read_predictions(run))
 
 
 def write_bands(
@@ -119,28 +104,30 @@ def write_bands(
     calibration: Calibration,
     coverage: Sequence[LeftOutCoverage],
     predictions: Sequence[Prediction],
-    fit: Fit,
 ) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
     document = asdict(calibration) | {
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
     }
-    contents = {CALIBRATION: addition_content(document, fit), PREDICTIONS: predictions_content(predictions)}
-    write_files(place, contents)
+    contents = {
+        CALIBRATION: json_document(document).encode(),
+        PREDICTIONS: predictions_content(predictions),
+    }
+    add_to_run(place, contents)
 
 
-def stored_calibration(place: Path, fit: Fit) -> Calibration | None:
-    """The calibration of the run folder of a fit at `place`, if it has one."""
-    return read_addition(Calibration, place / CALIBRATION, fit, name="calibration", verb=f"calibrate {place}")
+def stored_calibration(run: RunFolder) -> Calibration | None:
+    """The calibration of the run folder of a fit, if it has one."""
+    return run.read(Calibration, CALIBRATION, verb=_VERB)
 
 
-def read_calibration(place: Path, fit: Fit) -> Calibration:
-    """The calibration of the run folder of a fit at `place`."""
-    calibration = stored_calibration(place, fit)
+def read_calibration(run: RunFolder) -> Calibration:
+    """The calibration of the run folder of a fit."""
+    calibration = stored_calibration(run)
     if calibration is None:
         raise RecordError(
-            f"{place} has no calibrated bands; run `mrwork calibrate {place}` with tests the fit has not seen"
+            f"{run.path} has no calibrated bands; run `mrwork calibrate {run.path}` with tests the fit has not seen"
         )
     return calibration
 
@@ -168,43 +155,23 @@ def _channels(test: DamperTest) -> tuple[str, ...]:
     return (*_CHANNELS, *varying)
 
 
-def read_predictions(
-    place: Path, name: str = PREDICTIONS, *, of: str = "calibrate"
-) -> tuple[Prediction, ...]:
-    """The predictions in a file of the run folder at `place`, which this verb has written; none without the file."""
-    path = place / name
-    kind = make_stored_kind(f"{of} {place}", name="the predictions")
-    if not is_there(path, kind):
+def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VERB) -> tuple[Prediction, ...]:
+    """The predictions in a file of a run folder, which this verb has written; none without the file."""
+    arrays = run.arrays(name, verb=verb)
+    if arrays is None:
         return ()
-    arrays = read_arrays(path, kind)
-    text = str(arrays.get("facts", "null"))
-    verb = f"{of} {place}"
-    stated = record_of(
-        tuple[_Facts, ...],
-        parse_document(text, origin=str(path), verb=verb),
-        origin=str(path),
-        name="list of predictions",
-        verb=verb,
-    )
-    try:
+    with run.explained(name):
+        stated = built(tuple[_Facts, ...], json.loads(str(arrays["facts"])))
         return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))
-    except (ValueError, TypeError) as reason:
-        raise RecordError(f"{path} is damaged ({reason}); {kind.remedy}") from None
 
 
 def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
     channels = {
-        channel: freeze_samples(finite_numbers(arrays, f"{channel}_{number}"))
+        channel: freeze_samples(arrays[f"{channel}_{number}"].astype(np.float64))
         for channel in (*_CHANNELS, *_COMMANDS, "model")
         if channel not in _COMMANDS or f"{channel}_{number}" in arrays
     }
     model_force = channels.pop("model")
-    size = model_force.size
-    for name, samples in {**channels, "model": model_force}.items():
-        if samples.shape != (size,):
-            raise ValueError(f"{name} of {facts.name} is not {size} numbers")
-    if not facts.n_settle < size:
-        raise ValueError(f"{facts.n_settle} of {size} samples of {facts.name} are not compared")
     stated = {each.name: getattr(facts, each.name) for each in fields(facts)}
     return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
 
@@ -221,7 +188,6 @@ def name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     return f"{FOLDS}/{digest_of(fit.model, fit.theta, seen)[:16]}.json"
 
 
-def stored_fold(place: Path, name: str) -> Fit | None:
+def stored_fold(run: RunFolder, name: str) -> Fit | None:
     """The fit of that name in a run folder, from which a calibration resumes; `None` where it is not there."""
-    path, kind = place / name, make_stored_kind("calibrate", name="the fit of a fold")
-    return fit_from_json(text_of(path, kind), origin=str(path)) if is_there(path, kind) else None
+    return run.read(Fit, name, verb=_VERB)

@@ -25,7 +25,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
-from mrwork.store.codec import OrNan, Related
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,
@@ -47,7 +46,7 @@ _SAMPLES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorShape(Related):
+class ErrorShape:
     """Scale of the errors of a test, `deviation (level + slope steepness) + floor` [N], of the model's force.
 
     `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
@@ -57,12 +56,6 @@ class ErrorShape(Related):
     slope: NotNegative = 0.0
     floor: NotNegative = 0.0
     bias: tuple[float, ...] = ()
-
-    def disagreement(self) -> str:
-        """First contradiction: a scale that is not positive, or a bias without a value for each bin."""
-        if self.bias and len(self.bias) != _BINS:
-            return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
-        return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
 
     def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
         """Scale of the error [N], shape of `steepness`."""
@@ -279,7 +272,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 
 
 @array_dataclass(repr=False)
-class Calibration(Summarised, Related):
+class Calibration(Summarised):
     """Calibration of prediction bands from the errors on several tests.
 
     `scores` are the errors of each test in its scale; `tests` are their names; `held_out` describes how the tests were
@@ -294,17 +287,6 @@ class Calibration(Summarised, Related):
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
-
-    def disagreement(self) -> str:
-        """First contradiction: a test without errors, or with one below zero."""
-        if not self.tests or len(self.scores) != len(self.tests):
-            return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
-        for name, scores in zip(self.tests, self.scores, strict=True):
-            if not scores.size:
-                return f"it has no errors of {name}"
-            if scores.min() < 0.0:
-                return f"an error of {name} is below zero"
-        return ""
 
     @checked
     def knows(self, test: DamperTest) -> Likeness | None:
@@ -425,7 +407,7 @@ class LeftOutCoverage:
     test: str
     level: Level
     samples: BandScore
-    cycles_inside: OrNan
+    cycles_inside: float
 
 
 def measured_coverage(

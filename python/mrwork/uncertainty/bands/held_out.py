@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
 from mrwork.base.summary import Summarised, Summary
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import addition_content, read_addition
 from mrwork.identification.result import FitSpread
 from mrwork.records import DamperTest
 from mrwork.records.rig_table import Use
-from mrwork.store.codec import OrInfinite, finite
-from mrwork.store.output_file import write_files
-from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES, RunFolder
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import (
     predictions_content,
@@ -38,7 +35,7 @@ class HeldOutTest:
 
     name: str
     fit_percent: float
-    rmse_n: OrInfinite
+    rmse_n: float
     outside: tuple[str, ...] = ()
     inside: float | None = None
 
@@ -108,40 +105,32 @@ class _Document:
     tests: tuple[HeldOutTest, ...]
 
 
-def write_held_out(place: Path, fit: Fit, predictions: Sequence[Prediction]) -> None:
+def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) -> None:
     """Write predicted tests into the run folder of a fit, beside those that it has; of the same the last counts."""
-    earlier = None
-    with suppress(RecordError):
-        # Of another fit, or of another version.
-        earlier = read_held_out(place, fit)
     merged: list[Prediction] = []
-    for each in (*(earlier.predictions if earlier else ()), *predictions):
+    for each in (*read_predictions(run, HELD_OUT_FORCES, verb=_VERB), *predictions):
         merged = [*(other for other in merged if not _is_same(other.test, each.test)), each]
     document = _Document(tests=tuple(HeldOutTest.of(each, fit) for each in merged))
     contents = {
-        HELD_OUT: addition_content(finite(asdict(document)), fit),
+        HELD_OUT: json_document(asdict(document)).encode(),
         HELD_OUT_FORCES: predictions_content(merged),
     }
-    write_files(place, contents)
+    add_to_run(run.path, contents)
 
 
-def read_held_out(place: Path, fit: Fit) -> HeldOutTests | None:
-    """The tests of the run folder of a fit at `place`, without those of its calibration; `None` without any."""
-    document = read_addition(_Document, place / HELD_OUT, fit, name="list of held-out tests", verb="predict")
-    if document is None:
-        return None
-    predictions = read_predictions(place, HELD_OUT_FORCES, of="predict")
-    if len(predictions) != len(document.tests):
-        raise RecordError(
-            f"{place / HELD_OUT} lists {len(document.tests)} tests where {HELD_OUT_FORCES} beside it has "
-            f"{len(predictions)}; run `mrwork predict {place} TESTS` again"
-        )
-    calibration = stored_calibration(place, fit)
-    kept = tuple(each for each in predictions if calibration is None or not calibration.knows(each.test))
+def read_held_out(run: RunFolder, fit: Fit) -> HeldOutTests | None:
+    """The tests of the run folder of a fit, without those of its calibration; `None` without any."""
+    calibration = stored_calibration(run)
+    kept = tuple(
+        each
+        for each in read_predictions(run, HELD_OUT_FORCES, verb=_VERB)
+        if calibration is None or not calibration.knows(each.test)
+    )
     tests = tuple(HeldOutTest.of(each, fit, calibration) for each in kept)
     return HeldOutTests(tests=tests, predictions=kept) if kept else None
 
 
+_VERB = "predict"
 # Level of the band whose coverage is told of each test.
 _LEVEL = 0.9
 

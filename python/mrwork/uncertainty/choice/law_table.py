@@ -18,7 +18,6 @@ from mrwork.base.values import Floats
 from mrwork.dampers.parameters import LawName
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.result import MANY
-from mrwork.store.codec import OrInfinite, Related
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
 from mrwork.uncertainty.choice.splits import Splits
 
@@ -59,7 +58,7 @@ class TriedLaws(Summarised):
     fit_percent: float
     left_out_percent: float
     left_out_error: NotNegative | None
-    left_out: tuple[OrInfinite, ...]
+    left_out: tuple[float, ...]
     median_percent: float
     worst_percent: float
     verdict: LawVerdict = "behind"
@@ -152,7 +151,7 @@ _LAWS = TableColumn(heading="laws", cell=lambda each: each.in_words, words=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawTable(WithAxes, Summarised, Related):
+class LawTable(WithAxes, Summarised):
     """Laws that were tried for one or several models, the best left-out fit first; the reason of the choice.
 
     `failed` has the reason by the name of a model that could not be fitted; laws that are `given` were not chosen.
@@ -170,16 +169,6 @@ class LawTable(WithAxes, Summarised, Related):
     failed: dict[str, str]
     remarks: tuple[str, ...]
     definitions: tuple[str, ...] = LAW_DEFINITIONS
-
-    def disagreement(self) -> str:
-        """First contradiction: not exactly one chosen set of laws, or a model that was not compared."""
-        chosen = [each for each in self.tried if each.verdict == "chosen"]
-        if len(chosen) != 1:
-            return f"of {len(self.tried)} sets of laws {len(chosen)} are chosen"
-        if chosen[0].model != self.model:
-            return f"it is of {self.model}, and laws of {chosen[0].model} are chosen"
-        strange = {*(each.model for each in self.tried), *self.failed} - set(self.models)
-        return f"{min(strange)} is none of its models" if strange else ""
 
     def _named_arrays(self) -> NamedArrays:
         words = {

@@ -22,7 +22,6 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
-from mrwork.store.codec import Related
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 from mrwork.uncertainty.identifiability.verdicts import Scale
 
@@ -363,7 +362,7 @@ _ARRAYS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ranking(WithAxes, Summarised, Related):
+class Ranking(WithAxes, Summarised):
     """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone.
 
     `chosen` is provisional, as its standing says, where a family that failed fits all tests far better.
@@ -379,16 +378,6 @@ class Ranking(WithAxes, Summarised, Related):
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     definitions: tuple[str, ...] = DEFINITIONS
-
-    def disagreement(self) -> str:
-        """First contradiction: a family ranked twice, or another family ranked as chosen."""
-        models = [each.model for each in self.standings]
-        if len(set(models)) < len(models):
-            return "it ranks a family twice"
-        chosen = [each.model for each in self.standings if each.is_chosen]
-        if chosen != [self.chosen]:
-            return f"it has chosen {self.chosen} and ranks {list_names(chosen) or 'none'} as chosen"
-        return ""
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(

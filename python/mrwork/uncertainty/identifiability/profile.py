@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, nan
+from math import nan
 from operator import attrgetter
 from statistics import NormalDist
 from typing import TYPE_CHECKING, ClassVar, Literal
@@ -33,7 +33,6 @@ from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.store.codec import OrInfinite, Related
 from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,
     End,
@@ -61,7 +60,7 @@ _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profile(WithAxes, Summarised, Related):
+class Profile(WithAxes, Summarised):
     """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
     An end that is not "closed" is `None`: at "bound" the admissible range ended, beyond "not simulated" no run did.
@@ -72,31 +71,14 @@ class Profile(WithAxes, Summarised, Related):
     estimate: float
     log: bool
     values: tuple[float, ...]
-    misfit: tuple[OrInfinite, ...]
-    ratio: tuple[OrInfinite, ...]
+    misfit: tuple[float, ...]
+    ratio: tuple[float, ...]
     lower: float | None
     upper: float | None
     lower_end: End
     upper_end: End
     verdict: VerdictName
     reason: str
-
-    def disagreement(self) -> str:
-        """First contradiction: a value without misfit or ratio, or an interval without the estimate."""
-        sizes = len(self.values), len(self.misfit), len(self.ratio)
-        if len(set(sizes)) > 1 or not sizes[0]:
-            return "{} has {} values, {} misfits and {} ratios".format(self.name, *sizes)
-        for end, name in ((self.lower_end, "lower"), (self.upper_end, "upper")):
-            if (end == "closed") < (getattr(self, name) is not None):
-                return f"the {name} end of {self.name} is {getattr(self, name):g} and not closed"
-        slack = _ROUNDING * abs(self.estimate)
-        low = -inf if self.lower is None else self.lower
-        high = inf if self.upper is None else self.upper
-        if not low - slack <= self.estimate <= high + slack:
-            return f"{self.name} is {self.estimate:g}, outside its interval {low:g} to {high:g}"
-        if self.log and min(self.values) <= 0.0:
-            return f"{self.name} has a value of {min(self.values):g} on a logarithmic scale"
-        return ""
 
     @property
     def plot(self) -> ProfilesPlots:

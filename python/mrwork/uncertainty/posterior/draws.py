@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from math import ceil
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -20,12 +19,10 @@ from mrwork.base.numbers import format_rounded, with_decimals
 from mrwork.base.plotted import plots_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
-from mrwork.store.codec import Related, record_of
-from mrwork.store.input_file import bytes_of, is_there, make_stored_kind
+from mrwork.store.codec import built
 from mrwork.store.members import Member, members_of
-from mrwork.store.run_folder import DRAWS
+from mrwork.store.run_folder import DRAWS, RunFolder
 from mrwork.uncertainty.identifiability.verdicts import DEVIATIONS, ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
@@ -400,10 +397,7 @@ def _pile_remark(chain: Floats, bounds: tuple[float, float], width: float) -> Re
     return "piles up at its upper bound" if at_upper else ""
 
 
-_OF_FIT = "of_fit"
-# Share by which a draw may exceed a bound after a conversion between forms of a model.
-_ROUNDING = 1e-6
-_KIND = make_stored_kind("sample", name="the draws")
+_VERB = "sample"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -420,7 +414,7 @@ class _Stated:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _OfVariable(Related):
+class _OfVariable:
     """Facts of a parameter, as stored in the file."""
 
     median: float
@@ -429,16 +423,11 @@ class _OfVariable(Related):
     verdict: VerdictName | None = None
     reason: str = ""
 
-    def disagreement(self) -> str:
-        """First contradiction: ends of the interval that are not in order."""
-        return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
 
-
-def draws_content(draws: Draws, fit: Fit) -> bytes:
+def draws_content(draws: Draws) -> bytes:
     """The file `posterior.nc` in the run folder of a fit."""
     # In memory first: the library ends the process where a disk is full.
     tree = draws.as_datatree()
-    tree.attrs[_OF_FIT] = fit.fingerprint
     encoding = {
         group.path: {name: {"fletcher32": True} for name in group.data_vars}
         for group in tree.subtree
@@ -447,54 +436,26 @@ def draws_content(draws: Draws, fit: Fit) -> bytes:
     return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
-def read_draws(place: Path, fit: Fit) -> Draws | None:
-    """The draws stored in the run folder `place`, without autocorrelation times; `None` where there are none."""
-    path = place / DRAWS
-    if not is_there(path, _KIND):
+def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
+    """The draws in a run folder, without autocorrelation times; `None` where there are none."""
+    content = run.content(DRAWS, verb=_VERB)
+    if content is None:
         return None
-    try:
-        again = f"run `mrwork sample {place}` again"
-        return _draws(members_of(bytes_of(path, _KIND), "hdf5", path, remedy=again), path, fit)
-    except (OSError, KeyError, TypeError, ValueError) as reason:
-        if isinstance(reason, RecordError):
-            raise
-        raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
+    with run.explained(DRAWS):
+        path = run.path / DRAWS
+        return _draws(members_of(content, "hdf5", path, remedy=f"run `mrwork sample {run.path}` again"), fit)
 
 
-def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
-    if members[""].attributes.get(_OF_FIT) != fit.fingerprint:
-        raise RecordError(
-            f"{path} is of another fit than that beside it; run `mrwork sample {path.parent}` again"
-        )
+def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     posterior = _variables(members, "posterior")
     columns = {name: _numbers(member) for name, member in posterior.items()}
-    densities = _numbers(members["sample_stats/lp"])
-    attributes = members[""].attributes
-    stated: _Stated = record_of(
-        _Stated, dict(attributes), origin=str(path), name="posterior", verb=f"sample {path.parent}"
-    )
+    stated: _Stated = built(_Stated, members[""].attributes)
     noise = noise_model(stated.noise)
     names = fit.spec.names
-    missing = [name for name in names if name not in columns]
-    if missing:
-        raise RecordError(
-            f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {path.parent}` again"
-        )
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
     bounds = {estimate.name: (estimate.lower, estimate.upper) for estimate in fit.estimates} | {
         NOISE + parameter.name: (parameter.lower, parameter.upper) for parameter in noise.parameters
     }
-    if densities.ndim != 2 or not densities.size:
-        raise ValueError("it has no draws")
-    for name in names + noise_names:
-        lower, upper = bounds[name]
-        if columns[name].shape != densities.shape:
-            raise ValueError("its variables differ in shape")
-        slack = _ROUNDING * np.abs(columns[name])
-        if not np.all((columns[name] >= lower - slack) & (columns[name] <= upper + slack)):
-            raise ValueError(f"draws of {name} are outside its bounds {lower:g} to {upper:g}")
-    if not np.isfinite(densities).all():
-        raise ValueError("a density is not a number")
     return Draws(
         model=fit.model,
         names=names,
@@ -502,9 +463,9 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
         noise_names=noise_names,
         chains=np.stack([columns[name] for name in names], axis=-1),
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
-        densities=densities,
+        densities=_numbers(members["sample_stats/lp"]),
         summaries=tuple(
-            _restore_summary(name, columns[name], posterior[name].attributes, bounds[name], path)
+            _restore_summary(name, columns[name], posterior[name].attributes, bounds[name])
             for name in names + noise_names
         ),
         status=stated.status,
@@ -534,12 +495,9 @@ def _numbers(member: Member) -> Floats:
 
 
 def _restore_summary(
-    name: str, chain: Floats, attributes: Mapping[str, Any], bounds: tuple[float, float], path: Path
+    name: str, chain: Floats, attributes: Mapping[str, Any], bounds: tuple[float, float]
 ) -> DrawSummary:
     """The summary of a variable with the stored verdict and quantiles, those of all draws before thinning."""
     summary = summary_of(chain, name=name, unit=str(attributes["units"]), bounds=bounds, tau=np.nan)
-    known = {entry.name for entry in fields(_OfVariable)}
-    own = {name: value for name, value in attributes.items() if name in known}
-    words, verb = f"posterior of {name}", f"sample {path.parent}"
-    stated: _OfVariable = record_of(_OfVariable, own, origin=str(path), name=words, verb=verb)
-    return replace(summary, **{name: getattr(stated, name) for name in known})
+    stated: _OfVariable = built(_OfVariable, attributes)
+    return replace(summary, **{entry.name: getattr(stated, entry.name) for entry in fields(_OfVariable)})

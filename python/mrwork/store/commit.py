@@ -1,0 +1,137 @@
+"""A commit of files to a folder: they are written as NAME.new, a manifest lists them, then each gets its name.
+
+Until the manifest is replaced the folder has what was there before, afterwards the new files: `end_commit` gives a
+folder whose commit was cut off the rest of its names. A file that is replaced, and is not as it was written, was
+changed by its owner, and becomes NAME~.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path, PurePath
+from typing import Any, Final
+
+from mrwork.errors import OutputError
+from mrwork.store.codec import json_document
+from mrwork.store.input_file import digest_of_content, digest_of_file, exists
+from mrwork.store.output_file import check_own_folder, new_file
+
+MANIFEST: Final = "manifest.json"
+NEW: Final = ".new"
+"""Ending of a file that is written beside a manifest, until a manifest lists it."""
+FILES, REPLACED, OWN = "files", "replaced", "digest"
+"""Keys of a manifest: digests of the files by name; of those before, until each file has its name; its own digest."""
+
+_TEXTS: Final = frozenset({".json", ".jsonl", ".toml", ".csv", ".html", ".svg"})
+# Bytes of a file that is read whole.
+_SMALL: Final = 4 << 20
+
+
+def digest_of(name: str, content: bytes) -> str:
+    """Digest of the content of a file; of a text it does not depend on how lines end, which some programs change."""
+    return digest_of_content(content.replace(b"\r\n", b"\n") if PurePath(name).suffix in _TEXTS else content)
+
+
+def digest_at(name: str, path: Path) -> str:
+    """Digest of a file that has, or will have, a name."""
+    return digest_of_file(path) if path.stat().st_size > _SMALL else digest_of(name, path.read_bytes())
+
+
+def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
+    """Digests of files by name."""
+    return {name: digest_of(name, content) for name, content in contents.items()}
+
+
+def manifest_document(stated: Mapping[str, object], files: Mapping[str, str], **further: object) -> bytes:
+    """The content of a manifest with these facts and files."""
+    document = {**stated, FILES: files, **further}
+    return json_document({**document, OWN: digest_of_manifest(document)}).encode()
+
+
+def digest_of_manifest(stated: Mapping[str, object]) -> str:
+    """Digest of what a manifest states, without itself."""
+    own = {key: value for key, value in stated.items() if key != OWN}
+    return digest_of(MANIFEST, json_document(own).encode(errors="surrogatepass"))
+
+
+def make_folders(place: Path, name: str) -> Path:
+    """Make the folders of the file `name` in `place`, none of which is a link; return its path."""
+    path = _path_in(place, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def _path_in(place: Path, name: str) -> Path:
+    """Path of a file in a folder: a manifest that somebody else has written leads nowhere else."""
+    path = place / name
+    if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
+        raise OutputError(f"the {MANIFEST} of {place} lists {name}, which is outside that folder")
+    for above in [each for each in path.parents if place in each.parents]:
+        check_own_folder(above)
+    return path
+
+
+def commit(
+    place: Path,
+    stated: Mapping[str, object],
+    contents: Mapping[str, bytes],
+    *,
+    grown: Mapping[str, str],
+    replaced: Mapping[str, str | None],
+    flush: bool,
+) -> None:
+    """Write files into a folder with a manifest, in place of those before.
+
+    `stated`: facts of the manifest. By name: `contents`; digests of files that have `grown` there, which NAME.new or
+    NAME has; digests of the files that are `replaced`, of which those that are not written go. `flush`: whether to wait
+    until the contents are on the disk.
+    """
+    files = {**grown, **digests_of(contents)}
+    for name, content in contents.items():
+        _write(place, name + NEW, content, flush=flush)
+    _replace_manifest(place, manifest_document(stated, files, **{REPLACED: replaced}))
+    end_commit(place, {**stated, FILES: files, REPLACED: replaced})
+
+
+def end_commit(place: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the files of a manifest their names, and remove those before; return the manifest that says so."""
+    files, replaced = manifest[FILES], manifest[REPLACED]
+    for name, digest in files.items():
+        path, beside = _path_in(place, name), _path_in(place, name + NEW)
+        if beside.is_file() and digest_at(name, beside) == digest:
+            _keep_changed(path, name, replaced)
+            beside.replace(path)
+    for name in replaced:
+        if name not in files:
+            _keep_changed(path := _path_in(place, name), name, replaced)
+            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                # A folder that is empty now, and not that of the run, which has a manifest.
+                path.parent.rmdir()
+    ended = {key: value for key, value in manifest.items() if key not in (REPLACED, OWN)}
+    _replace_manifest(place, manifest_document(ended, files))
+    return {**ended, OWN: digest_of_manifest(ended)}
+
+
+def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> None:
+    """Keep a file that its owner has changed as NAME~."""
+    if path.is_symlink() or (path.is_file() and digest_at(name, path) != replaced.get(name)):
+        kept = path.with_name(f"{path.name}~")
+        while exists(kept):
+            kept = kept.with_name(f"{kept.name}~")
+        path.rename(kept)
+
+
+def _replace_manifest(place: Path, content: bytes) -> None:
+    _write(place, MANIFEST + NEW, content, flush=True)
+    (place / (MANIFEST + NEW)).replace(place / MANIFEST)
+
+
+def _write(place: Path, name: str, content: bytes, *, flush: bool) -> None:
+    with new_file(make_folders(place, name)) as stream:
+        stream.write(content)
+        if flush:
+            stream.flush()
+            os.fsync(stream.fileno())

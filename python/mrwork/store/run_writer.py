@@ -1,0 +1,487 @@
+"""Runs made in their folder, and files added to one: what would be lost is asked first, the manifest is the commit.
+
+A run grows in its folder from the start. Without a manifest nothing is committed, so that a journal has its name;
+beside a manifest it is NAME.new, as every file that is written (`commit`). Of the run before, the files that the new
+one does not have are removed. A file that its owner has changed becomes NAME~, files of the owner's stay.
+
+A verb replaces without asking only a run of its own, unchanged since and with nothing added by later verbs.
+
+`RUN/.lock` is held while a run is made, and while files are added; who adds one file for hours holds the lock of its
+name. What replaces a run excludes all else, what adds to it excludes the same addition.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from types import TracebackType
+from typing import Final
+
+from mrwork.base.numbers import counted
+from mrwork.base.summary import list_names
+from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError, WorkerError
+from mrwork.store.commit import (
+    FILES,
+    MANIFEST,
+    NEW,
+    OWN,
+    commit,
+    digest_at,
+    digest_of,
+    digests_of,
+    make_folders,
+    manifest_document,
+)
+from mrwork.store.input_file import exists, is_folder
+from mrwork.store.journal import Journal, is_journal, n_steps
+from mrwork.store.output_file import (
+    Lock,
+    check_own,
+    discard_folder,
+    explain_failure,
+    is_lock,
+)
+from mrwork.store.run_folder import (
+    ADDITIONS,
+    CHAIN,
+    FORMAT,
+    HISTORIES,
+    JOURNAL,
+    MODELS,
+    RUN_KINDS,
+    RunFolder,
+    RunKind,
+    chunks_beside,
+    real_place,
+    refuse_place_in_run,
+)
+
+_TO_RESUME: Final = "run the same command with --resume to continue"
+_JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
+# Bytes up to which a file is read, whatever its time says.
+_SMALL: Final = 4 << 20
+# Files that a message names.
+_NAMED: Final = 10
+
+
+def nothing_to_resume(path: Path) -> str:
+    """What is said where --resume is given for what is complete; its result is shown, and its page drawn again."""
+    return f"{path} is complete; nothing to resume"
+
+
+def is_complete(path: str | Path) -> bool:
+    """Whether the folder at `path` has a run that was not interrupted."""
+    run = RunFolder.to_write(real_place(path))
+    return run is not None and run.is_complete
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destination:
+    """The folder that a verb will write, with leave to lose what is there.
+
+    `path`: as the user names it, perhaps a link. `replace`: whether a run of another verb, later additions and changed
+    files may be lost. `resume`: whether the run there is continued.
+    """
+
+    path: Path
+    kind: RunKind
+    replace: bool = False
+    resume: bool = False
+
+    @property
+    def place(self) -> Path:
+        """The folder, without links."""
+        return real_place(self.path)
+
+    @property
+    def continues(self) -> bool:
+        """Whether the run that the folder has is resumed, and not one that was begun in its place."""
+        return self.resume and not any(next(self.place.glob(each + NEW), None) for each in _JOURNALS)
+
+    def check(self) -> None:
+        """Check that a run can be written, before any computation."""
+        place = self.place
+        if not place.name:
+            raise OutputError(
+                f"{self.path} is the root of all folders, where no run is written; name a folder below it"
+            )
+        self.check_losses()
+        with _explained(self.path):
+            folder = next(each for each in (place, *place.parents) if each.is_dir())
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    def check_losses(self) -> None:
+        """Check that nothing is lost there without leave."""
+        run = self.run()
+        if run is None or self.replace:
+            return
+        if run.format != FORMAT:
+            raise OutputError(run.of_before)
+        self._check_losses_of(run)
+
+    def _check_losses_of(self, run: RunFolder) -> None:
+        if run.kind != self.kind:
+            names = _files_in(run.place, run.owns)
+            lost = f"the results of `mrwork {run.kind.verb}`, {list_names(_entries_of(names), _NAMED)}"
+        else:
+            added = [name for name in _files_in(run.place, run.owns) if run.kind.adds(name)]
+            changed = [] if self.continues else _changes(run)
+            if not added and not changed:
+                return
+            parts = {
+                ", which other verbs or you have added": _entries_of(added),
+                ", changed since the run was written": changed,
+            }
+            lost = "; and ".join(f"{list_names(names, _NAMED)}{why}" for why, names in parts.items() if names)
+        raise OutputError(
+            f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
+            "choose another folder, or give --replace"
+        )
+
+    def run(self) -> RunFolder | None:
+        """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
+        place = self.place
+        refuse_place_in_run(self.path)
+        if not place.is_dir():
+            if exists(place):
+                raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
+            return None
+        run = RunFolder.to_write(place)
+        if run is None and exists(place / MANIFEST):
+            raise OutputError(
+                f"the {MANIFEST} of {self.path} is not that of a run of mrwork, so the folder is left as it is; "
+                "choose another folder"
+            )
+        if run is None and not _is_free(place):
+            raise OutputError(
+                f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
+                "choose another folder"
+            )
+        return run
+
+
+def _is_free(place: Path) -> bool:
+    """Whether a folder without manifest is empty, or has the journal of an unfinished run."""
+    journals = (path for pattern in _JOURNALS for path in place.glob(pattern))
+    return any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in place.iterdir())
+
+
+def _files_in(place: Path, owned: Callable[[str], bool]) -> list[str]:
+    """Paths of the files in a folder, and below it, whose first name is an `owned` one; links are not followed."""
+    names: list[str] = []
+    for entry in place.iterdir():
+        if owned(entry.name):
+            names += _names_below(entry, entry.name)
+    return sorted(names)
+
+
+def _names_below(entry: Path, name: str) -> list[str]:
+    if entry.is_symlink() or not entry.is_dir():
+        return [name]
+    return [each for below in entry.iterdir() for each in _names_below(below, f"{name}/{below.name}")]
+
+
+def _entries_of(names: Sequence[str]) -> list[str]:
+    """Files, and folders in the place of the files in them."""
+    return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
+
+
+def _changes(run: RunFolder) -> list[str]:
+    """Files of the verb that are not as it has written them.
+
+    A large file that is older than the manifest counts as unchanged, so that histories need not be read.
+    """
+    written = (run.place / MANIFEST).stat().st_mtime_ns
+
+    def differs(name: str) -> bool:
+        path = run.place / name
+        if run.kind.redraws(name) or run.kind.adds(name) or not exists(path):
+            return False
+        file = path.lstat()
+        if file.st_size > _SMALL and file.st_mtime_ns < written:
+            return False
+        return not stat.S_ISREG(file.st_mode) or digest_of(name, path.read_bytes()) != run.files[name]
+
+    return [*([] if run.is_as_written else [MANIFEST]), *filter(differs, run.files)]
+
+
+class RunAtWork:
+    """A run that is made in its folder, which is locked until `commit`, or the end of the block.
+
+    Parameters
+    ----------
+    destination
+        The folder, and whether the run there is resumed or replaced.
+    note
+        Called with a sentence where the end of a journal is damaged and ignored.
+    """
+
+    def __init__(self, destination: Destination, *, note: Callable[[str], None] = lambda _: None) -> None:
+        self.destination = destination
+        self._note = note
+        self._place = destination.place
+        self._journals: list[Journal] = []
+        self._locked = ExitStack()
+        self._earlier: RunFolder | None = None
+
+    def __enter__(self) -> RunAtWork:
+        place = self._place
+        with _explained(self.destination.path):
+            place.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as locked:
+            locked.callback(_remove_if_empty, place)
+            locked.enter_context(_lock_of(place))
+            for name in ADDITIONS:
+                Lock(place, name).release()
+            self._earlier = self.destination.run()
+            if self._earlier is not None:
+                self._earlier = self._earlier.settled()
+            self.destination.check_losses()
+            self._refuse_unfinished()
+            if not self.destination.resume:
+                _sweep(place, self._listed())
+            self._locked = locked.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for journal in self._journals:
+            journal.close()
+        if isinstance(error, KeyboardInterrupt):
+            error.add_note(_TO_RESUME)
+        elif error is not None and not self.destination.resume and _comes_again(error):
+            _sweep(self._place, self._listed())
+        self._locked.close()
+
+    def journal(self, name: str = JOURNAL) -> Journal:
+        """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
+        growing = self.growing(name)
+        committed = self._place / name
+        resume = self.destination.resume and (growing.is_file() or committed.is_file())
+        if self.destination.resume and not resume and name == JOURNAL:
+            raise JournalError(
+                f"there is no {JOURNAL} to resume in {self.destination.path}{self._of_before()}"
+            )
+        journal = Journal.of_run(growing, committed=committed, resume=resume, note=self._note)
+        self._journals.append(journal)
+        return journal
+
+    def _of_before(self) -> str:
+        """What to do where there is no journal; an earlier version had it beside the folder."""
+        part = self._place.with_name(f"{self._place.name}.part")
+        of_before = f"; {part.name} is of an earlier version, remove it" if is_folder(part) else ""
+        return f"{of_before}; run without --resume"
+
+    def growing(self, name: str) -> Path:
+        """Path at which a file of this run grows, in a folder that is there."""
+        return make_folders(self._place, name if self._earlier is None else name + NEW)
+
+    def grown(self, name: str) -> Path:
+        """Path of a file that has grown in this run, or is in the run that is resumed; it need not be there."""
+        path = self.growing(name)
+        committed = self._place / name
+        listed = self._earlier is not None and name in self._earlier.files
+        return committed if self.destination.resume and listed and not path.is_file() else path
+
+    def step_journal(self, step: str) -> Journal:
+        """The journal of a step of a comparison, such as `dahl/fit`."""
+        return self.journal(f"{MODELS}/{step}.jsonl")
+
+    @property
+    def step_journals(self) -> list[str]:
+        """Names of the journals of the steps of a comparison, as far as it has come."""
+        names = {path.relative_to(self._place).as_posix() for path in self._place.glob(_JOURNALS[1] + "*")}
+        return sorted({name.removesuffix(NEW) for name in names})
+
+    @property
+    def is_as_before(self) -> bool:
+        """Whether the run that is resumed was complete, and no step was added to it."""
+        complete = self._earlier is not None and self._earlier.is_complete
+        return complete and not any(journal.path.is_file() for journal in self._journals)
+
+    def commit(
+        self,
+        contents: Mapping[str, bytes],
+        facts: Mapping[str, object],
+        *,
+        grown: Collection[str] = (JOURNAL,),
+        flush: bool = True,
+    ) -> None:
+        """Write the files of the run, its manifest last, in place of the run before; the folder is then unlocked.
+
+        By path inside the folder: `contents`, and files that have `grown`, of which one that is not there is left out.
+        `facts` of the manifest. `flush`: whether to wait until all is on the disk.
+        """
+        for journal in self._journals:
+            journal.close()
+        with _explained(self.destination.path):
+            self.destination.check_losses()
+            paths = {name: path for name in grown if (path := self.grown(name)).is_file()}
+            listed = {name: digest_at(name, path) for name, path in paths.items()}
+            stated = _stated(facts, self.destination.kind)
+            commit(self._place, stated, contents, grown=listed, replaced=self._replaced(), flush=flush)
+            _sweep(self._place, {**listed, **contents})
+        self._locked.close()
+
+    def _listed(self) -> Mapping[str, str]:
+        return {} if self._earlier is None else self._earlier.files
+
+    def _replaced(self) -> dict[str, str | None]:
+        """Files of the run before with their digests, and what else has a name of such a file."""
+        if self._earlier is None:
+            return {}
+        kinds = {self.destination.kind, self._earlier.kind}
+        named = frozenset().union(*(kind.entries for kind in kinds)) - {MANIFEST}
+        others = [entry.name for entry in self._place.iterdir() if entry.name in named and not entry.is_dir()]
+        return dict.fromkeys(others) | dict(self._earlier.files)
+
+    def _refuse_unfinished(self) -> None:
+        """Refuse to begin where an unfinished run has steps, beside a run or in the one of an interrupted run."""
+        destination, steps = self.destination, 0
+        if destination.resume or destination.replace:
+            return
+        interrupted = self._earlier is not None and not self._earlier.is_complete
+        for pattern in _JOURNALS:
+            begun = pattern if self._earlier is None else pattern + NEW
+            for path in (*self._place.glob(begun), *(self._place.glob(pattern) if interrupted else ())):
+                check_own(path)
+                steps += n_steps(path)
+        if steps:
+            raise JournalError(
+                f"{destination.path} has an unfinished run of {counted(steps, 'step')}; run the same command with "
+                "--resume to continue it, or with --replace to begin anew"
+            )
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove a folder and those in it, as far as they are empty."""
+    if is_folder(folder) and not folder.is_symlink():
+        for each in folder.iterdir():
+            _remove_empty(each)
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _comes_again(error: BaseException) -> bool:
+    """Whether an error is of the inputs, not of a machine, so that the run would come to it again."""
+    fault = isinstance(error, JournalError | LibraryError | OutputError | WorkerError)
+    return isinstance(error, MrworkError) and not fault
+
+
+# Others hold the lock of a folder for an instant while they add a file.
+_TRIES, _PAUSE = 100, 0.01
+
+
+def _lock_of(place: Path) -> Lock:
+    for _ in range(_TRIES):
+        with suppress(JournalError):
+            return Lock(place)
+        time.sleep(_PAUSE)
+    return Lock(place)
+
+
+@contextmanager
+def adding(path: str | Path, name: str) -> Iterator[None]:
+    """Lock the file `name` that is added to the run folder at `path`, while no run is made there."""
+    place = real_place(path)
+    if not (place / MANIFEST).is_file():
+        yield
+        return
+    with _lock_of(place):
+        addition = Lock(place, name)
+    with addition:
+        yield
+
+
+@contextmanager
+def addition_journal(
+    path: str | Path, name: str, *, resume: bool, replace: bool, note: Callable[[str], None]
+) -> Iterator[Journal]:
+    """The journal of an addition, begun or resumed, to be committed by `add_to_run`; it is locked until then."""
+    place = real_place(path)
+    growing, kept = place / (name + NEW), place / name
+    with adding(place, name):
+        for each in (growing, kept):
+            check_own(each)
+        if not (resume or replace) and (steps := n_steps(growing)):
+            raise JournalError(
+                f"{kept} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
+                "continue it, or with --replace to begin anew"
+            )
+        if resume and not (growing.is_file() or kept.is_file()):
+            raise JournalError(f"there is no {kept} to resume; run without --resume")
+        journal = Journal.of_run(growing, committed=kept, resume=resume, note=note)
+        try:
+            yield journal
+        except BaseException as error:
+            journal.close()
+            if isinstance(error, KeyboardInterrupt):
+                error.add_note(_TO_RESUME)
+            elif journal.has_grown and not resume and _comes_again(error):
+                growing.unlink(missing_ok=True)
+            raise
+        finally:
+            journal.close()
+
+
+def add_to_run(path: str | Path, contents: Mapping[str, bytes], *, grown: Collection[str] = ()) -> None:
+    """Add files to a run, or write some of them again, by path in its folder; `grown` are there as NAME.new."""
+    place = real_place(path)
+    with _lock_of(place), _explained(path):
+        run = RunFolder.open(place).settled()
+        paths = {name: place / (name + NEW) for name in grown}
+        listed = {name: digest_at(name, path) for name, path in paths.items() if path.is_file()}
+        replaced = {name: run.files.get(name) for name in (*contents, *listed)}
+        stated = _stated(run.manifest, run.kind)
+        commit(place, stated, contents, grown={**run.files, **listed}, replaced=replaced, flush=False)
+        _sweep(place)
+
+
+def with_manifest(
+    contents: Mapping[str, bytes], facts: Mapping[str, object], kind: RunKind
+) -> dict[str, bytes]:
+    """The files of a run with the manifest that lists them, for a folder that is written with others."""
+    return {**contents, MANIFEST: manifest_document(_stated(facts, kind), digests_of(contents))}
+
+
+def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
+    own = (FILES, OWN)
+    given = {key: value for key, value in facts.items() if key not in own}
+    return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
+
+
+def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
+    """Remove what a commit that was cut off has left; of what grows all that is not `listed`, by default nothing."""
+    owned = frozenset().union(*(kind.entries for kind in RUN_KINDS))
+    with suppress(OSError):
+        for name in _files_in(place, lambda name: name.removesuffix(NEW) in owned):
+            # Journals grow, and histories.
+            kind = PurePath(name.removesuffix(NEW))
+            grows = kind.suffix == ".jsonl" or (kind.suffix == ".npz" and kind.parts[0] == HISTORIES)
+            at_work = name.endswith(NEW) or (grows and name != CHAIN)
+            if at_work and (not grows if listed is None else name not in listed):
+                (place / name).unlink(missing_ok=True)
+        if listed is not None:
+            discard_folder(chunks_beside(place / JOURNAL))
+            for folder in (HISTORIES, MODELS):
+                _remove_empty(place / folder)
+
+
+def _explained(path: str | Path) -> AbstractContextManager[None]:
+    what, kept = f"write the run to {path}", "what was there is untouched"
+    return explain_failure(
+        what, f"choose another folder, {kept}", full=f"the disk is full; free some space, {kept}"
+    )
