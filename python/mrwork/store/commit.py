@@ -16,7 +16,7 @@ from typing import Any, Final
 from mrwork.errors import OutputError
 from mrwork.store.codec import json_document
 from mrwork.store.input_file import digest_of_content, digest_of_file, exists
-from mrwork.store.output_file import check_own_folder, new_file
+from mrwork.store.output_file import make_folder, new_file
 
 MANIFEST: Final = "manifest.json"
 NEW: Final = ".new"
@@ -58,18 +58,12 @@ def digest_of_manifest(stated: Mapping[str, object]) -> str:
 
 def make_folders(place: Path, name: str) -> Path:
     """Make the folders of the file `name` in `place`, none of which is a link; return its path."""
-    path = _path_in(place, name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
-
-
-def _path_in(place: Path, name: str) -> Path:
-    """Path of a file in a folder: a manifest that somebody else has written leads nowhere else."""
-    path = place / name
     if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
+        # A manifest that somebody else has written leads nowhere else.
         raise OutputError(f"the {MANIFEST} of {place} lists {name}, which is outside that folder")
-    for above in [each for each in path.parents if place in each.parents]:
-        check_own_folder(above)
+    path = place / name
+    for above in reversed([each for each in path.parents if place in each.parents]):
+        make_folder(above)
     return path
 
 
@@ -99,13 +93,13 @@ def end_commit(place: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Give the files of a manifest their names, and remove those before; return the manifest that says so."""
     files, replaced = manifest[FILES], manifest[REPLACED]
     for name, digest in files.items():
-        path, beside = _path_in(place, name), _path_in(place, name + NEW)
+        path, beside = make_folders(place, name), make_folders(place, name + NEW)
         if beside.is_file() and digest_at(name, beside) == digest:
             _keep_changed(path, name, replaced)
             beside.replace(path)
     for name in replaced:
         if name not in files:
-            _keep_changed(path := _path_in(place, name), name, replaced)
+            _keep_changed(path := make_folders(place, name), name, replaced)
             path.unlink(missing_ok=True)
             with suppress(OSError):
                 # A folder that is empty now, and not that of the run, which has a manifest.

@@ -1,9 +1,6 @@
 """The one gate for files that are read: ordinary files of a limited size, refused otherwise before they are opened.
 
-A named pipe waits for a writer without end, a device such as /dev/zero has no end, and opening one may already act on
-it. Every reader of the package asks this module for the bytes of a file; `tests/store/test_input_file.py` checks it.
-
-Files of named arrays (.npz) may be damaged: sizes are counted before anything is allocated.
+Every reader of the package asks this module for the bytes of a file; `tests/store/test_input_file.py` checks it.
 """
 
 from __future__ import annotations
@@ -14,8 +11,6 @@ import io
 import math
 import os
 import stat
-import warnings
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -62,12 +57,6 @@ class Allowance:
 
 _MIB: Final = 1 << 20
 _DIGEST: Final = "sha256"
-_SPECIAL: Final = {
-    stat.S_IFIFO: "is a named pipe",
-    stat.S_IFCHR: "is a device",
-    stat.S_IFBLK: "is a device",
-    stat.S_IFSOCK: "is a socket",
-}
 # Without O_NONBLOCK, a pipe that has taken the place of the file since it was checked would wait for a writer.
 _FLAGS: Final = os.O_RDONLY | sum(
     getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC", "O_NOCTTY", "O_NONBLOCK")
@@ -193,15 +182,10 @@ def exists(path: str | Path) -> bool:
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
 
 
-def special_kind(mode: int) -> str:
-    """What a pipe, a device or a socket is, in words; empty for files and folders."""
-    return _SPECIAL.get(stat.S_IFMT(mode), "")
-
-
 def _check(status: os.stat_result, path: Path, kind: FileKind) -> None:
     if not stat.S_ISREG(status.st_mode):
-        what = special_kind(status.st_mode) or "is a directory"
-        raise RecordError(f"{path}: {what} where {kind.name} was expected; {kind.remedy}")
+        what = "a directory" if stat.S_ISDIR(status.st_mode) else "a pipe, a device or a socket"
+        raise RecordError(f"{path}: is {what} where {kind.name} was expected; {kind.remedy}")
     if status.st_size > kind.largest:
         raise RecordError(
             f"{path}: has {status.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
@@ -224,53 +208,31 @@ def _refuse(path: Path, kind: FileKind, reason: OSError | ValueError) -> NoRetur
     raise RecordError(f"{path}: {sentence}") from reason
 
 
-# The last character of Unicode; Python makes a broken text of larger numbers.
-_LAST: Final = 0x10FFFF
-# Bytes of all arrays.
-_LARGEST: Final = 256 << 20
-
-
 def read_array(path: Path, kind: FileKind) -> NDArray[Any]:
-    """The array of a .npy file; one of Python objects is refused."""
+    """The array of a .npy file; one of Python objects, or of more numbers than the file has, is refused."""
     data = bytes_of(path, kind)
     with _refuse_damage(path, kind):
-        return _array(data)
+        stream = io.BytesIO(data)
+        first = np.lib.format.read_magic(stream) == (1, 0)
+        read_header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(stream)
+        if math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
+            raise ValueError(f"it claims the shape {shape}")
+        array: NDArray[Any] = np.load(io.BytesIO(data), allow_pickle=False)
+        return array
 
 
 def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
-    """The arrays of a file by name."""
-    data = bytes_of(path, kind)
-    with _refuse_damage(path, kind), zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = archive.infolist()
-        if sum(each.file_size for each in members) > max(_LARGEST, len(data)):
-            raise ValueError("it claims more numbers than such a file has")
-        return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+    """The arrays of a file by name, of which none is of Python objects."""
+    with _refuse_damage(path, kind), np.load(io.BytesIO(bytes_of(path, kind)), allow_pickle=False) as arrays:
+        return dict(arrays)
 
 
 @contextmanager
 def _refuse_damage(path: Path, kind: FileKind) -> Iterator[None]:
     try:
         yield
+    except RecordError:
+        raise
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
         raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None
-
-
-def _array(data: bytes) -> NDArray[Any]:
-    stream = io.BytesIO(data)
-    version = np.lib.format.read_magic(stream)
-    read_header = (
-        np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    )
-    with warnings.catch_warnings():
-        # A header that Python warns of has been written by other means.
-        warnings.simplefilter("error")
-        shape, by_columns, dtype = read_header(stream)
-    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
-        raise ValueError(f"an array claims the shape {shape}")
-    items = np.frombuffer(data, dtype=dtype, offset=stream.tell())
-    if (
-        dtype.kind == "U"
-        and np.frombuffer(data, f"{dtype.str[0]}u4", offset=stream.tell()).max(initial=0) > _LAST
-    ):
-        raise ValueError("a text has characters that do not exist")
-    return items.reshape(shape, order="F" if by_columns else "C")

@@ -23,12 +23,11 @@ from mrwork.base.numbers import counted
 from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import built, differences, plain
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
-from mrwork.store.output_file import Lock, check_own, explain_failure, open_to_write
+from mrwork.store.output_file import Lock, explain_failure, open_to_write
 from mrwork.store.run_folder import refuse_place_in_run
 
 T = TypeVar("T")
-# Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
-_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
 
 # Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
 # only a power cut loses those that have not reached the disk.
@@ -88,7 +87,6 @@ class Journal:
         if resume:
             self._resume(self.path, note)
         else:
-            check_own(self.path)
             refuse_place_in_run(self.path)
             if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
                 raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
@@ -261,7 +259,6 @@ class Journal:
         if self.path.parent.is_dir():
             self._take_lock()
         try:
-            check_own(path)
             if not is_there(path, JOURNAL_FILE):
                 raise JournalError(f"there is no journal at {path} to resume; run without --resume")
             content = bytes_of(path, JOURNAL_FILE)

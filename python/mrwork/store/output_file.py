@@ -1,18 +1,12 @@
-"""Files that are written whole or not at all, through no link, onto no device, and the lock of a file that grows.
+"""Files that are written whole or not at all, of which only ordinary ones are replaced; and locks.
 
-Only ordinary files are replaced: a pipe, a device or a socket, also one that a link leads to, is refused.
-
-A link in a run folder, beside it or in the folder of its journal may lead to any file of the user, and have been put
-there by somebody else. A file that is replaced takes the place of a link; a file that grows, and a folder on the way to
-a file, are refused where they are links, and a file that grows where it has a second name. The folder that the user
-names may be a link (`run_folder.real_place`).
+A file that is replaced takes the place of a link; one that grows is refused where it is a link, or has a second name,
+and so is a folder within a run that is a link. The folder that the user names may be a link (`run_folder.real_place`).
 
 A lock is a file `.NAME.lock` beside the file, or `.lock` in a folder, with the process and machine that hold it, on
 which the kernel keeps an exclusive lock (`flock`). The kernel releases it when the process ends, however that happens;
-a lock file that is left behind has no effect and is taken over.
-
-On NFS the server keeps such locks for all machines (Linux since 2.6.12), but on a mount with `nolock` each machine has
-its own: two machines are then not kept apart. A file system that refuses locks is used without one, after a warning.
+a lock file that is left behind is taken over. On NFS the server keeps locks for all machines, but on a mount with
+`nolock` two machines are not kept apart. A file system that refuses locks is used without one, after a warning.
 Windows has no `flock`, and nothing is locked there.
 """
 
@@ -20,68 +14,50 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 import socket
 import stat
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import BinaryIO, Final
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError
-from mrwork.store.input_file import exists, is_folder, special_kind
 
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
-DISK_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
-def check_own(path: Path) -> None:
-    """Check that there is no symbolic link at `path`, and no pipe, device or socket."""
-    if os.path.islink(path):  # noqa: PTH114 - `Path.is_symlink` raises errors for some names
+def make_folder(path: Path) -> None:
+    """Make a folder where there is none; a link is refused."""
+    if path.is_symlink():
         raise OutputError(
-            f"{path} is a symbolic link, and mrwork follows none within the folders that it writes; "
-            "remove the link, or put what it leads to in its place"
+            f"{path} is a symbolic link, which mrwork does not follow; put a folder in its place"
         )
-    refuse_special(path)
-
-
-def check_own_folder(path: Path) -> None:
-    """Check that there is nothing at `path`, or a folder that is no link."""
-    check_own(path)
-    if exists(path) and not is_folder(path):
-        raise OutputError(f"{path} is no folder, and mrwork writes into one of that name; move it away")
-
-
-def discard_folder(path: Path) -> None:
-    """Remove a folder with what is in it, as far as that can be done; anything else of the name stays."""
-    # What removes a tree opens a named pipe in its place, and waits.
-    if is_folder(path):
-        shutil.rmtree(path, ignore_errors=True)
+    path.mkdir(exist_ok=True)
 
 
 def refuse_special(path: Path) -> None:
     """Check that there is no pipe, device or socket at `path`, or where a link at `path` leads to."""
     try:
-        what = special_kind(os.stat(path).st_mode)  # noqa: PTH116 - `Path` refuses some names with other errors
+        mode = os.stat(path).st_mode  # noqa: PTH116 - `Path` refuses some names with other errors
     except (OSError, ValueError):
         return
-    if what:
-        raise OutputError(f"{path} {what}, and only ordinary files are replaced; give another name")
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise OutputError(f"{path} is a pipe, a device or a socket, and only ordinary files are replaced")
 
 
 def open_to_write(path: Path, flags: int) -> int:
     """Descriptor of the file at `path`, which is an ordinary one with no other name."""
-    check_own(path)
-    descriptor = os.open(path, flags | _NO_LINK, 0o666)
+    descriptor = os.open(path, flags | _NO_LINK | getattr(os, "O_NONBLOCK", 0), 0o666)
     status = os.fstat(descriptor)
     if stat.S_ISREG(status.st_mode) and status.st_nlink <= 1:
         return descriptor
     os.close(descriptor)
     raise OutputError(
-        f"{path} has another name (a hard link), under which it would change too; put a copy in its place, or remove it"
+        f"{path} has another name (a hard link), under which it would change too, or is no ordinary file; remove it"
     )
 
 
@@ -103,7 +79,7 @@ def explain_failure(what: str, remedy: str, *, full: str = "") -> Iterator[None]
     except OutputError:
         raise
     except OSError as reason:
-        why = full if reason.errno in DISK_FULL else ""
+        why = full if reason.errno in _FULL else ""
         raise OutputError(f"cannot {what}: {why or f'{reason.strerror or reason}; {remedy}'}") from reason
 
 
@@ -129,11 +105,9 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
 def write_files(
     folder: Path, contents: Mapping[str, bytes], *, then: Callable[[], None] = lambda: None
 ) -> None:
-    """Write files into a run folder, by path inside; when all are written, `then` is called, and they are renamed."""
+    """Write files into a folder by name; when all are written, `then` is called, and they are renamed."""
     with ExitStack() as renamed:
         for name, content in contents.items():
-            for above in PurePath(name).parents[:-1]:
-                check_own_folder(folder / above)
             stream = renamed.enter_context(replacing(folder / name))
             stream.write(content)
             stream.flush()

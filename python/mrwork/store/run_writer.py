@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -42,8 +43,6 @@ from mrwork.store.input_file import exists, is_folder
 from mrwork.store.journal import Journal, is_journal, n_steps
 from mrwork.store.output_file import (
     Lock,
-    check_own,
-    discard_folder,
     explain_failure,
     is_lock,
 )
@@ -352,7 +351,6 @@ class RunAtWork:
         for pattern in _JOURNALS:
             begun = pattern if self._earlier is None else pattern + NEW
             for path in (*self._place.glob(begun), *(self._place.glob(pattern) if interrupted else ())):
-                check_own(path)
                 steps += n_steps(path)
         if steps:
             raise JournalError(
@@ -414,8 +412,6 @@ def addition_journal(
     place = real_place(path)
     growing, kept = place / (name + NEW), place / name
     with adding(place, name):
-        for each in (growing, kept):
-            check_own(each)
         if not (resume or replace) and (steps := n_steps(growing)):
             raise JournalError(
                 f"{kept} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
@@ -475,7 +471,7 @@ def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
             if at_work and (not grows if listed is None else name not in listed):
                 (place / name).unlink(missing_ok=True)
         if listed is not None:
-            discard_folder(chunks_beside(place / JOURNAL))
+            shutil.rmtree(chunks_beside(place / JOURNAL), ignore_errors=True)
             for folder in (HISTORIES, MODELS):
                 _remove_empty(place / folder)
 

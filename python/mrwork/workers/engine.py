@@ -12,6 +12,7 @@ import hashlib
 import os
 import pickle
 import platform
+import shutil
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,7 +33,6 @@ from mrwork.base.numbers import counted, duration_in_words
 from mrwork.errors import MrworkError, WorkerError, reason_of
 from mrwork.store.codec import package_version
 from mrwork.store.journal import Journal
-from mrwork.store.output_file import discard_folder
 from mrwork.store.run_folder import chunks_beside
 
 P = ParamSpec("P")
@@ -312,10 +312,10 @@ def on_executor(function: Callable[P, T]) -> Callable[P, T]:
                 return function(*args, **kwargs)
             kept = chunks_beside(journal.path)
             if not journal.recalling:
-                discard_folder(kept)
+                shutil.rmtree(kept, ignore_errors=True)
             with working_on(replace(workers, journal=journal)):
                 result = function(*args, **kwargs)
-            discard_folder(kept)
+            shutil.rmtree(kept, ignore_errors=True)
             return result
 
     return working

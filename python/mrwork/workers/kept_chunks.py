@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.input_file import make_stored_kind, read_arrays
 from mrwork.store.journal import Journal
-from mrwork.store.output_file import check_own_folder, replacing
+from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import chunks_beside
 
 _KIND = make_stored_kind("respond", name="a finished chunk of runs")
@@ -38,7 +38,6 @@ class KeptChunks:
 
     def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:
         """Arrays of the chunks that are kept, by number; a damaged file is none, those of earlier steps are removed."""
-        check_own_folder(self.folder)
         own = {self._path(number): number for number in range(count)}
         found: dict[int, list[NDArray[Any]]] = {}
         for path in sorted(self.folder.iterdir()) if self.folder.is_dir() else ():
