@@ -81,7 +81,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     fit = opened.fit.with_identifiability(
         identifiability_of(opened.fit, opened.tests, threads=options.threads)
     )
-    fit = judged_by_additions(opened.run, fit, draws=draws, profiles=profiles)
+    fit = judged_by_additions(opened.run.path, fit, draws=draws, profiles=profiles)
     directions = () if fit.identifiability is None else fit.identifiability.informative
     document = asdict(profiles) | {"directions": [asdict(each) for each in directions]}
     contents = {PROFILES: json_document(document).encode(), FIT: fit_content(fit)}

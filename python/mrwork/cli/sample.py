@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
-        fit = judged_by_additions(opened.run, opened.fit, draws=draws, profiles=profiles)
+        fit = judged_by_additions(place, opened.fit, draws=draws, profiles=profiles)
         add_to_run(place, {DRAWS: draws_content(draws), FIT: fit_content(fit)}, grown=[CHAIN])
         document = _summary(draws, place) | {"findings": findings}
         return end_addition(options, document, _text(fit, draws, place))

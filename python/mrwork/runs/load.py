@@ -187,7 +187,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
             )
         if run.has(DRAWS):
             raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
-        judged = judged_by_additions(run, fit, draws=result)
+        judged = judged_by_additions(place, fit, draws=result)
         add_to_run(place, {DRAWS: draws_content(result), FIT: fit_content(judged)})
     return place
 
@@ -225,9 +225,10 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
 
 
 def judged_by_additions(
-    run: RunFolder, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
+    place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
 ) -> Fit:
-    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder."""
+    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder by now."""
+    run = RunFolder.open(place)
     return fit.with_intervals(
         _intervals(
             fit,

@@ -26,7 +26,7 @@ from typing import Final
 
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
-from mrwork.errors import JournalError, LibraryError, MrworkError, OutputError, WorkerError
+from mrwork.errors import JournalError, OutputError
 from mrwork.store.commit import (
     FILES,
     MANIFEST,
@@ -229,6 +229,7 @@ class RunAtWork:
         self._journals: list[Journal] = []
         self._locked = ExitStack()
         self._earlier: RunFolder | None = None
+        self._committing = False
 
     def __enter__(self) -> RunAtWork:
         place = self._place
@@ -256,7 +257,9 @@ class RunAtWork:
             journal.close()
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
-        elif error is not None and not self.destination.resume and _comes_again(error):
+        elif error is not None and not (
+            self._committing or any(n_steps(each.path) for each in self._journals)
+        ):
             _sweep(self._place, self._listed())
         self._locked.close()
 
@@ -319,6 +322,7 @@ class RunAtWork:
         By path inside the folder: `contents`, and files that have `grown`, of which one that is not there is left out.
         `facts` of the manifest. `flush`: whether to wait until all is on the disk.
         """
+        self._committing = True
         for journal in self._journals:
             journal.close()
         with _explained(self.destination.path):
@@ -373,12 +377,6 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _comes_again(error: BaseException) -> bool:
-    """Whether an error is of the inputs, not of a machine, so that the run would come to it again."""
-    fault = isinstance(error, JournalError | LibraryError | OutputError | WorkerError)
-    return isinstance(error, MrworkError) and not fault
-
-
 # Others hold the lock of a folder for an instant while they add a file.
 _TRIES, _PAUSE = 100, 0.01
 
@@ -426,7 +424,7 @@ def addition_journal(
             journal.close()
             if isinstance(error, KeyboardInterrupt):
                 error.add_note(_TO_RESUME)
-            elif journal.has_grown and not resume and _comes_again(error):
+            elif not n_steps(growing):
                 growing.unlink(missing_ok=True)
             raise
         finally:
