@@ -147,7 +147,7 @@ def test_a_folder_of_another_format_is_refused_with_the_line_to_type(
     stated = json.loads((place / MANIFEST).read_text())
     del stated["format"], stated["digest"]
     (place / MANIFEST).write_text(json.dumps(stated))
-    call = RunFolder.open if to_be_read else Destination(path=place, kind=FIT_RUN).check
+    call = RunFolder.open if to_be_read else Destination(path=place, kind=FIT_RUN).check_losses
     refusal(call, *([place] if to_be_read else []), match=f"`mrwork identify ... --out {place} --replace`")
     written(place, FIT_RUN, allowed=True)
 
@@ -182,7 +182,10 @@ def test_a_verb_replaces_its_own_run_and_keeps_what_the_user_added(tmp_path: Pat
 def refused(place: Path, kind: RunKind, lost: str) -> None:
     """Nothing may be written, nothing changes, and what would be lost is named."""
     before = contents(place.parent)
-    for call in (Destination(path=place, kind=kind).check, lambda: written(place, kind, text="second")):
+    for call in (
+        Destination(path=place, kind=kind).check_losses,
+        lambda: written(place, kind, text="second"),
+    ):
         refusal(call, match=f"would lose .*{lost}.* --replace")
     assert contents(place.parent) == before
 
@@ -253,9 +256,9 @@ def test_a_run_that_is_continued_loses_its_changed_files_but_no_additions(tmp_pa
     place = tmp_path / "run"
     written(place, FIT_RUN)
     (place / FIT_FILE).write_text("changed")
-    Destination(path=place, kind=FIT_RUN, resume=True).check()
+    Destination(path=place, kind=FIT_RUN, resume=True).check_losses()
     add_to_run(place, {PLAN: b"hours"})
-    refusal(Destination(path=place, kind=FIT_RUN, resume=True).check, match=f"would lose {PLAN}")
+    refusal(Destination(path=place, kind=FIT_RUN, resume=True).check_losses, match=f"would lose {PLAN}")
 
 
 def test_an_empty_folder_and_a_link_may_be_written_to_and_others_may_read_it(tmp_path: Path) -> None:

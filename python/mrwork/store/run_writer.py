@@ -104,13 +104,13 @@ class Destination:
         return self.resume and not any(next(self.place.glob(each + NEW), None) for each in _JOURNALS)
 
     def check(self) -> None:
-        """Check that a run can be written, before any computation."""
+        """Check that a run can be written there, before any input is read; `RunAtWork` asks what would be lost."""
         place = self.place
         if not place.name:
             raise OutputError(
                 f"{self.path} is the root of all folders, where no run is written; name a folder below it"
             )
-        self.check_losses()
+        self.run()
         with _explained(self.path):
             folder = next(each for each in (place, *place.parents) if each.is_dir())
             if not os.access(folder, os.W_OK | os.X_OK):
