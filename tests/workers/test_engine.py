@@ -1,4 +1,4 @@
-"""Chunks of runs on executors: the same bits, lost workers, errors as values, what is sent."""
+"""Chunks of runs on executors: the same bits, lost workers, errors, what is prepared."""
 
 import multiprocessing
 import os
@@ -13,7 +13,7 @@ import pytest
 import mrwork as mr
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.errors import SettingError, WorkerError
-from mrwork.workers.engine import Outcome, Shared, Workers, cut_into_chunks, working_on
+from mrwork.workers.engine import Workers, cut_into_chunks, working_on
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +29,10 @@ CHUNK_STEPS = 1e5
 class Counting(Executor):
     """Does each chunk at once, and keeps what it was sent."""
 
-    def __init__(self, forget: bool = False) -> None:
+    def __init__(self) -> None:
         self.sent: list[tuple[Any, ...]] = []
-        self.forget = forget
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if self.forget:
-            from mrwork.workers import engine
-
-            engine._SHARED.clear()  # as a worker that is new has nothing
         self.sent.append(args)
         future: Future[Any] = Future()
         try:
@@ -45,6 +40,14 @@ class Counting(Executor):
         except BaseException as error:
             future.set_exception(error)
         return future
+
+
+PREPARED: list[float] = []
+
+
+def _prepare(shared: float) -> float:
+    PREPARED.append(shared)
+    return shared
 
 
 def _scaled(shared: float, number: float) -> float:
@@ -103,63 +106,38 @@ def test_observers_and_realisations_are_sent_and_histories_stay(monkeypatch: pyt
     assert len(executor.sent) == sent > 0
 
 
-def test_outcomes_are_in_order_and_errors_are_values(pool: Executor) -> None:
-    workers = Workers(pool)
-    outcomes = [*workers.outcomes(float, _scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])]
-    assert outcomes[0].get() == 2.0
-    assert outcomes[2].get() == 6.0
+def test_results_are_in_order_and_errors_of_the_package_are_those_of_their_chunk(pool: Executor) -> None:
+    first, second, third = Workers(pool).futures(float, _scaled, 2.0, [(1.0,), (-1.0,), (3.0,)])
+    assert first.result() == 2.0
+    assert third.result() == 6.0
     with pytest.raises(SettingError, match="-1 is below 0; give one above"):
-        outcomes[1].get()
+        second.result()
 
 
-def test_a_shared_value_is_sent_to_the_first_and_to_who_has_lost_it_and_prepared_once_in_a_worker() -> None:
-    prepared: list[str] = []
-
-    def prepare(value: str) -> float:
-        prepared.append(value)
-        return float(value)
-
-    executor = Counting()
+def test_what_chunks_share_is_prepared_once_in_a_worker() -> None:
     numbers = [(float(number),) for number in range(9)]
-    found = [*Workers(executor=executor, in_flight=1).outcomes(prepare, _scaled, "7.25", numbers)]
-    assert [each.get() for each in found] == [7.25 * number for (number,) in numbers]
-    assert [bool(sent[3].data) for sent in executor.sent] == [True] + [False] * 8
-    assert prepared == ["7.25"]
-    forgetting, data = Counting(forget=True), Shared.of(2.0).data
-    again = Workers(executor=forgetting, in_flight=1).outcomes(float, _scaled, 2.0, [(1.0,), (2.0,)])
-    assert [each.get() for each in again] == [2.0, 4.0]
-    assert [sent[3].data for sent in forgetting.sent] == [data, b"", data]
+    found = [*Workers(Counting()).futures(_prepare, _scaled, 7.25, numbers)]
+    assert [each.result() for each in found] == [7.25 * number for (number,) in numbers]
+    assert PREPARED == [7.25]
 
 
 def test_a_lost_worker_is_a_sentence_and_a_new_pool_goes_on() -> None:
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as broken, pytest.raises(WorkerError) as lost:
-        next(Workers(broken).outcomes(bool, _die, None, [()]))
+        next(Workers(broken).futures(bool, _die, None, [()]))
     assert "ProcessPoolExecutor lost a part of the work (BrokenProcessPool: " in str(lost.value)
     assert "run again with --resume" in str(lost.value)
-
-
-def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mrwork.workers import engine
-
-    versions = iter([("9.9", "2.0"), ("0.1", "2.0")])
-    monkeypatch.setattr(engine, "_versions", lambda: next(versions))
-    (outcome,) = Workers(Counting(), 1).outcomes(float, _scaled, 2.0, [(1.0,)])
-    with pytest.raises(
-        WorkerError, match=r"a worker has mrwork 0\.1 with NumPy 2\.0, and this process mrwork 9\.9"
-    ):
-        outcome.get()
 
 
 def test_an_interrupt_cancels_what_has_not_begun() -> None:
     with ThreadPoolExecutor(1) as executor:
         workers = Workers(executor=executor, in_flight=3)
 
-        def stop(number: int, outcome: Outcome[None]) -> None:
+        def stop(number: int, future: Future[None]) -> None:
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            next(workers.outcomes(bool, _sleep, None, [(0.01,), (0.05,), (30.0,), (30.0,)], on_done=stop))
+            next(workers.futures(bool, _sleep, None, [(0.01,), (0.05,), (30.0,), (30.0,)], on_done=stop))
 
 
 def test_chunks_depend_on_costs_alone() -> None:

@@ -35,7 +35,7 @@ def test_chunks_of_a_call_outlive_the_client(tmp_path: Path, monkeypatch: pytest
     journal = mr.Journal(tmp_path / "study.jsonl")
 
     @on_executor
-    def study(*, journal: mr.Journal, executor: Executor) -> Any:
+    def study(*, journal: mr.Journal, executor: Executor | mr.Workers) -> Any:
         return run()
 
     whole, resumed = Counting(), Counting()
@@ -44,7 +44,7 @@ def test_chunks_of_a_call_outlive_the_client(tmp_path: Path, monkeypatch: pytest
     assert expected == run()
     assert not folder.exists()
     with pytest.raises(WorkerError, match="RuntimeError: the batch system has ended it"):
-        study(journal=journal, executor=Failing(5))
+        study(journal=journal, executor=mr.Workers(Failing(5), 1))
     kept = sorted(folder.iterdir())
     assert len(kept) == 5
     # One is damaged, and computed again.
@@ -91,7 +91,10 @@ def test_a_choice_goes_on_with_the_lines_of_its_journals(tmp_path: Path) -> None
     # A lost worker is no failure of a model.
     with pytest.raises(WorkerError, match="a journal keeps what was finished"):
         mr.choose_model(
-            test, **settings, executor=Failing(2), journal_of=lambda step: opened(step, resume=False)
+            test,
+            **settings,
+            executor=mr.Workers(Failing(2), 1),
+            journal_of=lambda step: opened(step, resume=False),
         )
     fits = sorted(tmp_path.glob("*.jsonl"))
     assert len(fits) == 2

@@ -48,19 +48,6 @@ def on_one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
     return alone
 
 
-def blas_in_words() -> str:
-    """The libraries of BLAS of this process: version, and kind of processor for which each computes."""
-    # SciPy's BLAS is a second one, which must be there to be found.
-    import scipy.linalg  # noqa: F401
-
-    found = {
-        f"{each['internal_api']} {each['version']} for {each.get('architecture') or 'any processor'}"
-        for each in _controller(True).info()
-        if each["user_api"] == "blas"
-    }
-    return " and ".join(sorted(found))
-
-
 @dataclass(slots=True)
 class _Limit:
     """Open blocks, the limit of the first of them, and the variable that limits a BLAS which is loaded later."""

@@ -154,8 +154,6 @@ def _predict_held_out(options: argparse.Namespace) -> _Predicted:
             f"the fits of folds so far are in {opened.run.path / FOLDS}; run the same command again to continue"
         )
         raise
-    if batch.kinds_remark:
-        note(batch.kinds_remark)
     fits = iter([(stored | made)[name] for name in names])
     left_out = predict_left_out(opened.tests, options.leave_out, lambda _: next(fits))
     if left_out.failures:

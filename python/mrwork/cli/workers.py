@@ -40,20 +40,15 @@ def on_workers(options: argparse.Namespace, *, needless: str = "") -> Iterator[N
         return
     if options.workers and options.cluster is not None:
         raise SettingError("--workers and --cluster both say who works; give one of them")
-    # Pools and hashes are slow to load.
-    from mrwork.workers.cluster import address_of, cluster_workers
-    from mrwork.workers.engine import working_on
-    from mrwork.workers.local import local_workers
-
-    if options.cluster is not None:
-        address_of(options.cluster)
     if needless:
         note(f"{'--workers' if options.workers else '--cluster'} has no effect: {needless}")
         yield
         return
-    with (
-        local_workers(options.workers) as pool,
-        cluster_workers(options.cluster) as cluster,
-        working_on(pool or cluster),
-    ):
+    # Pools and hashes are slow to load.
+    from mrwork.workers.cluster import cluster_workers
+    from mrwork.workers.engine import working_on
+    from mrwork.workers.local import local_workers
+
+    there = local_workers(options.workers) if options.workers else cluster_workers(options.cluster)
+    with there as executor, working_on(executor):
         yield

@@ -7,6 +7,7 @@ import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Annotated, Any
@@ -35,7 +36,7 @@ from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.store.codec import digest_of, plain
-from mrwork.workers.engine import Outcome, Workers, cut_into_chunks, present_workers
+from mrwork.workers.engine import Workers, cut_into_chunks, present_workers
 from mrwork.workers.kept_chunks import KeptChunks
 
 # Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
@@ -348,30 +349,27 @@ def _respond_elsewhere(
         block //= 2
     blocks = cut_into_chunks(np.add.reduceat(costs, np.arange(0, len(costs), block)).tolist(), least)
     chunks = [slice(each.start * block, min(each.stop * block, len(costs))) for each in blocks]
-    kept = None
+    kept, finished = None, dict[int, list[NDArray[Any]]]()
     if workers.journal is not None:
         arrays = runs.runs, runs.streams, runs.gains, runs.shaping, runs.theta
         kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
-    finished = {} if kept is None else kept.recall(len(chunks))
+        finished = kept.recall(len(chunks))
+    missing = [number for number in range(len(chunks)) if number not in finished]
     done = sum(chunks[number].stop - chunks[number].start for number in finished)
 
-    def count(number: int, outcome: Outcome[list[NDArray[Any]]]) -> None:
+    def count(place: int, future: Future[list[NDArray[Any]]]) -> None:
         nonlocal done
+        number = missing[place]
         done += chunks[number].stop - chunks[number].start
-        if kept is not None and outcome.value is not None:
-            kept.keep(number, outcome.value)
+        if kept is not None and future.exception() is None:
+            kept.keep(number, future.result())
         if on_progress is not None:
             on_progress(done, len(runs.runs))
 
-    outcomes = workers.outcomes(
-        LoopOfRuns.core,
-        respond_alone,
-        loop,
-        [(runs.part(each),) for each in chunks],
-        on_done=count,
-        done={number: Outcome(value=arrays) for number, arrays in finished.items()},
-    )
-    return [(*outcome.get(), None) for outcome in outcomes]
+    parts = [(runs.part(chunks[number]),) for number in missing]
+    futures = workers.futures(LoopOfRuns.core, respond_alone, loop, parts, on_done=count)
+    finished |= {number: future.result() for number, future in zip(missing, futures, strict=True)}
+    return [(*finished[number], None) for number in range(len(chunks))]
 
 
 def _core_observer(

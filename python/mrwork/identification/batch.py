@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -19,7 +20,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.store.input_file import bytes_of
 from mrwork.store.journal import JOURNAL_FILE, Journal
-from mrwork.workers.engine import Outcome, kinds_remark, own_kind, present_workers
+from mrwork.workers.engine import present_workers
 
 T = TypeVar("T")
 
@@ -52,28 +53,22 @@ class FitBatch:
     journal_of: JournalOf | None = None
     on_progress: Callable[[int, Progress | None], None] = lambda number, progress: None
     on_fit: Callable[[int, Fit], None] = lambda number, fit: None
-    _kinds: set[str] = field(default_factory=set, init=False)
     _asked: int = field(default=0, init=False)
-    _outcomes: Iterator[Outcome[tuple[Fit, bytes]]] | None = field(default=None, init=False)
-
-    @property
-    def kinds_remark(self) -> str:
-        """What is to be said where the fits come from several kinds of processors; else empty."""
-        return kinds_remark({own_kind(), *self._kinds}) if self._kinds else ""
+    _made: Iterator[Future[tuple[Fit, bytes]]] | None = field(default=None, init=False)
 
     def fit(self, number: int) -> Fit:
         """The fit of a task; the error of one that cannot be fitted is raised."""
         self.on_progress(number, None)
-        if self._outcomes is None and present_workers() is not None and len(self.tasks) > 1:
-            self._outcomes = self._made_elsewhere()
-        if self._outcomes is None:
+        if self._made is None and present_workers() is not None and len(self.tasks) > 1:
+            self._made = self._made_elsewhere()
+        if self._made is None:
             fit = self._made_here(number)
             self.on_fit(number, fit)
             return fit
         while True:
-            outcome, self._asked = next(self._outcomes), self._asked + 1
+            future, self._asked = next(self._made), self._asked + 1
             if self._asked > number:
-                return self._whole(number, outcome.get()[0])
+                return self._whole(number, future.result()[0])
 
     def _made_here(self, number: int) -> Fit:
         task = self.tasks[number]
@@ -92,7 +87,7 @@ class FitBatch:
 
         return with_journal(self.journal_of, task.step, identify)
 
-    def _made_elsewhere(self) -> Iterator[Outcome[tuple[Fit, bytes]]]:
+    def _made_elsewhere(self) -> Iterator[Future[tuple[Fit, bytes]]]:
         workers = present_workers()
         assert workers is not None
         # Tests are in many tasks, and are sent once.
@@ -109,17 +104,17 @@ class FitBatch:
             for task in self.tasks
         ]
 
-        def arrived(number: int, outcome: Outcome[tuple[Fit, bytes]]) -> None:
-            self._kinds.add(outcome.kind)
-            if outcome.value is not None:
-                fit, lines = self._whole(number, outcome.value[0]), outcome.value[1]
+        def arrived(number: int, future: Future[tuple[Fit, bytes]]) -> None:
+            if future.exception() is None:
+                fit, lines = future.result()
+                fit = self._whole(number, fit)
                 if self.journal_of is not None:
                     with closing(self.journal_of(self.tasks[number].step)) as journal:
                         journal.adopt(lines)
                 self.on_fit(number, fit)
             self.on_progress(self._asked, None)
 
-        return workers.outcomes(tuple, fit_on_worker, tests, chunks, on_done=arrived)
+        return workers.futures(tuple, fit_on_worker, tests, chunks, on_done=arrived)
 
     def _whole(self, number: int, fit: Fit) -> Fit:
         """A fit with its tests, which come back only where they are not those of its task."""

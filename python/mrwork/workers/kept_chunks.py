@@ -37,17 +37,14 @@ class KeptChunks:
         return cls(folder=chunks_beside(journal.path), n_steps=journal.n_asked, fingerprint=fingerprint)
 
     def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:
-        """Arrays of the chunks that are kept, by number; a damaged file is none, those of earlier steps are removed."""
-        own = {self._path(number): number for number in range(count)}
+        """Arrays of the chunks that are kept, by number, and remove files of earlier steps; a damaged file is none."""
+        for path in self.folder.glob("*.npz"):
+            if path.name < f"{self.n_steps:09d}":
+                path.unlink()
         found: dict[int, list[NDArray[Any]]] = {}
-        for path in sorted(self.folder.iterdir()) if self.folder.is_dir() else ():
-            if path not in own:
-                if path.name < self._of_step:
-                    path.unlink(missing_ok=True)
-                continue
+        for number in range(count):
             with suppress(RecordError):
-                arrays = read_arrays(path, _KIND)
-                found[own[path]] = [arrays[f"arr_{place}"] for place in range(len(arrays))]
+                found[number] = [*read_arrays(self._path(number), _KIND).values()]
         return found
 
     def keep(self, number: int, arrays: Sequence[NDArray[Any]]) -> None:
@@ -55,9 +52,5 @@ class KeptChunks:
         with replacing(self._path(number)) as stream:
             np.savez(stream, *arrays)
 
-    @property
-    def _of_step(self) -> str:
-        return f"{self.n_steps:09d}-"
-
     def _path(self, number: int) -> Path:
-        return self.folder / f"{self._of_step}{self.fingerprint}-{number}.npz"
+        return self.folder / f"{self.n_steps:09d}-{self.fingerprint}-{number}.npz"

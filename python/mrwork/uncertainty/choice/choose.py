@@ -299,11 +299,6 @@ class RunningComparison:
         """Number of fits to less than all tests."""
         return 1 if self.splits is None else len(self.splits.splits)
 
-    @property
-    def kinds_remark(self) -> str:
-        """What is to be said where the fits come from several kinds of processors; else empty."""
-        return self._batch.kinds_remark
-
     def evaluate(self, family: DamperSpec) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
         model = family.name
@@ -381,7 +376,7 @@ class RunningComparison:
             for model, fit in self.fits.items()
             if not self.steps.run(f"{model}/leave_one_out", lambda journal: journal and journal.recalling)
         ]
-        outcomes = workers.outcomes(
+        futures = workers.futures(
             SharedLikelihood.on_one_thread,
             SharedLikelihood.leave_one_out,
             shared,
@@ -390,8 +385,8 @@ class RunningComparison:
                 missing[number].model, f"leave-one-out, {workers.in_words}"
             ),
         )
-        pairs = zip(missing, outcomes, strict=True)
-        return lambda fit: next(outcome for own, outcome in pairs if own is fit).get()
+        pairs = zip(missing, futures, strict=True)
+        return lambda fit: next(future for own, future in pairs if own is fit).result()
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""
@@ -504,9 +499,8 @@ def choose_model(
     Warns
     -----
     MrworkWarning
-        Where the tests are at several commands, and a family has no law; where a family failed; where one that failed
-        fits all tests far better than those that remain, so that none is chosen; and where workers of several kinds of
-        processors made the fits.
+        Where the tests are at several commands, and a family has no law; where a family failed; and where one that
+        failed fits all tests far better than those that remain, so that none is chosen.
 
     Examples
     --------
@@ -555,6 +549,6 @@ def choose_model(
             raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
     choice = comparison.choice()
-    for sentence in (*choice.ranking.doubts, *filter(None, [comparison.kinds_remark])):
+    for sentence in choice.ranking.doubts:
         warn(sentence, MrworkWarning, stacklevel=5)
     return choice
