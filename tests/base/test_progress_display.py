@@ -34,7 +34,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def shown_on(display: Display) -> ProgressLine[Report]:
-    return ProgressLine(lambda each: each.in_words, write=print, note=print, display=display)
+    return ProgressLine(lambda each: each.in_words, display)
 
 
 def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> None:

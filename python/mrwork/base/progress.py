@@ -11,10 +11,10 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from types import TracebackType
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, Protocol, Self, TypeVar, runtime_checkable
 
 from mrwork.base.arguments import NotNegative, checked
 from mrwork.base.numbers import duration_in_words
@@ -31,11 +31,11 @@ _TOLD = 1.0
 _COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
+@dataclass(slots=True)
 class CompileTime:
     """Sum of the times that JAX reports as compilation [s]; `twins` lets JAX report them, where it is loaded."""
 
-    def __init__(self) -> None:
-        self.seconds = 0.0
+    seconds: float = 0.0
 
     def count(self, event: str, duration_secs: float, **_: str | int) -> None:
         """Count an event of JAX, where it is a compilation."""
@@ -72,9 +72,13 @@ class Timed(Protocol):
 
 
 class Display(ABC):
-    """A place where progress is shown, at most once in `every` seconds; from another thread where it `ticks`."""
+    """A place where progress is shown after `patience` [s], then at most once in `every` [s].
 
-    every: float
+    A report with a time goes on in it, from another thread, where it `ticks`.
+    """
+
+    patience: float = 0.0
+    every: float = 0.2
     ticks: bool = True
 
     @abstractmethod
@@ -82,18 +86,12 @@ class Display(ABC):
         """Show a text, and a bar where the share is known."""
 
     @abstractmethod
-    def close(self) -> None:
-        """Clear what is shown."""
-
-    @abstractmethod
-    def tell(self, sentence: str) -> None:
-        """Leave a sentence behind."""
+    def close(self, last: str) -> None:
+        """Clear what is shown, and leave a last sentence behind, if there is one."""
 
 
 class TerminalBar(Display):
     """One line of a terminal, written again and again."""
-
-    every = 0.2
 
     def __init__(self, write: Write, note: Write) -> None:
         self._write, self._note = write, note
@@ -101,45 +99,40 @@ class TerminalBar(Display):
 
     def show(self, text: str, share: float | None) -> None:
         """Write the line anew."""
-        line = text if share is None else f"{_bar(share)} {text}"
+        filled = int(_BAR * (share or 0.0))
+        line = text if share is None else f"[{'#' * filled}{'-' * (_BAR - filled)}] {text}"
         self._write("\r" + line.ljust(self._width))
         self._width = len(line)
 
-    def close(self) -> None:
+    def close(self, last: str) -> None:
         """Clear the line."""
         if self._width:
             self._write("\r" + " " * self._width + "\r")
-            self._width = 0
-
-    def tell(self, sentence: str) -> None:
-        """Write the sentence on a line of its own."""
-        self._note(sentence)
+        if last:
+            self._note(last)
 
 
 class PlainLines(Display):
     """Lines of a file, as of the log of a batch job."""
 
-    every = 30.0
+    patience = every = 30.0
 
     def __init__(self, note: Write) -> None:
         self._note = note
 
     def show(self, text: str, share: float | None) -> None:
         """Write a line, with the share in per cent."""
-        self._note(text if share is None else f"{100.0 * _clip_share(share):.0f} %, {text}")
+        self._note(text if share is None else f"{100.0 * share:.0f} %, {text}")
 
-    def close(self) -> None:
+    def close(self, last: str) -> None:
         """Leave the lines."""
-
-    def tell(self, sentence: str) -> None:
-        """Write a line."""
-        self._note(sentence)
+        if last:
+            self._note(last)
 
 
 class NotebookBar(Display):
     """A bar of `ipywidgets` with the text beside it, which `display` shows below the cell."""
 
-    every = 0.2
     ticks = False
 
     def __init__(self, widgets: Any, display: Callable[[Any], object]) -> None:
@@ -147,58 +140,44 @@ class NotebookBar(Display):
         self._text = widgets.Label(value="")
         self._box = widgets.HBox([self._bar, self._text])
         self._display = display
-        self._shown = False
 
     def show(self, text: str, share: float | None) -> None:
         """Set the bar and the text."""
+        if not self._text.value:
+            self._display(self._box)
         self._text.value = text
         self._bar.layout.visibility = "hidden" if share is None else "visible"
-        self._bar.value = 0.0 if share is None else _clip_share(share)
-        if not self._shown:
-            self._display(self._box)
-            self._shown = True
+        self._bar.value = share or 0.0
 
-    def close(self) -> None:
+    def close(self, last: str) -> None:
         """Take the bar away; the text stays."""
+        if last:
+            self.show(last, None)
         self._bar.layout.display = "none"
-
-    def tell(self, sentence: str) -> None:
-        """Put the sentence in the place of the text."""
-        self._text.value = sentence
-        if not self._shown:
-            self._display(self._text)
-            self._shown = True
 
 
 def display_here(*, write: Write, note: Write) -> Display:
     """Widgets in a notebook that has them, a bar where stderr is a terminal, elsewhere lines."""
-    if _in_notebook() and find_spec("ipywidgets") is not None:
+    # A kernel has loaded IPython.
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    if getattr(shell, "kernel", None) is not None and find_spec("ipywidgets") is not None:
         return NotebookBar(import_module("ipywidgets"), import_module("IPython.display").display)
     return TerminalBar(write, note) if sys.stderr.isatty() else PlainLines(note)
 
 
 class ProgressLine(Generic[Report]):
-    """Shows the latest report of a computation, `described` in words, where this process shows progress.
+    """Shows the latest report of a computation, `described` in words, in a display; without one nothing.
 
-    It appears after `patience` [s], lines of a file after their first interval. A report with a time goes on in the
-    line until the next one comes. In the end it says for how long JAX compiled meanwhile.
+    It appears after `patience` [s]. A report with a time goes on in the line until the next one comes. In the end it
+    says for how long JAX compiled meanwhile.
     """
 
     def __init__(
-        self,
-        described: Callable[[Report], str],
-        *,
-        write: Write,
-        note: Write,
-        quiet: bool = False,
-        patience: float = 0.0,
-        display: Display | None = None,
+        self, described: Callable[[Report], str], display: Display | None, *, patience: float = 0.0
     ) -> None:
-        self._described = described
-        self._active = not quiet
-        self._display = display or display_here(write=write, note=note)
-        first = self._display.every if isinstance(self._display, PlainLines) else patience
-        self._next = time.monotonic() + first
+        self._described, self._display = described, display
+        self._next = time.monotonic() + max(patience, display.patience if display is not None else 0.0)
         self._compiled = COMPILE_TIME.seconds
         self._showing = threading.Lock()
         self._closed = threading.Event()
@@ -207,47 +186,45 @@ class ProgressLine(Generic[Report]):
 
     def __call__(self, progress: Report) -> None:
         """Show a progress report."""
-        if not self._active:
+        if self._display is None:
             return
         with self._showing:
             self._latest = progress, time.monotonic()
-            self._show(progress)
+            self._show(progress, self._display)
         if self._ticking is None and self._display.ticks and isinstance(progress, Timed):
-            self._ticking = threading.Thread(target=self._tick, name="mrwork-progress", daemon=True)
+            self._ticking = threading.Thread(
+                target=self._tick, args=[self._display], name="mrwork-progress", daemon=True
+            )
             self._ticking.start()
 
-    def _show(self, progress: Report) -> None:
+    def _show(self, progress: Report, display: Display) -> None:
         # A description may follow the reports that are not shown.
         text = escape_text(self._described(progress))
-        if time.monotonic() >= self._next:
-            self._next = time.monotonic() + self._display.every
-            self._display.show(text, progress.share if isinstance(progress, ProgressReport) else None)
+        if time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + display.every
+        share = progress.share if isinstance(progress, ProgressReport) else None
+        display.show(text, None if share is None else min(max(share, 0.0), 1.0))
 
-    def _tick(self) -> None:
+    def _tick(self, display: Display) -> None:
         while not self._closed.wait(_TICK):
             with self._showing:
                 latest, at = self._latest or (None, 0.0)
                 if isinstance(latest, Timed) and not self._closed.is_set():
-                    self._show(latest.later(time.monotonic() - at))
+                    self._show(latest.later(time.monotonic() - at), display)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Clear the line, and say how long JAX compiled."""
         self._closed.set()
         if self._ticking is not None:
             self._ticking.join()
-        self._display.close()
         compiled = COMPILE_TIME.seconds - self._compiled
-        self._compiled = COMPILE_TIME.seconds
-        if self._active and compiled >= _TOLD:
-            self._display.tell(f"JAX compiled for {duration_in_words(compiled)}")
-
-    def __enter__(self) -> ProgressLine[Report]:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+        if self._display is not None:
+            told = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""
+            self._display.close(told)
 
 
 @checked
@@ -268,31 +245,11 @@ def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[ProgressReport
     >>> with mr.show_progress() as shown:
     ...     fit = mr.identify("bingham", mr.synthetic_test("spencer1997"), on_progress=shown)
     """
-    return ProgressLine(
-        lambda report: report.in_words,
-        write=_write_stderr,
-        note=lambda sentence: _write_stderr(f"{sentence}\n"),
-        patience=patience,
-    )
+    display = display_here(write=_write_stderr, note=lambda sentence: _write_stderr(f"{sentence}\n"))
+    return ProgressLine(lambda report: report.in_words, display, patience=patience)
 
 
 def _write_stderr(text: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(text)
         sys.stderr.flush()
-
-
-def _in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook, which has loaded IPython."""
-    ipython = sys.modules.get("IPython")
-    shell = None if ipython is None else ipython.get_ipython()
-    return getattr(shell, "kernel", None) is not None
-
-
-def _clip_share(share: float) -> float:
-    return min(max(share, 0.0), 1.0)
-
-
-def _bar(share: float) -> str:
-    filled = int(_BAR * _clip_share(share))
-    return f"[{'#' * filled}{'-' * (_BAR - filled)}]"

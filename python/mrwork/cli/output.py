@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from mrwork.base.progress import ProgressLine, ProgressReport
+from mrwork.base.progress import ProgressLine, ProgressReport, display_here
 from mrwork.base.summary import Summarised, align_rows
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, reason_of
@@ -44,7 +44,8 @@ def progress_line(
     described: Callable[[Report], str], *, quiet: bool, patience: float = PATIENCE
 ) -> ProgressLine[Report]:
     """A line of progress, which is cleared at the end."""
-    return ProgressLine(described, write=write_stderr, note=note, quiet=quiet, patience=patience)
+    display = None if quiet else display_here(write=write_stderr, note=note)
+    return ProgressLine(described, display, patience=patience)
 
 
 @contextmanager
