@@ -2,7 +2,7 @@
 
 The loop itself is that of every law. It waits for Python at each sample, some tens of microseconds: a run of the
 five-storey frame at 1 ms takes some seven times as long as one with a law of the registry. Candidates in one batch
-share the waiting. What a function changes in the process is undone, and what it raises has file and line.
+share the waiting. What a function raises has file and line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.store.user_python import Undone, code_of, in_words, place_of, place_raised
+from mrwork.store.user_python import file_of, in_words, place_of, place_raised
 
 
 def _never_a_value(function: Callable[..., object]) -> str:
@@ -243,7 +243,7 @@ class UserLaw(Summarised):
         largest = np.array([device.largest_command for device in devices])
         # A law must not change it for the samples that follow.
         largest.setflags(write=False)
-        memory, undone = np.zeros((len(runs), self.n_memory)), Undone()
+        memory = np.zeros((len(runs), self.n_memory))
         running = (
             None if self.rms_time is None else _Fading(len(runs), math.exp(-sample_time / self.rms_time))
         )
@@ -259,13 +259,11 @@ class UserLaw(Summarised):
                 rms=None if running is None else running.take(number, places, readings[2:]),
             )
             try:
-                with undone:
-                    returned = self.command(sample, kept)
+                returned = self.command(sample, kept)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:
-                code = code_of(self.command)
-                place = place_raised(error, "" if code is None else code.co_filename)
+                place = place_raised(error, file_of(self.command))
                 where = f" in {place}" if place else ""
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"

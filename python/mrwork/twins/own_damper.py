@@ -24,7 +24,7 @@ from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.store.function_text import function_text
-from mrwork.store.user_python import code_of, in_words, place_of, place_raised
+from mrwork.store.user_python import file_of, in_words, place_of, place_raised
 from mrwork.twins.models import Twin, on_processor, twin_of, twin_with
 from mrwork.twins.own_batches import interruptible
 
@@ -245,8 +245,7 @@ class _Check:
             traced, result = jax.make_jaxpr(self._of(role), return_shape=True)(*self._rest)
             again = jax.make_jaxpr(self._of(role))(*self._rest)
         except Exception as error:
-            code = code_of(function)
-            raised = place_raised(error, "" if code is None else code.co_filename)
+            raised = place_raised(error, file_of(function))
             hint = in_words(error).partition(" See https")[0][:200]
             if isinstance(error, _TRACED):
                 hint = (
