@@ -5,14 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, wraps
-from typing import Any, ParamSpec, TypeVar
-
-P = ParamSpec("P")
-T = TypeVar("T")
+from functools import cache
+from typing import Any
 
 _LOCK = threading.Lock()
 _THREADS = "OPENBLAS_NUM_THREADS"
@@ -37,15 +34,8 @@ def one_blas_thread() -> Iterator[None]:
                 _LIMIT.end()
 
 
-def on_one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorator of a function that is done within `one_blas_thread`."""
-
-    @wraps(function)
-    def alone(*args: P.args, **kwargs: P.kwargs) -> T:
-        with one_blas_thread():
-            return function(*args, **kwargs)
-
-    return alone
+on_one_blas_thread = one_blas_thread()
+"""Decorator of a function that is done within `one_blas_thread`."""
 
 
 @dataclass(slots=True)

@@ -62,12 +62,6 @@ class NamedArrays:
     arrays: Mapping[str, NamedArray]
     along: Mapping[str, NamedArray] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        for name, array in {**self.along, **self.arrays}.items():
-            expected = tuple(self.labels[axis].values.size for axis in array.axes)
-            if array.values.shape != expected:
-                raise ValueError(f"{name} has the shape {array.values.shape} where {expected} was expected")
-
     def split_axis(
         self, axis: str, places: NDArray[np.int64], labels: Mapping[str, NamedArray]
     ) -> NamedArrays:

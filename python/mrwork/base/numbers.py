@@ -24,7 +24,6 @@ _DIGITS_ALONE = 5
 _MOST_DIGITS = 8
 _MOST_APART = 17
 _LEAST_PROBABILITY = 0.001
-_BYTES = ("bytes", "kB", "MB", "GB", "TB", "PB", "EB")
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
@@ -194,12 +193,6 @@ def format_rate(rate: float) -> str:
             return f"{rate:.3g}{unit}"
         rate /= 1000.0
     return f"{rate:.3g}G"
-
-
-def bytes_in_words(count: float) -> str:
-    """A size in the largest unit of which there is one, as in "32 MB"."""
-    power = min(int(math.log10(max(count, 1.0))) // 3, len(_BYTES) - 1)
-    return f"{count / 1e3**power:.3g} {_BYTES[power]}"
 
 
 def duration_in_words(seconds: float) -> str:

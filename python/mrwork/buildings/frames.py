@@ -14,7 +14,6 @@ import scipy
 
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.keys import check_known
-from mrwork.base.numbers import bytes_in_words
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, PassiveElement, source_with, transform_elements
 from mrwork.buildings.modes import modes_of, spaces_of
@@ -29,7 +28,7 @@ def check_storeys(count: int) -> None:
     if count > _MOST_STOREYS:
         raise SettingError(
             f"a building of {count:,} storeys is taller than any, and would have matrices of "
-            f"{bytes_in_words(8.0 * count * count)} each; give {_MOST_STOREYS:,} storeys at most"
+            f"{8e-6 * count * count:,.0f} MB each; give {_MOST_STOREYS:,} storeys at most"
         )
 
 
