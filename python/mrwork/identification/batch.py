@@ -90,15 +90,12 @@ class FitBatch:
     def _made_elsewhere(self) -> Iterator[Future[tuple[Fit, bytes]]]:
         workers = present_workers()
         assert workers is not None
-        # Tests are in many tasks, and are sent once.
-        tests = [*{id(test): test for task in self.tasks for test in task.tests}.values()]
-        places = {id(test): place for place, test in enumerate(tests)}
         chunks = [
             (
                 task.spec,
                 task.settings,
                 task.examines,
-                [places[id(test)] for test in task.tests],
+                task.tests,
                 with_journal(self.journal_of, task.step, lambda journal: journal and journal.lines),
             )
             for task in self.tasks
@@ -114,7 +111,7 @@ class FitBatch:
                 self.on_fit(number, fit)
             self.on_progress(self._asked, None)
 
-        return workers.futures(tuple, fit_on_worker, tests, chunks, on_done=arrived)
+        return workers.futures(tuple, fit_on_worker, (), chunks, on_done=arrived)
 
     def _whole(self, number: int, fit: Fit) -> Fit:
         """A fit with its tests, which come back only where they are not those of its task."""
@@ -130,19 +127,18 @@ def with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journa
 
 
 def fit_on_worker(
-    tests: tuple[DamperTest, ...],
+    _: object,
     spec: DamperSpec,
     settings: FitSettings,
     examines: bool,
-    places: Sequence[int],
+    tests: tuple[DamperTest, ...],
     lines: bytes | None,
 ) -> tuple[Fit, bytes]:
-    """The fit of a task to those tests, on one thread, and the lines of its journal, which go on after `lines`."""
-    own = tuple(tests[place] for place in places)
+    """The fit of a task on one thread, and the lines of its journal, which go on after `lines`."""
 
     def identify(journal: Journal | None) -> Fit:
-        fit = identify_with(spec, own, settings, threads=1, journal=journal, warns=False, examines=examines)
-        same = len(fit.tests) == len(own) and all(map(is_, fit.tests, own))
+        fit = identify_with(spec, tests, settings, threads=1, journal=journal, warns=False, examines=examines)
+        same = len(fit.tests) == len(tests) and all(map(is_, fit.tests, tests))
         return replace(fit, tests=()) if same else fit
 
     if lines is None:
