@@ -16,6 +16,9 @@ from command_line import printed
 from numpy.typing import NDArray
 from record_files import write_test
 from refusals import command_refusal
+from report_samples import comparison
+from report_samples import fit as sample_fit
+from run_folders import write_fit
 from sentences import Refused
 from sinusoidal_tests import driven_test
 
@@ -32,6 +35,8 @@ from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.search import EfficientGA, StopRules
+from mrwork.store.run_folder import PREDICTIONS, RunFolder
+from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 
@@ -300,8 +305,9 @@ def test_residuals_for_jax_follow_constant_and_varying_commands_together() -> No
 def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
     tests = (record(switching), record(0.5))
     content = predictions_content([mr.Prediction(test=test, model_force=test.force) for test in tests])
-    (tmp_path / "predictions.npz").write_bytes(content)
-    stored = read_predictions(tmp_path)
+    run = write_fit(tmp_path / "run", sample_fit(comparison()))
+    add_to_run(run, {PREDICTIONS: content})
+    stored = read_predictions(RunFolder.open(run))
     np.testing.assert_array_equal(stored[0].test.current, tests[0].current)
     assert stored[1].test.current == 0.5
 

@@ -60,7 +60,7 @@ def studied(folder: Path, tested: OperatingRange | None, text: str = STUDY) -> S
 def test_within_the_tested_ranges_nothing_is_said(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges())
     assert results.warnings() == []
-    assert [each["outside_tested_range"] for each in study_document(results)["results"]] == [[]] * 4
+    assert [each["outside_tested_range"] for each in study_document(results)["results"]] == [()] * 4
 
 
 def test_demand_is_that_on_one_damper(tmp_path: Path) -> None:
@@ -89,8 +89,8 @@ def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> Non
     assert second.startswith("command 0 A, tested from 0.5 to 1.5 A; the laws of c, k, alpha, delta, f0 are")
     document = study_document(results)
     outside = [each["outside_tested_range"] for each in document["results"]]
-    assert outside == [[], ["velocity", "command"], ["velocity"], []]
-    assert document["warnings"] == [first, second]
+    assert outside == [(), ("velocity", "command"), ("velocity",), ()]
+    assert document["warnings"] == (first, second)
 
 
 def test_unknown_ranges_are_said_once_and_are_no_warning(tmp_path: Path) -> None:

@@ -96,18 +96,6 @@ class Journal:
                     "begin anew with replace=True"
                 )
 
-    @classmethod
-    def of_run(cls, path: Path, *, committed: Path, resume: bool, note: Callable[[str], None]) -> Journal:
-        """The journal that grows at `path` in a run folder, which is locked.
-
-        One that is resumed and not there begins as the `committed` one does, once a step is added.
-        """
-        journal = cls.__new__(cls)
-        journal._begin(path, locks=False)
-        if resume:
-            journal._resume(path if path.is_file() else committed, note)
-        return journal
-
     def _begin(self, path: Path, *, locks: bool = True) -> None:
         self.path = path
         self._recorded: list[dict[str, Any]] = []
@@ -312,6 +300,18 @@ class Journal:
             os.fsync(file)
             self._synced = time.perf_counter()
             self._pause = (self._synced - began) / _DISK_SHARE
+
+
+def journal_in_run(path: Path, *, committed: Path, resume: bool, note: Callable[[str], None]) -> Journal:
+    """The journal that grows at `path` in a run folder, which is locked.
+
+    One that is resumed and not there begins as the `committed` one does, once a step is added.
+    """
+    journal = Journal.__new__(Journal)
+    journal._begin(path, locks=False)
+    if resume:
+        journal._resume(path if path.is_file() else committed, note)
+    return journal
 
 
 # Increased whenever names or order of the entries change, or the bits of what is computed: older journals are refused.

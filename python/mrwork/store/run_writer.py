@@ -40,7 +40,7 @@ from mrwork.store.commit import (
     manifest_document,
 )
 from mrwork.store.input_file import exists, is_folder
-from mrwork.store.journal import Journal, is_journal, n_steps
+from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
 from mrwork.store.output_file import (
     Lock,
     explain_failure,
@@ -147,6 +147,8 @@ class Destination:
     def run(self) -> RunFolder | None:
         """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
         place = self.place
+        if "\0" in str(self.path):
+            raise OutputError(f"{str(self.path)!r} has a zero, which no name can have; choose another name")
         refuse_place_in_run(self.path)
         if not place.is_dir():
             if exists(place):
@@ -257,11 +259,13 @@ class RunAtWork:
             journal.close()
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
-        elif error is not None and not (
-            self._committing or any(n_steps(each.path) for each in self._journals)
-        ):
+        elif error is not None and not (self.destination.resume or self._committing or self._has_steps):
             _sweep(self._place, self._listed())
         self._locked.close()
+
+    @property
+    def _has_steps(self) -> bool:
+        return any(n_steps(each.path) for each in self._journals)
 
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
@@ -272,7 +276,7 @@ class RunAtWork:
             raise JournalError(
                 f"there is no {JOURNAL} to resume in {self.destination.path}{self._of_before()}"
             )
-        journal = Journal.of_run(growing, committed=committed, resume=resume, note=self._note)
+        journal = journal_in_run(growing, committed=committed, resume=resume, note=self._note)
         self._journals.append(journal)
         return journal
 
@@ -417,14 +421,14 @@ def addition_journal(
             )
         if resume and not (growing.is_file() or kept.is_file()):
             raise JournalError(f"there is no {kept} to resume; run without --resume")
-        journal = Journal.of_run(growing, committed=kept, resume=resume, note=note)
+        journal = journal_in_run(growing, committed=kept, resume=resume, note=note)
         try:
             yield journal
         except BaseException as error:
             journal.close()
             if isinstance(error, KeyboardInterrupt):
                 error.add_note(_TO_RESUME)
-            elif not n_steps(growing):
+            elif not (resume or n_steps(growing)):
                 growing.unlink(missing_ok=True)
             raise
         finally:
