@@ -1,17 +1,12 @@
-"""Named numeric columns of a file, and what the name of a column means: its quantity, its unit, the option for it.
-
-Lists of files and the grid of rounded times are here, too.
-"""
+"""Named numeric columns of a file, and what the name of a column means: its quantity, its unit, the option for it."""
 
 from __future__ import annotations
 
-import glob
-import os
 import re
 import shlex
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
@@ -24,7 +19,6 @@ from mrwork.base.units import FACTORS, CommandUnit, command_unit_of, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
-from mrwork.store.input_file import exists
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
@@ -108,14 +102,12 @@ _WORD: Final = re.compile(r"[A-ZÀ-Þ]?[a-zß-ÿ]+|[A-ZÀ-Þ]+(?![a-zß-ÿ])|[\u
 
 
 def plain_name(name: str) -> str:
-    """A name with one way to write each character: no wide or composed ones, no blanks that are doubled."""
-    return " ".join(unicodedata.normalize("NFKC", name).split())
+    """A name with one way to write each character, and single blanks; empty where it is too long to be a name."""
+    return "" if len(name) > LONGEST_NAME else " ".join(unicodedata.normalize("NFKC", name).split())
 
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
-    if len(name) > LONGEST_NAME:
-        return None
     words, at_end = _words_and_unit(name)
     match = _NAME.fullmatch(plain_name(name))
     if match is not None and match[1].casefold() in _STEMS[quantity] | _OF_SENSORS[quantity]:
@@ -147,8 +139,6 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     Such as ``valve_mm``, ``Valve Opening (%)``, ``setpoint_psi`` and ``command [deg C]``. `apart` is a unit that the
     file states beside the name. A name of further words, as ``Axial Command (mm)``, means a command of the rig.
     """
-    if len(name) > LONGEST_NAME:
-        return None
     words, at_end = _words_and_unit(name)
     match = _NAME.fullmatch(plain_name(name))
     for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
@@ -169,12 +159,7 @@ def _long_stems(quantity: TestQuantity) -> frozenset[str]:
 
 def unit_at_end(name: str) -> str:
     """The unit in brackets or at the end of a column's name, empty where there is none."""
-    return _words_and_unit(name)[1] if len(name) <= LONGEST_NAME else ""
-
-
-def without_unit(name: str) -> str:
-    """A column's name without the unit in brackets or at its end."""
-    return _words_and_unit(name)[0].strip() if len(name) <= LONGEST_NAME else name
+    return _words_and_unit(name)[1]
 
 
 def find_column(column: str, names: Sequence[str], source: str) -> str:
@@ -183,7 +168,7 @@ def find_column(column: str, names: Sequence[str], source: str) -> str:
     alike = (
         [name for name in names if name == column]
         or [name for name in names if plain_name(name).casefold() == wanted]
-        or [name for name in names if without_unit(name).casefold() == wanted]
+        or [name for name in names if _words_and_unit(name)[0].strip().casefold() == wanted]
         or ([names[int(wanted) - 1]] if wanted in numbered_names(len(names)) else [])
     )
     if len(alike) == 1:
@@ -389,80 +374,15 @@ class VectorTable(ColumnTable):
             raise RecordError(
                 f"{self.source}: columns must be equally long, but {listed}; save them from one test"
             )
-        return {name: self._numbers(name) for name in wanted}
+        # What is beyond the range of doubles is infinite, and refused with its row.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return {name: self.vectors[name].astype(np.float64, copy=False) for name in wanted}
 
     def locate(self, row: int) -> str:
         """Row number from 1."""
         return f"row {row + 1}"
 
-    def _numbers(self, name: str) -> Floats:
-        vector = self.vectors[name]
-        if not (np.issubdtype(vector.dtype, np.integer) or np.issubdtype(vector.dtype, np.floating)):
-            raise RecordError(
-                f"{self.source}: column '{name}' holds {vector.dtype} values where real numbers were "
-                "expected; convert it before saving"
-            )
-        # What is beyond the range of doubles is infinite, and refused with its row.
-        with np.errstate(over="ignore", invalid="ignore"):
-            return vector.astype(np.float64, copy=False)
-
 
 def unused_parts(noun: str, names: Sequence[str], why: str) -> tuple[str, ...]:
     """Parts of a file that are no columns, and why, as `ColumnTable.unused` has them; nothing where there are none."""
     return (f"{noun}{'s' if len(names) > 1 else ''} {list_names(names)} ({why})",) if names else ()
-
-
-def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
-    """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
-    if isinstance(paths, str | os.PathLike):
-        pattern = os.fspath(paths)
-        _refuse_nameless(pattern)
-        # An existing file whose name contains brackets is not a pattern.
-        paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
-        if not files:
-            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
-        return files
-    files = [os.fspath(path) for path in paths]
-    if not files:
-        raise RecordError(none)
-    for file in files:
-        _refuse_nameless(file)
-    return files
-
-
-def _refuse_nameless(file: str) -> None:
-    # An empty name would be the current folder.
-    if not file or "\0" in file:
-        raise RecordError(f"{file!r} is no path of a file; check the name")
-
-
-def rounded_grid(time: Floats) -> Floats | None:
-    """The uniform grid of which these times are rounded values, shape (n_time,); `None` if they are not.
-
-    The grid is the regression of the time on the number of the sample, which rounding does not bias, unlike the
-    median step. Each time may differ from it by half of the last digit with which it is written, more is jitter: one
-    column may have times of different numbers of decimals, as a format with a fixed number of significant digits
-    prints them. A digit above half a step could equally be a missing sample.
-    """
-    index = np.arange(time.size) - 0.5 * (time.size - 1)
-    slope = float(index @ time) / float(index @ index)
-    grid = np.asarray(np.mean(time) + slope * index, dtype=np.float64)
-    digit = last_digit(time)
-    typical = float(np.median(digit))
-    if typical > 0.5 * slope:
-        return None
-    # The regression of a short record is itself uncertain by a fifth of the typical digit.
-    allowed = np.minimum(0.5 * digit + 0.25 * typical, 0.5 * slope)
-    return grid if np.all(np.abs(time - grid) <= allowed) else None
-
-
-def last_digit(values: Floats) -> Floats:
-    """Power of ten of the last decimal with which each value can be written, shape of `values`, 1 to 1e-12."""
-    digit = np.full(values.shape, 1e-12)
-    for power in range(12, -1, -1):
-        scaled = values * 10.0**power
-        # Values that were converted from another unit are a few roundings away from their decimals.
-        written = np.abs(scaled - np.round(scaled)) <= 1e-9 + 8.0 * np.spacing(np.abs(scaled))
-        digit = np.where(written, 10.0**-power, digit)
-    return digit

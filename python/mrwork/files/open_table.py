@@ -1,15 +1,15 @@
-"""Open a file of any format as named columns; sheets of .xlsx workbooks and channels of .tdms files are opened here."""
+"""Lists of files, and files of any format as named columns; .xlsx workbooks and .tdms files are opened here."""
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import importlib.util
 import io
-import logging
-import sys
+import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 from warnings import warn
@@ -20,7 +20,7 @@ from mrwork.errors import MrworkWarning, RecordError, reason_of
 from mrwork.files.delimited import open_delimited, table_of_text
 from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, unit_in_name, unused_parts
-from mrwork.store.input_file import RECORD, bytes_of, check_file
+from mrwork.store.input_file import RECORD, bytes_of, check_file, exists
 from mrwork.store.members import members_of
 
 
@@ -70,13 +70,16 @@ def open_tdms(path: Path) -> ColumnTable:
     """
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError as error:
         raise RecordError(
             f"{path}: reading TDMS needs npTDMS; run: pip install 'mrwork[tdms]', or export the channels as text"
         ) from error
     data = bytes_of(path, RECORD)
+    reports = io.StringIO()
+    usual = log_manager.console_handler.setStream(reports)
     try:
-        with _reports() as reports, TdmsFile.open(io.BytesIO(data)) as file:
+        with TdmsFile.open(io.BytesIO(data)) as file:
             channels = [channel for group in file.groups() for channel in group.channels()]
             # No sample takes less than a byte, whatever a damaged header claims.
             if sum(len(channel) for channel in channels) > len(data):
@@ -90,9 +93,11 @@ def open_tdms(path: Path) -> ColumnTable:
             steps = {_waveform(each) for each in channels if len(each)}
     except Exception as error:  # the library raises whatever a damaged file leads it to
         raise RecordError(f"{path}: not a readable .tdms file ({reason_of(error)}); save it again") from error
-    if reports:
+    finally:
+        log_manager.console_handler.setStream(usual)
+    if report := reports.getvalue().partition("\n")[0]:
         warn(
-            f"{path}: npTDMS reports: {reports[0].getMessage()}; check that no samples are missing, or save it again",
+            f"{path}: {report}; check that no samples are missing, or save it again",
             MrworkWarning,
             stacklevel=3,
         )
@@ -116,24 +121,6 @@ def open_tdms(path: Path) -> ColumnTable:
         units={name: unit for name, unit in units.items() if unit},
         unused=unused_parts("channel", [f"'{name}'" for name in read if name not in vectors], "no numbers"),
     )
-
-
-@contextmanager
-def _reports() -> Iterator[list[logging.LogRecord]]:
-    from logging.handlers import BufferingHandler  # this format alone needs it
-
-    kept = BufferingHandler(sys.maxsize)
-    kept.setLevel(logging.WARNING)
-    # Each of its modules has a logger of its own, which prints on stderr.
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
-    before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, names)]
-    for logger, _, _ in before:
-        logger.handlers, logger.propagate = [kept], False
-    try:
-        yield kept.buffer
-    finally:
-        for logger, handlers, propagate in before:
-            logger.handlers, logger.propagate = handlers, propagate
 
 
 def _unit(channel: Any) -> str:
@@ -169,3 +156,28 @@ def open_table(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTa
     raise RecordError(
         f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"
     )
+
+
+def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
+    """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
+    if isinstance(paths, str | os.PathLike):
+        pattern = os.fspath(paths)
+        _refuse_nameless(pattern)
+        # An existing file whose name contains brackets is not a pattern.
+        paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
+        files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
+        if not files:
+            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
+        return files
+    files = [os.fspath(path) for path in paths]
+    if not files:
+        raise RecordError(none)
+    for file in files:
+        _refuse_nameless(file)
+    return files
+
+
+def _refuse_nameless(file: str) -> None:
+    # An empty name would be the current folder.
+    if not file or "\0" in file:
+        raise RecordError(f"{file!r} is no path of a file; check the name")

@@ -21,7 +21,7 @@ from mrwork.base.values import Floats
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import decode_text
 from mrwork.files.layout import reads_as_float
-from mrwork.files.named_columns import rounded_grid
+from mrwork.files.rounded_times import rounded_grid
 from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 

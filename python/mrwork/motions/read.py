@@ -30,10 +30,10 @@ from mrwork.files.named_columns import (
     ColumnTable,
     VectorTable,
     find_column,
-    listed_files,
-    rounded_grid,
     unit_in_name,
 )
+from mrwork.files.open_table import listed_files
+from mrwork.files.rounded_times import rounded_grid
 from mrwork.motions.examination import refuse_absurd
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.networks import (

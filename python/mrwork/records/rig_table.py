@@ -16,8 +16,7 @@ from mrwork.base.table import csv_text
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
-from mrwork.files.named_columns import listed_files
-from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS
+from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing

@@ -15,7 +15,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
-from mrwork.files.named_columns import rounded_grid
+from mrwork.files.rounded_times import rounded_grid
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import runs_of, spectrum
 
