@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,10 +12,11 @@ import numpy as np
 import pytest
 from examples import examples
 from hypothesis import given
+from numpy.typing import NDArray
 from refusals import refusal
 
-from mrwork.errors import MrworkError, RecordError
-from mrwork.files.delimited import DelimitedTable, RegularTable, decode_text, open_delimited
+from mrwork.errors import RecordError
+from mrwork.files.delimited import open_delimited
 from mrwork.files.named_columns import ColumnTable
 
 NAMES = [
@@ -108,78 +110,76 @@ def test_a_table_in_any_dialect_gives_its_numbers_or_a_refusal(
     path = tmp_path_factory.mktemp("dialect") / "rig.csv"
     path.write_bytes(written(names, table, dialect))
     try:
-        opened = open_delimited(path)
-        found = np.stack(list(opened.read(opened.names).values()), axis=1)
+        table_of_file = open_delimited(path)
+        found = numbers_of(table_of_file)
     except RecordError as refusal:
         # Where every comma stands before three digits, they may separate thousands.
         if not (dialect.comma and "or a comma between thousands" in str(refusal)):
             raise
         return
-    assert list(opened.names) == names
+    assert list(table_of_file.names) == names
     np.testing.assert_array_equal(found, [[float(cell) for cell in row] for row in table])
 
 
 HEADER = "time_s,force_n,current_a"
-# Longer than the part in which the header is looked for.
+# More than are read at once.
 ROWS = [f"{0.001 * row:.3f},{np.sin(row):.6f},{row % 7}" for row in range(4500)]
+NUMBERS_OF_ROWS = np.array([row.split(",") for row in ROWS], dtype=float)
 
 
-def changed(rows: dict[int, str], ending: str = "") -> str:
-    """The table with some lines replaced, by row, and something at the end of each other line."""
-    return "\n".join([HEADER, *(rows.get(row, line + ending) for row, line in enumerate(ROWS))])
+def opened(folder: Path, rows: Sequence[str], more: str = "") -> ColumnTable:
+    path = folder / "table.csv"
+    path.write_text("\n".join([HEADER + more, *rows]))
+    return open_delimited(path)
 
 
-def told(table: ColumnTable, wanted: list[str]) -> object:
-    try:
-        return [(name, column.tobytes()) for name, column in table.read(wanted).items()]
-    except (MrworkError, ValueError) as error:
-        return str(error)
+def numbers_of(table: ColumnTable) -> NDArray[np.float64]:
+    return np.stack(list(table.read(table.names).values()), axis=1)
 
 
-REGULAR = {
-    "plain": changed({}),
-    "header block": "Test of a damper\n\ntime,force,current\ns,N,A\n" + "\n".join(ROWS) + "\n\n",
-    "CR LF": changed({}).replace("\n", "\r\n"),
-    "blanks": changed({}).replace(",", "  "),
-    "decimal commas": changed({4000: "", 4350: "1,x,2"}).replace(",", ";").replace(".", ","),
-    "trailing": changed({}, ","),
-    "texts": changed({4350: "1,2,x,läuft"}, ",läuft").replace("current_a", "current_a,Zustand"),
-    "quoted texts": changed({}, ',"12:30:00.1, by hand"').replace("current_a", "current_a,note"),
-    "empty lines": changed({100: "# remark", 4000: "# 1,2,3", 4250: "", 4499: ""}),
-    "gaps": changed({4000: "1,,2", 4001: "nan,NA, n/a ", 4002: ",,"}),
-    "cells": changed({4000: "1, OL,2", 4499: "OL,2,3"}),
-    "widths": changed({4000: "1,x,2", 4250: "1,2", 4300: "1,2,3,4"}),
-    "remarks": changed({4000: "1,2,3 # seen", 4350: "1,2,x # seen"}),
-}
-IRREGULAR = {
-    "a header below": changed({4000: HEADER}),
-    "a rule": changed({4000: "---,---,---"}),
-    "a quoted break": changed({4000: '1,"2\n3",4'}),
-    "a digit of another script": changed({4350: "1,\N{ARABIC-INDIC DIGIT FIVE},2"}),
-}
+@pytest.mark.parametrize("line", ["", "  ", "# 1,2,3", HEADER, "---,---,---"])
+def test_lines_among_the_rows_count_as_lines_only(tmp_path: Path, line: str) -> None:
+    table = opened(tmp_path, [*ROWS[:100], line, *ROWS[100:4300], line, *ROWS[4300:]])
+    np.testing.assert_array_equal(numbers_of(table), NUMBERS_OF_ROWS)
+    assert [table.locate(row) for row in (99, 100, 4300)] == ["line 101", "line 103", "line 4304"]
 
 
-@pytest.mark.parametrize("case", [*REGULAR, *IRREGULAR])
-def test_a_table_is_told_as_line_by_line(tmp_path: Path, case: str) -> None:
-    data = (REGULAR | IRREGULAR)[case].encode()
+@pytest.mark.parametrize(
+    ("more", "ending"), [("", ""), ("", ","), ("", " # seen"), (",Zustand,note", ',läuft,"by hand, 12:30"')]
+)
+def test_missing_numbers_are_nan_and_ends_of_rows_do_not_matter(
+    tmp_path: Path, more: str, ending: str
+) -> None:
+    gaps = {4000: "1,,2", 4001: "nan,NA, n/a ", 4300: '"3", "4",-nan', 4499: ",null,2"}
+    rows = [gaps.get(row, line) + ending for row, line in enumerate(ROWS)]
+    expected = NUMBERS_OF_ROWS.copy()
+    nan = np.nan
+    expected[list(gaps)] = [[1, nan, 2], [nan, nan, nan], [3, 4, nan], [nan, nan, 2]]
+    columns = opened(tmp_path, rows, more).read(HEADER.split(","))
+    np.testing.assert_array_equal(np.stack(list(columns.values()), axis=1), expected)
+
+
+@pytest.mark.parametrize(
+    ("changed", "wanted", "word"),
+    [
+        ({4000: "1,x,2", 4300: "1,2,y"}, ["force_n", "current_a"], "line 4002, column 'force_n' holds 'x'"),
+        ({4000: "1,x,2", 4300: "1,2,y"}, ["current_a"], "line 4302, column 'current_a' holds 'y'"),
+        ({4300: "1,2"}, ["time_s"], "line 4302 has 2 fields where the header names 3"),
+        ({4300: "1,2,3,4"}, ["time_s"], "line 4302 has 4 fields .* decimal commas between commas"),
+    ],
+)
+def test_the_first_wrong_cell_of_a_wanted_column_is_named(
+    tmp_path: Path, changed: dict[int, str], wanted: list[str], word: str
+) -> None:
+    table = opened(tmp_path, [changed.get(row, line) for row, line in enumerate(ROWS)])
+    refusal(table.read, wanted, match=word)
+
+
+def test_dates_with_points_stand_beside_decimal_commas(tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
-    path.write_bytes(data)
+    rows = [f"01.05.2024 12:00:{row:02d},5;{row},25;" for row in range(20)]
+    path.write_text("\n".join(["Zeit;Kraft [N];Weg [mm]", *rows[:10], ";7,25;", *rows[10:]]))
     table = open_delimited(path)
-    assert isinstance(table, RegularTable) == (case in REGULAR)
-    lines = decode_text(data).replace("\r\n", "\n").split("\n")
-    expected = DelimitedTable(source=str(path), sha256="", lines=lines)
-    assert (table.names, table.units) == (expected.names, expected.units)
-    for names in (table.names, table.names[:2], table.names[::-2]):
-        assert told(table, list(names)) == told(expected, list(names))
-    for row in (0, 99, 100, 3998, 4250, 4480):
-        assert table.locate(row) == expected.locate(row)
-
-
-def test_the_first_text_in_a_requested_column_is_refused_after_all_widths(tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    path.write_text(changed({4000: "1,2,x", 4001: "OL,2,3"}))
-    table = open_delimited(path)
-    assert table.read(["force_n"])["force_n"].size == len(ROWS)
-    refusal(table.read, ["time_s", "current_a"], match="line 4002, column 'current_a' holds 'x'")
-    path.write_text(changed({4000: "1,2,x", 4499: "1,2"}))
-    refusal(open_delimited(path).read, ["force_n"], match="line 4501 has 2 fields")
+    columns = table.read(["Zeit", "Kraft [N]"])
+    np.testing.assert_array_equal(columns["Zeit"][[0, 9, 10, 11]], [0.0, 9.0, np.nan, 10.0])
+    np.testing.assert_array_equal(columns["Kraft [N]"][[0, 10, 20]], [0.25, 7.25, 19.25])

@@ -25,7 +25,7 @@ from mrwork.store.input_file import (
     start_of,
     text_of,
 )
-from mrwork.store.members import _text, members_of
+from mrwork.store.members import _lines, members_of
 from mrwork.study import read_results, read_study
 from mrwork.uncertainty.candidate_tests import read_candidates
 
@@ -83,21 +83,21 @@ def test_members_come_back_with_their_numbers_and_attributes(tmp_path: Path) -> 
         file["text"] = "abc"
         file["#refs#"] = 1.0
         file["elsewhere"] = h5py.ExternalLink(str(path), "text")
-    members = members_of(path.read_bytes(), "hdf5", path)
+    members = members_of(path.read_bytes(), path)
     arrays = {name: each.array.tolist() for name, each in members.items() if each.array is not None}
     assert arrays == {"group/table": [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]], "big_endian": [0, 1, 2]}
     assert set(members) == {*arrays, "", "group", "group/deep", "text"}
     assert {name for name, each in members.items() if each.is_group} == {"", "group", "group/deep"}
     assert members[""].attributes == {"title": "a title"}
     assert members["group/table"].attributes == {"units": "N"}
-    refusal(members_of, path.read_bytes()[:900], "hdf5", path, match="not a readable HDF5 file")
+    refusal(members_of, path.read_bytes()[:900], path, match="not a readable HDF5 file")
 
 
 def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "file.h5", "w") as file:
         file.create_dataset("force", shape=(LEAST // 8 + 1, 1), chunks=(1024, 1), dtype="f4")
     content = (tmp_path / "file.h5").read_bytes()
-    refusal(members_of, content, "hdf5", tmp_path / "file.h5", match="'force' claims 101 MB")
+    refusal(members_of, content, tmp_path / "file.h5", match="'force' claims 101 MB")
 
 
 def test_a_text_that_stands_in_many_cells_counts_in_each(tmp_path: Path) -> None:
@@ -107,4 +107,4 @@ def test_a_text_that_stands_in_many_cells_counts_in_each(tmp_path: Path) -> None
             while True:
                 yield ["x" * 1_000_000]
 
-    refusal(_text, Sheet(), Allowance(tmp_path / "rig.xlsx", 100), match="a sheet claims")
+    refusal(_lines, Sheet(), Allowance(tmp_path / "rig.xlsx", 100), match="a sheet claims")

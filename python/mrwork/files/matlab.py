@@ -28,7 +28,7 @@ from mrwork.store.members import Member, members_of
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
     """Variables of a version 7.3 file, or the fields of its only struct; `None` for others than real numbers."""
     name, damaged = "version 7.3 .mat file", "it is cut off or damaged, save it again"
-    members = members_of(data, "hdf5", path, name=name, remedy=damaged)
+    members = members_of(data, path, name=name, remedy=damaged)
     names = [each for each in members if each and "/" not in each]
     prefix = ""
     if len(names) == 1 and members[names[0]].is_group:

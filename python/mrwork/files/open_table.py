@@ -17,11 +17,11 @@ from warnings import warn
 import numpy as np
 
 from mrwork.errors import MrworkWarning, RecordError, reason_of
-from mrwork.files.delimited import open_delimited, table_of_text
+from mrwork.files.delimited import DelimitedTable, open_delimited
 from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, unit_in_name, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of, check_file, exists
-from mrwork.store.members import members_of
+from mrwork.store.members import sheets_of
 
 
 def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
@@ -33,26 +33,20 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
     if importlib.util.find_spec("python_calamine") is None:
         raise RecordError(f"{path}: reading .xlsx needs python-calamine; run: pip install 'mrwork[xlsx]'")
     data = bytes_of(path, RECORD)
-    again = "save it again, without a password, or as CSV"
-    members = members_of(data, "xlsx", path, name=".xlsx workbook", remedy=again)
     digest = hashlib.sha256(data).hexdigest()
-    texts = {
-        name: member.array.tobytes()
-        for name, member in members.items()
-        if member.array is not None and member.array.size
-    }
+    sheets = {name: lines for name, lines in sheets_of(data, path).items() if any(lines)}
     tables: dict[str, ColumnTable] = {}
-    for name, text in texts.items():
+    for name, lines in sheets.items():
         with suppress(RecordError):
-            tables[name] = table_of_text(text, source=f"{path}, sheet '{name}'", sha256=digest)
+            tables[name] = DelimitedTable(source=f"{path}, sheet '{name}'", sha256=digest, lines=lines)
     if not tables:
-        listed = ", ".join(f"'{name}'" for name in texts) or "it has none with cells"
+        listed = ", ".join(f"'{name}'" for name in sheets) or "it has none with cells"
         raise RecordError(f"{path}: no sheet has a table of numbers ({listed}); put one test into a sheet")
     records = [name for name, table in tables.items() if is_record(table)]
-    chosen = next(iter(records), max(tables, key=lambda name: len(texts[name])))
+    chosen = next(iter(records), max(tables, key=lambda name: len(sheets[name])))
     table = tables[chosen]
     table.further = tuple(name for name in records if name != chosen)
-    unused = [f"'{name}'" for name in texts if name != chosen and name not in table.further]
+    unused = [f"'{name}'" for name in sheets if name != chosen and name not in table.further]
     if unused:
         table.unused = (f"sheet{'s' if len(unused) > 1 else ''} {', '.join(unused)}",)
     return table

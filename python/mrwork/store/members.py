@@ -7,8 +7,9 @@ import io
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,9 @@ from mrwork.base.values import array_dataclass
 from mrwork.errors import RecordError, reason_of
 from mrwork.store.input_file import LEAST, Allowance
 
-Format = Literal["hdf5", "xlsx"]
-
 _DEEPEST: Final = 2
 _MOST: Final = 10_000
 _LONGEST: Final = 100_000
-_MOST_SHEETS: Final = 100
 # Bytes of XML in which a workbook has a byte of its cells, with room.
 _MARKUP: Final = 4
 _WORKBOOK: Final = "xl/workbook.xml"
@@ -34,7 +32,7 @@ _BLANKS: Final = str.maketrans(
 
 @array_dataclass()
 class Member:
-    """A group, data set or sheet: its attributes that are numbers or texts, and its array if that has real numbers."""
+    """A group or data set: its attributes that are numbers or texts, and its array if that has real numbers."""
 
     is_group: bool
     attributes: Mapping[str, Any]
@@ -42,38 +40,39 @@ class Member:
 
 
 def members_of(
-    data: bytes, form: Format, path: Path, *, name: str = "HDF5 file", remedy: str = "write it again"
+    data: bytes, path: Path, *, name: str = "HDF5 file", remedy: str = "write it again"
 ) -> dict[str, Member]:
-    """Members of the file at `path` by name; a file that is no readable `name`, or claims too much, is refused.
+    """Members of the HDF5 file at `path` down to the second level, by path, and the file itself as "".
 
-    Of HDF5 down to the second level, by path, and the file itself as "", without links to other files and names with
-    `#`; of .xlsx the sheets, by name, as bytes of a text with tabs between cells.
+    Links to other files and names with `#` are left out. A file that is no readable `name`, or claims too much, is
+    refused.
     """
-    try:
-        return (_hdf5 if form == "hdf5" else _xlsx)(data, path)
-    except (RecordError, MemoryError, KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # the libraries raise whatever a damaged file leads them to; one panics
-        raise RecordError(f"{path}: not a readable {name} ({reason_of(error)}); {remedy}") from None
-
-
-def _hdf5(data: bytes, path: Path) -> dict[str, Member]:
     import h5py
 
     allowance = Allowance(path, len(data))
-    with h5py.File(io.BytesIO(data), "r") as file:
+    with _refused(path, name, remedy), h5py.File(io.BytesIO(data), "r") as file:
         members = [("", file), *_members(file, "", 1)]
-        for name, member in members:
+        for label, member in members:
             if _is_numeric(member):
-                allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{name}'")
+                allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{label}'")
         return {
-            name: Member(
+            label: Member(
                 is_group=isinstance(member, h5py.Group),
                 attributes=dict(_attributes(member)),
                 array=np.ascontiguousarray(member[()]) if _is_numeric(member) else None,
             )
-            for name, member in members
+            for label, member in members
         }
+
+
+@contextmanager
+def _refused(path: Path, name: str, remedy: str) -> Iterator[None]:
+    try:
+        yield
+    except (RecordError, MemoryError, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # the libraries raise whatever a damaged file leads them to; one panics
+        raise RecordError(f"{path}: not a readable {name} ({reason_of(error)}); {remedy}") from None
 
 
 def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
@@ -121,40 +120,34 @@ def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _xlsx(data: bytes, path: Path) -> dict[str, Member]:
+def sheets_of(data: bytes, path: Path) -> dict[str, list[str]]:
+    """Sheets of the .xlsx workbook at `path` by name, each as lines with tabs between the cells."""
     import python_calamine
 
-    allowance = Allowance(path, len(data))
     unpacked = Allowance(path, _MARKUP * len(data), least=_MARKUP * LEAST)
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        if _WORKBOOK not in archive.namelist():
-            raise ValueError("it holds no workbook")
-        for entry in archive.infolist():
-            unpacked.take(entry.file_size, f"'{entry.filename}'")
-    book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
-    names = [
-        each.name for each in book.sheets_metadata if each.typ == python_calamine.SheetTypeEnum.WorkSheet
-    ]
-    if len(names) > _MOST_SHEETS:
-        raise ValueError(f"more than {_MOST_SHEETS} sheets")
-    return {
-        name: Member(
-            is_group=False,
-            attributes={},
-            array=np.frombuffer(_text(book.get_sheet_by_name(name), allowance), dtype=np.uint8),
-        )
-        for name in names
-    }
+    with _refused(path, ".xlsx workbook", "save it again, without a password, or as CSV"):
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if _WORKBOOK not in archive.namelist():
+                raise ValueError("it holds no workbook")
+            for entry in archive.infolist():
+                unpacked.take(entry.file_size, f"'{entry.filename}'")
+        allowance = Allowance(path, len(data))
+        book = python_calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+        return {
+            sheet.name: _lines(book.get_sheet_by_name(sheet.name), allowance)
+            for sheet in book.sheets_metadata
+            if sheet.typ == python_calamine.SheetTypeEnum.WorkSheet
+        }
 
 
-def _text(sheet: Any, allowance: Allowance) -> bytes:
-    """The rows of a sheet as lines; a text that stands in many cells is in the file once, and counts in each."""
+def _lines(sheet: Any, allowance: Allowance) -> list[str]:
+    """The rows of a sheet; a text that stands in many cells is in the file once, and counts in each."""
     lines = []
     for row in sheet.iter_rows():
         line = "\t".join(map(_cell, row))
         allowance.take(len(line), "a sheet")
         lines.append(line)
-    return "\n".join(lines).encode("utf-8", "replace").rstrip(b"\n")
+    return lines
 
 
 def _cell(value: Any) -> str:

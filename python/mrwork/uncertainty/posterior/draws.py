@@ -443,7 +443,7 @@ def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
         return None
     with run.explained(DRAWS):
         path = run.path / DRAWS
-        return _draws(members_of(content, "hdf5", path, remedy=f"run `mrwork sample {run.path}` again"), fit)
+        return _draws(members_of(content, path, remedy=f"run `mrwork sample {run.path}` again"), fit)
 
 
 def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
