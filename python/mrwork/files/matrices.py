@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -11,21 +10,17 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
+from mrwork.files.layout import reads_as_float
 from mrwork.files.matlab import read_matlab_matrices
 from mrwork.store.input_file import MATRIX, is_folder, read_array, text_of
 
-_SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")
-# Of a text with a matrix; the largest is of a linear system with 6000 states.
-_MOST_NUMBERS: Final = 50_000_000
-_MOST_LINES: Final = 1_000_000
-_LONGEST_LINE: Final = 1 << 20
 
 
 def read_matrix(path: Path) -> Floats:
     """Read a matrix from a file, shape (n_rows, n_columns): text with one row per line, .npy, or .mat with one matrix.
 
-    Numbers of a text are separated by commas, semicolons, tabs or spaces; text after a # is a comment.
+    Numbers of a text are separated by commas, by semicolons, or by tabs and spaces; text after a # is a comment.
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":
@@ -36,42 +31,37 @@ def read_matrix(path: Path) -> Floats:
         raise RecordError(
             f"{path}: a matrix is read from a {', '.join(_SUFFIXES)}, .npy or .mat file; save it as one of these"
         )
-    text = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n")
-    # In a file of ends of lines alone each line would take more than its byte.
-    n_lines = text.count("\n") + 1
-    if n_lines > _MOST_LINES:
-        raise RecordError(
-            f"{path}: has {n_lines:,} lines where a matrix has {_MOST_LINES:,} at most; {MATRIX.remedy}"
-        )
-    rows: list[Floats] = []
-    n_numbers = 0
-    for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) > _LONGEST_LINE:
-            raise RecordError(
-                f"{path}: line {number} is longer than {_LONGEST_LINE >> 20} MiB, which no row of a matrix is; "
-                f"{MATRIX.remedy}"
-            )
-        content = line.partition("#")[0].strip()
-        if not content:
-            continue
-        fields = _SEPARATOR.split(content)
-        # Some exports end each line with a separator.
-        row = [
-            _number(field, f"{path}: line {number}") for field in (fields[:-1] if not fields[-1] else fields)
-        ]
-        if rows and len(row) != len(rows[0]):
-            raise RecordError(
-                f"{path}: line {number} has {len(row)} numbers where the first row has {len(rows[0])}; complete it"
-            )
-        rows.append(np.array(row))
-        n_numbers += len(row)
-        if n_numbers > _MOST_NUMBERS:
-            raise RecordError(
-                f"{path}: has more than {_MOST_NUMBERS:,} numbers, no matrix here has; name another file"
-            )
-    if not rows:
+    lines = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    first = next((row for _, row in _rows(lines)), None)
+    if first is None:
         raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
-    return np.array(rows)
+    delimiter = next((mark for mark in ";," if mark in first), None)
+    try:
+        return np.loadtxt((row for _, row in _rows(lines)), delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError as error:
+        raise RecordError(f"{path}: {_fault_of(lines, delimiter) or error}") from None
+
+
+def _rows(lines: list[str]) -> Iterator[tuple[int, str]]:
+    """Number from 1 and content of each line that has one; some exports end each line with a separator."""
+    for number, line in enumerate(lines, start=1):
+        if row := line.partition("#")[0].strip().rstrip(",; \t"):
+            yield number, row
+
+
+def _fault_of(lines: list[str], delimiter: str | None) -> str:
+    """The first line that is no row of the matrix, in words."""
+    width = 0
+    for number, row in _rows(lines):
+        fields = row.split(delimiter)
+        width = width or len(fields)
+        for field in fields:
+            if not reads_as_float(field):
+                shown = field if len(field) <= 40 else field[:40] + "..."
+                return f"line {number} holds '{shown}' where a number was expected; a matrix has points and no header"
+        if len(fields) != width:
+            return f"line {number} has {len(fields)} numbers where the first row has {width}; complete it"
+    return ""
 
 
 def _only_matrix(path: Path) -> Floats:
@@ -100,13 +90,3 @@ def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
         return {file.stem: read_matrix(file) for file in files if file.stem in names}
     return read_matlab_matrices(path)
-
-
-def _number(field: str, where: str) -> float:
-    try:
-        return float(field)
-    except ValueError:
-        shown = field if len(field) <= 40 else field[:40] + "..."
-        raise RecordError(
-            f"{where} holds '{shown}' where a number was expected; a matrix has no header"
-        ) from None
