@@ -58,7 +58,8 @@ def _fault_of(lines: list[str], delimiter: str | None) -> str:
         for field in fields:
             if not reads_as_float(field):
                 shown = field if len(field) <= 40 else field[:40] + "..."
-                return f"line {number} holds '{shown}' where a number was expected; a matrix has points and no header"
+                expected = "a number was expected; a matrix has decimal points and no header"
+                return f"line {number} holds '{shown}' where {expected}"
         if len(fields) != width:
             return f"line {number} has {len(fields)} numbers where the first row has {width}; complete it"
     return ""
