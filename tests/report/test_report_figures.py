@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from refusals import refusal
 from report_samples import comparison, fit, quality
+from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun
@@ -194,12 +195,13 @@ def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
 
 def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path: Path) -> None:
     tested = [comparison(), comparison("second", synthetic=True)]
+    place = write_fit(tmp_path / "run", fit(*tested))
     with blank():
-        names = write_figures(stored(*tested, place=tmp_path), tested)
+        names = write_figures(stored(*tested, place=place), tested)
     of_tests_in_order = ("01_10mm1Hz0x5A", "02_second")
     drawn = [f"{test}_{kind}" for test in of_tests_in_order for kind in ("force_history", "hysteresis_loops")]
     assert names == ("convergence", *drawn)
-    files = {file.name for file in (tmp_path / "figures").iterdir()}
+    files = {file.name for file in (place / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
 
 
