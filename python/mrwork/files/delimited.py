@@ -147,14 +147,14 @@ class DelimitedTable(ColumnTable):
         self, rows: Sequence[int], kinds: Mapping[int, str], *, with_commas: bool
     ) -> Mapping[int, Any] | None:
         """Cells of rows by column, as NumPy reads them; `None` where it does not read all of them."""
-        text = "\n".join([self._lines[row] for row in rows])
+        lines = [self._lines[row] for row in rows]
         if with_commas:
             if self._delimiter == ",":
                 return None
-            text = text.translate(_EXCHANGED)
-        block = self._block(text, kinds)
+            lines = "\n".join(lines).translate(_EXCHANGED).split("\n")
+        block = self._block(lines, kinds)
         if block is None:
-            block = self._block(_gap(self._delimiter).sub(_NAN, text), kinds)
+            block = self._block(_gap(self._delimiter).sub(_NAN, "\n".join(lines)).split("\n"), kinds)
         if block is None or block.size != len(rows):
             return None
         cells: dict[int, Any] = {}
@@ -164,10 +164,9 @@ class DelimitedTable(ColumnTable):
                 cells[place] = [text.translate(_EXCHANGED) for text in cells[place].tolist()]
         return cells
 
-    def _block(self, text: str, kinds: Mapping[int, str]) -> NDArray[np.void] | None:
+    def _block(self, lines: Sequence[str], kinds: Mapping[int, str]) -> NDArray[np.void] | None:
         """Rows with a field for each column; `None` where NumPy refuses one, or where a nameless field has a text."""
         fields = [(str(place), kinds.get(place, _TEXT)) for place in range(self._width)]
-        lines = text.split("\n")
         try:
             block = np.loadtxt(lines, fields, delimiter=self._delimiter, quotechar=self._quote, ndmin=1)
         except ValueError:

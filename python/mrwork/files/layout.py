@@ -105,7 +105,7 @@ def _indices(lines: Iterable[int]) -> Sequence[int]:
 
 def is_data(line: str) -> bool:
     """Whether a line is neither blank nor a comment."""
-    return bool(line) and not line.isspace() and not line.lstrip().startswith("#")
+    return line.lstrip()[:1] not in ("", "#")
 
 
 def delimiter_of(line: str) -> str:
