@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 
 from generate.markdown import code, directive, document, prose, table, unit
-from mrwork.base.keys import KeyInWords, before_sections, keys_in_words, tables
+from mrwork.base.documents import KeyInWords, before_sections, keys_in_words
+from mrwork.base.keys import tables
 from mrwork.study.schema import StudyTable
 
 HEADINGS = ("key", "type", "unit", "default", "meaning")
@@ -41,13 +42,5 @@ def documentation(kind: type) -> str:
 
 
 def _row(key: KeyInWords) -> tuple[str, ...]:
-    limits = f", {key.limits}" if key.limits else ""
-    searched = f"; {key.searched}" if key.searched else ""
     default = "required" if key.default == "required" else code(key.default) if key.default != "-" else ""
-    return (
-        code(key.name),
-        prose(f"{key.form}{limits}"),
-        unit(key.unit),
-        default,
-        prose(f"{key.meaning}{searched}"),
-    )
+    return code(key.name), prose(key.form), unit(key.unit), default, prose(key.meaning)

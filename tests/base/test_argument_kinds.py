@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NewType, ParamSpec, Protocol, TypeVar
+from typing import Annotated, Any, Literal, NewType, ParamSpec, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import pytest
@@ -31,6 +31,7 @@ class Part:
     names: tuple[str, ...] = ()
 
 
+@runtime_checkable
 class Sized(Protocol):
     """What has a size."""
 
@@ -150,11 +151,11 @@ def test_an_annotation_of_an_unknown_form_is_an_error_when_the_function_is_defin
         ("called", lambda: 3, ArgumentError, "of 1 argument"),
         ("on_progress", list, ArgumentError, "of 2 arguments"),
         ("parts", [Part(), 3], ArgumentError, r"parts\[1\]"),
-        ("sized", 3, ArgumentError, "with size"),
+        ("sized", 3, ArgumentError, "a Sized"),
         ("number", np.nan, SettingError, "finite"),
-        ("number", 10**400, SettingError, "smaller"),
+        ("number", 10**400, SettingError, "finite"),
         ("count", -1, SettingError, "at least 0"),
-        ("count", 2**64, SettingError, "64 bits"),
+        ("count", 2**63, SettingError, "from -9223"),
         ("choice", "lane", SettingError, "did you mean lanes"),
         ("loose", [1.0, np.nan], SettingError, "nan at 1"),
         ("strict", [[0.0, np.inf]], SettingError, r"\(0, 1\)"),
@@ -190,9 +191,9 @@ def test_what_is_missing_unknown_or_by_position_is_said_with_what_was_meant() ->
             return cls()
 
     refusal(search, match="lacks `theta`")
-    refusal(search, 1.0, seed=2, match="did you mean `rng`")
-    refusal(search, 1.0, bound=2.0, match="did you mean `bounds`")
-    refusal(search, 1.0, 2.0, 3, match="theta, span by position")
+    refusal(search, 1.0, seed=2, match="did you mean rng")
+    refusal(search, 1.0, bound=2.0, match="did you mean bounds")
+    refusal(search, 1.0, 2.0, 3, match="too many positional")
     refusal(search, 1.0, theta=2.0, match="once")
     # A method is named with its class.
     refusal(Rig.of, 0.0, match=r"Rig\.of")
@@ -234,7 +235,7 @@ def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() ->
 def test_paths_may_be_any_iterable_whose_items_are_checked() -> None:
     for paths in ("a", Path("a"), ["a", Path("b")], {"a": 1}, iter([3])):
         shaped(np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type] # an iterator is not looked into
-    for wrong, word in ((b"x", "a path"), (["a", b"x"], r"paths\[1\]"), (3, "several")):
+    for wrong, word in ((b"x", "a path"), (["a", b"x"], r"paths\[1\]"), (3, "a path")):
         refusal(shaped, np.zeros((1, 1)), paths=wrong, match=word)
 
 
@@ -244,8 +245,7 @@ def test_arrays_of_any_precision_are_taken() -> None:
         assert taken(number=kind(2))["number"] == 2
 
 
-def test_no_number_is_read_as_zero_and_whole_ones_have_64_bits() -> None:
-    assert taken(count=2**63)["count"] == 2**63
+def test_no_number_is_read_as_zero() -> None:
     for number in (1e-100, -1e-101, 5e-324):
         assert taken(number=number)["number"] == number
     np.testing.assert_array_equal(taken(strict=[1e-300, 1e-100])["strict"], [1e-300, 1e-100])

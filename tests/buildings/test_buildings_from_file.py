@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from refusals import refusal
 from scipy.io import savemat
 
+from mrwork.base.documents import read_table
 from mrwork.base.hints import Within
-from mrwork.base.keys import keys_of, read_table
+from mrwork.base.keys import keys_of
 from mrwork.base.places import Place
 from mrwork.buildings import (
     Building,

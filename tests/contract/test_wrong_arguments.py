@@ -21,7 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from mrwork.base.arguments import Kind, Refusal, kind_of, nodes_of
+from mrwork.base.arguments import Refusal, accept, in_words, nodes_of
+from mrwork.base.hints import Node
 from mrwork.errors import ArgumentError, MistakesError, MrworkError
 from tests.contract import valid_calls_dampers, valid_calls_fits, valid_calls_loop
 from tests.contract.wrong_arguments import Calls, Nothing, ValidCall, wrong
@@ -106,17 +107,16 @@ def built() -> Iterator[tuple[str, Any]]:
     yield from (data[short] for short in sorted(found))
 
 
-def declared(target: Any) -> dict[str, Kind]:
+def declared(target: Any) -> dict[str, Node]:
     """What the parameters take; of a method also its object."""
     function = vars(target)["__init__"] if isinstance(target, type) else target
     owner = target if isinstance(target, type) else object
-    nodes = nodes_of(inspect.unwrap(function), inspect.signature(target), owner)
-    return {name: kind_of(node) for name, node in nodes.items()}
+    return nodes_of(inspect.unwrap(function), inspect.signature(target), owner)
 
 
-def checked_parameters(target: Any) -> dict[str, Kind]:
+def checked_parameters(target: Any) -> dict[str, Node]:
     """Those of the parameters that are checked against their annotation."""
-    return {name: kind for name, kind in declared(target).items() if kind.words != "anything"}
+    return {name: node for name, node in declared(target).items() if in_words(node) != "anything"}
 
 
 PUBLIC = [
@@ -133,10 +133,10 @@ def called(target: Any, name: str, value: object) -> None:
     target(*([None] if first in ("self", "cls") else []), **{name: value})
 
 
-def excludes(kind: Kind | None, value: Any) -> bool:
+def excludes(node: Node | None, value: Any) -> bool:
     try:
-        if kind is not None:
-            kind.accept(value)
+        if node is not None:
+            accept(node, value)
     except Refusal:
         return True
     return False
@@ -151,16 +151,16 @@ ODD = (
 
 @pytest.mark.parametrize("target", PUBLIC)
 def test_what_an_annotation_excludes_is_refused_with_the_argument_and_a_remedy(target: Any) -> None:
-    for name, kind in declared(target).items():
+    for name, node in declared(target).items():
         parameter = inspect.signature(target).parameters[name]
-        if kind.words == "anything":
+        if in_words(node) == "anything":
             assert UNCHECKED.search(str(parameter.annotation)), f"{name} takes anything and does not say so"
             continue
         finite = (
             parameter.annotation in ("float", "float | None", "ArrayLike") and parameter.default != np.inf
         )
         for value in ODD:
-            if value is NOTHING or (value is np.nan and finite) or excludes(kind, value):
+            if value is NOTHING or (value is np.nan and finite) or excludes(node, value):
                 with pytest.raises(ArgumentError if value is NOTHING else MrworkError) as refused:
                     called(target, name, value)
                 told = str(refused.value)
@@ -200,14 +200,14 @@ def soon() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def checked_kinds(function: Any) -> dict[str, Kind]:
+def checked_kinds(function: Any) -> dict[str, Node]:
     checks = vars(function)["__init__"] if isinstance(function, type) else function
     return checked_parameters(function) if hasattr(checks, "__wrapped__") else {}
 
 
-def complaint(valid: ValidCall, argument: str, value: Any, kind: Kind | None) -> str:
+def complaint(valid: ValidCall, argument: str, value: Any, node: Node | None) -> str:
     """What is wrong with how the call ends that has another value of an argument; empty where nothing is."""
-    excluded = excludes(kind, value)
+    excluded = excludes(node, value)
     try:
         with soon():
             valid.function(**{**valid.arguments, argument: value})

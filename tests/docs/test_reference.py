@@ -13,7 +13,8 @@ from generate.equations import tex
 from generate.markdown import prose
 from generate.pages import REFERENCE, STUDIES, pages, pictures
 from generate.study_pages import readme
-from mrwork.base.keys import keys_in_words, tables
+from mrwork.base.documents import keys_in_words
+from mrwork.base.keys import tables
 from mrwork.cli.door import parser, verbs
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study.schema import StudyTable

@@ -15,7 +15,7 @@ from refusals import refusal
 from study_samples import ranges
 
 import mrwork as mr
-from mrwork.base.keys import read_table
+from mrwork.base.documents import read_table
 from mrwork.base.places import Place
 from mrwork.dampers import damper
 from mrwork.dampers.tested_range import FittedDamper

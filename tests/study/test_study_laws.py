@@ -14,7 +14,7 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.base.keys import read_table
+from mrwork.base.documents import read_table
 from mrwork.base.places import Place
 from mrwork.buildings import building
 from mrwork.control import (

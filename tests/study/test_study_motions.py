@@ -10,12 +10,12 @@ import pytest
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.base.keys import read_table
+from mrwork.base.documents import read_table
 from mrwork.base.places import Place
 from mrwork.motions import GroundMotion, en_1998_spectrum, response_spectrum, suite, synthetic_motion
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import MotionOfStudy
-from mrwork.study.reading import Aims, motions_of_study, parse
+from mrwork.study.reading import Aims, bare_motions, motions_of_study, parse
 from mrwork.study.schema import MotionTable
 
 
@@ -36,14 +36,8 @@ def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfS
     for text in texts:
         document, lines = parse(text, "study.toml")
         read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
-    return motions_of_study(
-        read,
-        folder,
-        seed,
-        sample_time=lambda: 0.001,
-        aims=AIMS,
-        place=Place(origin="study.toml"),
-    )
+    bare = bare_motions(read, folder, seed)
+    return motions_of_study(bare, sample_time=0.001, aims=AIMS, place=Place(origin="study.toml"))
 
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:

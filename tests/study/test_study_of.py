@@ -17,7 +17,8 @@ from tuning_samples import study_file
 import mrwork as mr
 
 # Their names are no promise: how studies are compared, and how a file is read before its laws are designed.
-from mrwork.base.keys import given_in, read_table, toml_text
+from mrwork.base.documents import read_table
+from mrwork.base.keys import given_in, toml_text
 from mrwork.base.places import Place
 from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.study.schema import StudyTable
@@ -39,8 +40,7 @@ SLOW = {
 
 
 def read_tables(document: dict[str, Any]) -> StudyTable:
-    with Place(origin="study").collecting() as place:
-        return read_table(StudyTable, document, place)
+    return read_table(StudyTable, document, Place(origin="study"))
 
 
 TEXTS = {str(path.relative_to(ROOT)): text for path in FILES if "[[motion]]" in (text := path.read_text())}
@@ -210,7 +210,7 @@ def test_functions_of_other_values_are_told_apart() -> None:
         ({"motions": [NOISE, NOISE]}, "another name"),
         ({"motions": [{"acceleration": NOISE.acceleration}]}, "no dt"),
         ({"hardware": mr.Hardware(seed=3)}, "give it as `seed`"),
-        ({"controllers": []}, "did you mean `laws`"),
+        ({"controllers": []}, "did you mean laws"),
     ],
 )
 def test_a_wrong_argument_is_refused_by_its_name(wrong: dict[str, Any], word: str) -> None:

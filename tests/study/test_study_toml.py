@@ -16,7 +16,8 @@ from test_study_keys import SOUND
 from tuning_samples import study_file
 
 import mrwork as mr
-from mrwork.base.keys import given_values, keys_of, name_in_file, tables, toml_text, toml_value
+from mrwork.base.documents import given_values
+from mrwork.base.keys import keys_of, name_in_file, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
 from mrwork.control.laws.law_settings import SETTINGS

@@ -3,24 +3,23 @@
 `@checked` stands on functions, and on classes of data that users build, which it makes dataclasses. A number or an
 array is finite unless its default is infinite or NaN, or its annotation says otherwise, as
 `Annotated[ArrayLike, May.BE_NAN]`; a range is written `Annotated[float, Within(above=0.0)]`, or declared by the `key`
-of a field. What must be above zero is at least 1e-100, so that its inverse and its square are finite; other numbers are
-taken as they are. Lists become tuples, and numbers become arrays, where the annotation says so. `Any` takes everything;
-an annotation of an unknown form is an error when the function is defined.
-A class says in `_made_by` how a user gets one of its objects.
+of a field. What must be above zero is at least 1e-100, so that its inverse and its square are finite. Lists become
+tuples, and numbers become arrays, where the annotation says so. `Any` takes everything. A protocol is one that
+`isinstance` may check. A class says in `_made_by` how a user gets one of its objects.
 
-Each annotation becomes a `Kind`: how a message calls such a value, and the check that accepts or refuses one.
+Every refusal has one form: the argument, what came, and what to give.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import operator
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
-from functools import partial, wraps
-from itertools import chain, repeat
+from functools import wraps
 from numbers import Real
 from types import NoneType
 from typing import Annotated, Any, TypeVar, cast, dataclass_transform
@@ -29,12 +28,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base import hints as nodes
-from mrwork.base.hints import LARGEST, Node, Notes, fields_of, hint_in, node_of, notes_of_default, shape_of
+from mrwork.base.hints import (
+    LARGEST,
+    InUnit,
+    Node,
+    fields_of,
+    hint_in,
+    instead_of,
+    node_of,
+    notes_of_default,
+    shape_of,
+)
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
-from mrwork.base.keys import closest, suggestion
+from mrwork.base.keys import keys_of, quote_value, suggestion
+from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
+from mrwork.base.units import number_in
 from mrwork.base.values import Floats
 from mrwork.errors import (
     ArgumentError,
@@ -65,8 +76,6 @@ Rows = Annotated[Floats, Shape(("n_batch", "n_time"))]
 AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
-_VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
 
@@ -95,107 +104,87 @@ def checked(target: TargetT) -> TargetT:
 def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
-    parameters = signature.parameters.values()
-    positional = tuple(
-        parameter.name
-        for parameter in parameters
-        if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
-    )
-    variadic = {parameter.kind: parameter.name for parameter in parameters if parameter.kind in _VARIADIC}
-    rest = variadic.get(inspect.Parameter.VAR_POSITIONAL, "")
-    known = frozenset(signature.parameters)
-    takes_any = inspect.Parameter.VAR_KEYWORD in variadic
-    required = tuple(
-        parameter.name
-        for parameter in parameters
-        if parameter.default is parameter.empty and parameter.kind not in variadic
-    )
-    kinds: dict[str, Kind] = {}
+    parameters = signature.parameters
+    rest = [parameter for parameter, each in parameters.items() if each.kind is each.VAR_POSITIONAL]
+    required = [
+        parameter
+        for parameter, each in parameters.items()
+        if each.default is each.empty and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+    ]
+    declared: dict[str, Node] = {}
     shapes: dict[str, Shape] = {}
 
     def read_annotations() -> None:
-        nodes = nodes_of(function, signature, owner)
-        kinds.update({name: kind_of(node) for name, node in nodes.items()})
-        shapes.update({name: shape for name, node in nodes.items() if (shape := shape_of(node))})
+        declared.update(nodes_of(function, signature, owner))
+        declared.update({name: nodes.Items(tuple, (declared[name],)) for name in rest if name in declared})
+        shapes.update({name: shape for name, node in declared.items() if (shape := shape_of(node))})
 
     # An annotation may name what is defined after the function; the first call reads it then.
     with suppress(NameError):
         read_annotations()
 
-    def accept(parameter: str, value: Any) -> Any:
-        if parameter not in kinds:
-            return value
-        try:
-            return kinds[parameter].accept(value)
-        except Refusal as refusal:
-            raise _error(parameter, name, refusal, owner) from None
-
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
-        if not kinds:
+        if not declared:
             read_annotations()
-        if not (takes_any or given.keys() <= known):
-            raise _unknown_argument(name, next(word for word in given if word not in known), signature)
-        if len(args) > len(positional) and not rest:
-            raise _by_position(name, positional, len(args), signature)
-        if twice := given.keys() & positional[: len(args)]:
-            raise ArgumentError(f"`{min(twice)}` of {name} is given by position and by name; give it once")
-        values = list(map(accept, chain(positional, repeat(rest)), args))
-        named = {parameter: accept(parameter, value) for parameter, value in given.items()}
-        if missing := [parameter for parameter in required[len(args) :] if parameter not in given]:
-            listed = list_names([f"`{parameter}`" for parameter in missing], len(missing))
-            raise ArgumentError(f"{name} lacks {listed}; give {'it' if len(missing) == 1 else 'them'}")
+        try:
+            call = signature.bind_partial(*args, **given)
+        except TypeError as reason:
+            raise _misfit(name, given, list(parameters), reason) from None
+        values = call.arguments
+        for parameter, value in values.items():
+            if parameter in declared:
+                try:
+                    values[parameter] = accept(declared[parameter], value)
+                except Refusal as refusal:
+                    raise _error(parameter, name, refusal, owner) from None
+        if missing := [f"`{parameter}`" for parameter in required if parameter not in values]:
+            listed = list_names(missing, len(missing))
+            raise ArgumentError(f"{name} lacks {listed}; give {'them' if missing[1:] else 'it'}")
         if shapes:
-            _check_shapes(shapes, name, dict(zip(positional, values, strict=False)) | named)
-        return function(*values, **named)
+            _check_shapes(shapes, name, values)
+        return function(*call.args, **call.kwargs)
 
     return checking
 
 
-def _unknown_argument(function: str, given: str, signature: inspect.Signature) -> ArgumentError:
-    names = [parameter for parameter in signature.parameters if parameter not in ("self", "cls")]
-    near = closest(given, names)
-    meant = f", did you mean `{near}`" if near else f"; it takes {list_names(names, 12) or 'none'}"
-    return ArgumentError(escape_text(f"{function} has no argument `{given}`{meant}"))
-
-
-def _by_position(
-    function: str, positional: tuple[str, ...], count: int, signature: inspect.Signature
-) -> ArgumentError:
-    own = [parameter for parameter in positional if parameter not in ("self", "cls")]
-    left_out = len(positional) - len(own)
-    named = [parameter for parameter in signature.parameters if parameter not in positional]
-    taken = f"takes {list_names(own, 12)} by position" if own else "takes no argument by position"
-    rest = ", ".join(f"{parameter}=..." for parameter in named[: count - len(positional)])
-    remedy = f"give {'the others' if own else 'them'} by name, as in {rest}" if rest else "give no more"
-    came = count - left_out
-    return ArgumentError(f"{function} {taken} and got {came} value{'' if came == 1 else 's'}; {remedy}")
+def _misfit(function: str, given: Mapping[str, Any], known: list[str], reason: TypeError) -> ArgumentError:
+    """The error of a call whose arguments do not fit the signature."""
+    unknown = next((word for word in given if word not in known), None)
+    if unknown is None:
+        return ArgumentError(f"{function} has {reason}; give each argument once, by name")
+    named = suggestion(unknown, [each for each in known if each not in ("self", "cls")], otherwise="it takes")
+    return ArgumentError(escape_text(f"{function} has no argument `{unknown}`{named}"))
 
 
 def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
-    name = f"`{parameter}{refusal.place}`"
-    sentence = escape_text(f"{name} of {function} {refusal.sentence}")
+    name = f"`{parameter}{''.join(f'[{key!r}]' for key in refusal.path)}`"
+    sentence = escape_text(f"{name} of {function} {refusal.in_words()}")
     if owner is not object and issubclass(refusal.error, SettingError):
         error: MrworkError = InvalidSettingError(parameter, sentence)
     else:
         error = refusal.error(sentence)
         error.key = parameter
-    error.in_a_file = escape_text(f"{name} {refusal.sentence}")
+    error.in_a_file = escape_text(f"{name} {refusal.in_words()}")
     return error
 
 
 def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
     """Refuse an array with other axes, or other lengths than the arrays before it."""
-    known: dict[str, tuple[int, str]] = {}
+    lengths: dict[str, int] = {}
     for parameter, shape in shapes.items():
         value = given.get(parameter)
         # A number may stand for an array where the annotation has both.
         if value is None or isinstance(value, int | float):
             continue
-        try:
-            _check_shape(shape, value, known, parameter)
-        except Refusal as refusal:
-            raise _error(parameter, function, refusal) from None
+        came = tuple(np.shape(value))
+        wanted = [lengths.get(axis, length) for axis, length in zip(shape.axes, came, strict=False)]
+        if len(came) != len(shape.axes) or wanted != list(came):
+            axes = (f"{axis} = {lengths[axis]}" if axis in lengths else axis for axis in shape.axes)
+            end = f"; give shape ({', '.join(axes)})"
+            refusal = Refusal(Node(), value, f"has shape {came}", end, SettingError)
+            raise _error(parameter, function, refusal)
+        lengths |= zip(shape.axes, came, strict=True)
 
 
 def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Node]:
@@ -203,438 +192,300 @@ def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) 
     own = inspect.unwrap(function).__globals__
     declared = fields_of(owner) if is_dataclass(owner) else {}
     return {
-        name: declared[name]
-        if name in declared
-        else node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
+        name: declared.get(name)
+        or node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
         for name, parameter in signature.parameters.items()
         if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }
 
 
-# Kinds of values
-
-# As many characters of a value as a message repeats.
-_SHOWN = 40
-
-
-def _check_shape(shape: Shape, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
-    given = tuple(np.shape(value))
-    wanted = f"({', '.join(shape.axes)}{',' if len(shape.axes) == 1 else ''})"
-    if len(given) != len(shape.axes):
-        raise Refusal(f"has shape {given}; give shape {wanted}", SettingError)
-    for axis, length in zip(shape.axes, given, strict=True):
-        expected, source = known.setdefault(axis, (length, parameter))
-        if length != expected:
-            raise Refusal(
-                f"has shape {given}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
-                SettingError,
-            )
-
-
 class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the name of the argument is known
-    """Refusal of a value: the place in the argument, the rest of the sentence, and the error to raise."""
+    """Refusal of a value that a node declares: what `came`, the `end` of the sentence, and the error to raise.
 
-    def __init__(self, sentence: str, error: type[MrworkError] = ArgumentError, place: str = "") -> None:
-        super().__init__(sentence)
-        self.sentence, self.error, self.place = sentence, error, place
-
-
-class OtherKind(Refusal):
-    """Refusal of a value of another type: another member of a union may accept it."""
-
-    def __init__(self, value: object, words: str) -> None:
-        super().__init__(f"is {_quote_value(value)}; give {words}")
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """Kind of an argument: its name in messages, and the check that returns the value or raises `Refusal`.
-
-    Of the members of a union, those of lower `rank` are asked first.
+    By default the value is of another kind than the node, and another member of a union may accept it. The `path` leads
+    to the value in the argument.
     """
 
-    words: str
-    accept: Callable[[Any], Any]
-    rank: int = 1
+    def __init__(
+        self,
+        node: Node,
+        value: object,
+        came: str = "",
+        end: str | None = None,
+        error: type[MrworkError] = ArgumentError,
+    ) -> None:
+        super().__init__(node, value, came, end)
+        self.is_other_kind, self.error, self.path = not came, error, tuple[Any, ...]()
+
+    def in_words(self, *, in_file: bool = False) -> str:
+        """What came and what to give, behind the name of the argument, or of the key `in_file`."""
+        node, value, came, end = self.args
+        quoted = "a table" if in_file and isinstance(value, dict) else quote_value(value)
+        wanted = f"; give {in_words(node, in_file=in_file)}" if end is None else end
+        return f"{came or f'is {quoted}'}{wanted}"
 
 
-_ANYTHING = Kind("anything", lambda value: value)
+def accept(node: Node, value: Any) -> Any:
+    """The value, converted to what the annotation declares; raises `Refusal` where it is something else."""
+    return _CHECKS[type(node)](node, value)
 
 
-def kind_of(node: Node) -> Kind:
-    """Kind of argument that an annotation declares."""
-    of = [kind_of(part) for part in node.parts]
+def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
+    """What an annotation takes, as "a number", or "anything" where no value is refused; in the plural for `several`.
+
+    The words are those of a document `in_file`, which holds no objects.
+    """
+
+    def noun(word: str, rest: str = "") -> str:
+        return f"{word}s{rest}" if several else f"{'an' if word[0] in 'AEIOUaeiou' else 'a'} {word}{rest}"
+
+    def words(part: Node, several: bool = several) -> str:
+        return in_words(part, in_file=in_file, several=several)
+
     match node:
+        case nodes.Scalar(kind) if kind in _NOUNS:
+            unit = _unit_of(node)
+            return noun(_NOUNS[kind], f" [{unit}]" if unit and unit != "1" else "")
         case nodes.Scalar(kind):
-            return _SCALARS[kind](node.notes)
-        case nodes.Enumerated(values):
-            return _name(values)
-        case nodes.Array(None):
-            return _array_like(node.notes)
-        case nodes.Array(scalar):
-            return _array(scalar, node.notes)
-        case nodes.Items(kind):
-            return _sequence(of[0], as_tuple=kind is tuple)
-        case nodes.Fixed():
-            return _tuple(of)
-        case nodes.ByName():
-            return _mapping(*of)
-        case nodes.Either(kind):
-            return _one_of([*of, *([_NONE] if kind is NoneType else ())])
-        case nodes.Function((takes, returns)):
-            return _function(takes, returns)
+            return "true or false" if kind is bool else "None"
+        case nodes.Enumerated(choices):
+            return " or ".join(map(repr, choices))
+        case nodes.Array(kind):
+            return noun("array", " of numbers" if kind in _NUMBERS else f" of {np.dtype(kind)}")
+        case nodes.Items(_, (item,)):
+            items = words(item, several=True)
+            alone = isinstance(item, nodes.Items) or (in_file and isinstance(item, nodes.Record))
+            return items if alone else noun("row" if several else "list", f" of {items}")
+        case nodes.Fixed(_, parts):
+            return f"{len(parts)} values: {', '.join(map(words, parts))}"
+        case nodes.ByName(_, (_, value)):
+            values = words(value, several=True)
+            return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
+        case nodes.Either(_, parts):
+            return " or ".join(filter(None, map(words, parts)))
+        case nodes.Record(kind) if in_file and keys_of(kind):
+            return noun("table")
+        case nodes.Record() | nodes.Instance() | nodes.Function() if in_file:
+            return ""
+        case nodes.Function((takes, _)):
+            return noun("function", "" if takes is ... else f" of {counted(len(takes), 'argument')}")
         case nodes.Record(kind) | nodes.Instance(kind):
-            return _object(kind, of)
-    return _ANYTHING
+            made = getattr(kind, "_made_by", "")
+            return noun("path" if kind is os.PathLike else kind.__name__, made and f", made by {made}")
+    return "anything"
 
 
-def _quote_value(value: object) -> str:
-    """A value as messages quote it."""
-    if value is None:
-        return "None"
-    if isinstance(value, np.ndarray) and value.ndim:
-        return f"an array of shape {value.shape} with values of type {value.dtype}"
-    if isinstance(value, type):
-        return f"the class {value.__name__}"
-    if isinstance(value, str | bytes | bool | int | float | complex):
-        try:
-            text = repr(value)
-        except ValueError:
-            return "a number of thousands of digits"
-        return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
-    return f"{'an' if type(value).__name__[0] in 'AEIOUaeiou' else 'a'} {type(value).__name__}"
+_NOUNS = {float: "number", int: "whole number", str: "text"}
 
 
-def _instance(kind: type, words: str, value: Any) -> Any:
-    if not isinstance(value, kind):
-        raise OtherKind(value, words)
-    return value
+def _unit_of(node: Node) -> str | None:
+    """Unit of a number of a document, "1" without one and empty where no text is one; `None` for an argument."""
+    return next((note.unit for note in node.notes if isinstance(note, InUnit)), None)
 
 
 # Scalars
 
 
-def _float(notes: Notes) -> Kind:
-    words = "a number"
-
-    def accept(value: Any) -> Any:
-        number = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
-        if not isinstance(number, Real) or isinstance(number, bool):
-            raise OtherKind(value, words)
-        try:
-            plain = float(number)
-        except OverflowError:
-            raise Refusal(f"is {_quote_value(value)}; give a smaller number", SettingError) from None
-        if notes or not abs(plain) <= LARGEST:
-            _check_numbers(np.float64(plain), notes)
-        exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
-        return number if exact else plain
-
-    return Kind(words, accept, rank=0)
-
-
-def _int(notes: Notes) -> Kind:
-    words = "a whole number"
-
-    def accept(value: Any) -> int:
-        if isinstance(value, bool | np.bool_):
-            raise OtherKind(value, words)
-        try:
-            number = operator.index(value)
-        except TypeError:
-            raise OtherKind(value, words) from None
-        for note in notes:
-            if isinstance(note, Within) and note.excludes(number):
-                wanted = note.instead_of(number, "whole number")
-                raise Refusal(f"is {_quote_value(number)}; give {wanted}", SettingError)
-        if not -(2**63) <= number < 2**64:
-            raise Refusal(f"is {_quote_value(number)}; give a whole number of 64 bits", SettingError)
-        return number
-
-    return Kind(words, accept, rank=0)
+def _number(node: Node, value: Any) -> Any:
+    number = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    unit = _unit_of(node)
+    if isinstance(value, str) and unit and (unit != "1" or value.rstrip().endswith("%")):
+        number = number_in(value, unit)
+        if isinstance(number, str):
+            raise Refusal(node, value, number, "", SettingError)
+    if not isinstance(number, Real) or isinstance(number, bool):
+        raise Refusal(node, value)
+    try:
+        plain = float(number)
+    except OverflowError:
+        plain = math.inf
+    if (node.notes or not abs(plain) <= LARGEST) and (wanted := instead_of(plain, node.notes)):
+        raise Refusal(node, value, f"is {plain:g}", f"; give {wanted}", SettingError)
+    exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
+    return number if exact and unit is None else plain
 
 
-def _bool(_: Notes) -> Kind:
-    def accept(value: Any) -> bool:
-        if not isinstance(value, bool | np.bool_):
-            raise OtherKind(value, "true or false")
-        return bool(value)
+def _whole(node: Node, value: Any) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise Refusal(node, value) from None
+    if isinstance(value, bool | np.bool_):
+        raise Refusal(node, value)
+    if wanted := instead_of(number, node.notes):
+        raise Refusal(node, value, f"is {quote_value(number)}", f"; give {wanted}", SettingError)
+    return number
 
-    return Kind("true or false", accept, rank=0)
+
+def _flag(node: Node, value: Any) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise Refusal(node, value)
+    return bool(value)
 
 
-_TEXT = Kind("a text", partial(_instance, str, "a text"), rank=0)
-_NONE = Kind("None", partial(_instance, NoneType, "None"), rank=0)
-_SCALARS: dict[type, Callable[[Notes], Kind]] = {
-    float: _float, int: _int, bool: _bool, str: lambda _: _TEXT, NoneType: lambda _: _NONE,
+def _instance(node: Node, value: Any) -> Any:
+    is_protocol = getattr(node.kind, "_is_protocol", False)
+    if not isinstance(value, node.kind) or (is_protocol and isinstance(value, type)):
+        raise Refusal(node, value)
+    return value
+
+
+_SCALARS: dict[type, Callable[[Node, Any], Any]] = {
+    float: _number, int: _whole, bool: _flag, str: _instance, NoneType: _instance,
 }  # fmt: skip
 
 
-def _name(choices: tuple[Any, ...]) -> Kind:
-    texts = [choice for choice in choices if isinstance(choice, str)]
-    words = " or ".join(map(repr, choices))
-
-    def accept(value: Any) -> Any:
-        # Not by `in`: an array would be compared element by element, and 1 equals true.
-        for choice in choices:
-            if type(value) is type(choice) and value == choice:
-                return choice
-        if isinstance(value, str) and texts:
-            raise Refusal(f"is {_quote_value(value)}{suggestion(value, texts)}", UnknownChoiceError)
-        if type(value) in {type(choice) for choice in choices}:
-            raise Refusal(f"is {_quote_value(value)}; give {words}", UnknownChoiceError)
-        raise OtherKind(value, words)
-
-    return Kind(words, accept, rank=0)
+def _choice(node: Node, value: Any) -> Any:
+    # Not by `in`: an array would be compared element by element, and 1 equals true.
+    for choice in node.kind:
+        if type(value) is type(choice) and value == choice:
+            return choice
+    texts = [choice for choice in node.kind if isinstance(choice, str)]
+    if isinstance(value, str) and texts:
+        raise Refusal(node, value, f"is {quote_value(value)}", suggestion(value, texts), UnknownChoiceError)
+    raise Refusal(node, value)
 
 
 # Arrays
 
-
-def _array(scalar: type, notes: Notes) -> Kind:
-    kinds = {"f": "iuf", "i": "iu", "u": "iu", "c": "iufc", "b": "b"}.get(np.dtype(scalar).kind, "")
-    words = {"f": "an array of numbers", "c": "an array of numbers"}.get(
-        np.dtype(scalar).kind, f"an array of {np.dtype(scalar)}"
-    )
-
-    def accept(value: Any) -> Any:
-        array = _as_array(value, kinds, words)
-        if array.dtype.kind in "fciu":
-            _check_numbers(array, notes)
-        return array if array.dtype == scalar else array.astype(scalar)
-
-    return Kind(words, accept, rank=3) if kinds else _ANYTHING
+_NUMBERS = (None, np.float64, np.complex128)
+# Kinds of numbers that an array of each kind is made of.
+_MADE_OF = {"f": "iuf", "i": "iu", "u": "iu", "c": "iufc", "b": "b"}
 
 
-def _array_like(notes: Notes) -> Kind:
-    words = "an array of numbers"
-
-    def accept(value: Any) -> Any:
-        of_other_library = hasattr(value, "__array_namespace__") and not isinstance(
-            value, np.ndarray | np.generic
-        )
-        if May.BE_TRACED in notes and of_other_library:
-            return value
-        array = _as_array(value, "iuf", words)
-        _check_numbers(array, notes)
-        if May.BE_TRACED in notes:
-            return array.astype(np.float64, copy=False)
-        return value if isinstance(value, int | float | list | tuple) else array
-
-    return Kind(words, accept, rank=3)
-
-
-def _as_array(value: Any, kinds: str, words: str) -> Any:
-    if value is None or isinstance(value, str | bytes | Mapping | set | frozenset):
-        raise OtherKind(value, words)
+def _array(node: Node, value: Any) -> Any:
+    traced = node.kind is None and May.BE_TRACED in node.notes
+    if traced and hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray | np.generic):
+        return value
+    scalar = np.dtype(node.kind or np.float64)
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        raise Refusal("has masked values; fill them in or cut them out")
+        raise Refusal(node, value, "has masked values", "; fill them in or leave them out")
     try:
         array = np.asarray(value)
     except (ValueError, TypeError):
-        raise Refusal(
-            f"is {_quote_value(value)} that is no array; give {words} in rows of one length"
-        ) from None
-    if array.ndim == 0 and array.dtype.kind == "O" and not isinstance(value, int):
-        raise OtherKind(value, words)
-    if array.dtype.kind == "O" and all(type(item) is int for item in array.flat):
-        raise Refusal("has whole numbers of more than 64 bits; give smaller ones", SettingError)
-    if array.dtype.kind not in kinds and array.size:
-        raise Refusal(f"has values of type {array.dtype}; give {words}")
-    return array if array.size else array.astype(np.float64 if "f" in kinds else np.int64)
+        raise Refusal(node, value, "is no array", f"; give {in_words(node)} in rows of one length") from None
+    # A text, a set or a dict is a single object to NumPy.
+    if array.ndim == 0 and array.dtype.kind not in "biufc":
+        raise Refusal(node, value)
+    if array.size and array.dtype.kind not in _MADE_OF[scalar.kind]:
+        raise Refusal(node, value, f"has values of type {array.dtype}")
+    array = array if array.size else array.astype(scalar)
+    _check_numbers(node, array)
+    if node.kind is None and not traced:
+        return value if isinstance(value, int | float | list | tuple) else array
+    return array.astype(scalar, copy=False)
 
 
-def _check_numbers(values: Any, notes: Notes) -> None:
+def _check_numbers(node: Node, values: Any) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
-    numbers = "finite numbers" if np.ndim(values) else "a finite number"
     # The limits are beyond single precision.
     size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
-    if not (size <= LARGEST).all():
-        allowed = (
-            (size <= LARGEST)
-            | ((size > LARGEST) & (May.BE_INFINITE in notes))
-            | (np.isnan(values) & (May.BE_NAN in notes))
-        )
-        if not np.all(allowed):
-            most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {LARGEST:g}"
-            raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
-    for note in notes:
-        if isinstance(note, Within) and np.any(out := note.excludes(values)):
-            first = values if np.ndim(values) == 0 else values[np.asarray(out)][0]
-            wanted = note.instead_of(first, "numbers" if np.ndim(values) else "number")
-            raise Refusal(f"{_worst(values, out)}; give {wanted}", SettingError)
-
-
-def _worst(values: Any, out: Any) -> str:
-    if np.ndim(values) == 0:
-        return f"is {values:g}"
-    first = tuple(int(index) for index in np.argwhere(out)[0])
-    return f"is {values[first]:g} at {first[0] if len(first) == 1 else first}"
+    permitted = size <= LARGEST
+    if May.BE_INFINITE in node.notes:
+        permitted |= size > LARGEST
+    if May.BE_NAN in node.notes:
+        permitted |= np.isnan(values)
+    for note in node.notes:
+        if isinstance(note, Within):
+            permitted &= ~note.excludes(values)
+    if not np.all(permitted):
+        first = tuple(map(int, np.argwhere(~permitted)[0]))
+        number, where = values[first].item(), f" at {first[0] if len(first) == 1 else first}" if first else ""
+        end = f"; give {instead_of(number, node.notes)}"
+        raise Refusal(node, values, f"is {number:g}{where}", end, SettingError)
 
 
 # Containers
 
 
-def _sequence(of: Kind, *, as_tuple: bool) -> Kind:
-    words = f"a list, each item {of.words}"
-
-    def accept(value: Any) -> Any:
-        # The rows of a matrix are items of their own where items are lists.
-        listed = _list_values(value, words, most_axes=2 if of.rank > 1 else 1)
-        items = [_accept_at(of, item, f"[{position}]") for position, item in enumerate(listed)]
-        if listed is value and all(new is old for new, old in zip(items, listed, strict=True)):
-            items = value
-        return tuple(items) if as_tuple or not isinstance(listed, list) else items
-
-    return Kind(words, accept, rank=2)
-
-
-def _iterable(of: Kind) -> Kind:
-    """Kind of an iterable: items of a container and keys of a dict are checked, those of an iterator are not."""
-    words = f"several values, each {of.words}"
-
-    def accept(value: Any) -> Any:
-        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            raise OtherKind(value, words)
-        if isinstance(value, list | tuple | set | frozenset | Mapping):
-            return tuple(_accept_at(of, item, f"[{position}]") for position, item in enumerate(value))
-        return value
-
-    return Kind(words, accept, rank=2)
+def _sequence(node: Node, value: Any) -> Any:
+    if node.kind is Iterable and isinstance(value, Iterable) and not isinstance(value, Sequence):
+        if not isinstance(value, Set | Mapping):
+            return value
+        value = tuple(value)
+    (of,) = node.parts
+    # The rows of a matrix are items of their own where items are lists or arrays.
+    kinds = (of, *of.parts)
+    rows = any(isinstance(each, nodes.Fixed | nodes.Array) for each in kinds)
+    listed = _listed(node, value, most_axes=2 if rows else 1)
+    items = [_accept_at(of, item, index) for index, item in enumerate(listed)]
+    return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)
 
 
-def _tuple(kinds: list[Kind]) -> Kind:
-    words = f"{len(kinds)} values: {', '.join(kind.words for kind in kinds)}"
-
-    def accept(value: Any) -> Any:
-        listed = _list_values(value, words)
-        if len(listed) != len(kinds):
-            raise Refusal(f"has {len(listed)} values; give {words}")
-        return tuple(
-            _accept_at(kind, item, f"[{position}]")
-            for position, (kind, item) in enumerate(zip(kinds, listed, strict=True))
-        )
-
-    return Kind(words, accept, rank=2)
-
-
-def _mapping(names: Kind, values: Kind) -> Kind:
-    words = "a dict" if values is _ANYTHING else f"a dict, each value {values.words}"
-
-    def accept(value: Any) -> Any:
-        if not isinstance(value, Mapping):
-            raise OtherKind(value, words)
-        accepted = {
-            _accept_at(names, name, f" key {name!r}"): _accept_at(values, item, f"[{name!r}]")
-            for name, item in value.items()
-        }
-        return value if all(accepted[name] is value[name] for name in accepted) else accepted
-
-    return Kind(words, accept, rank=2)
-
-
-def _list_values(value: Any, words: str, most_axes: int = 1) -> Any:
+def _listed(node: Node, value: Any, most_axes: int = 1) -> Any:
     if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
         return value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):
-        raise OtherKind(value, words)
+        raise Refusal(node, value)
     return value if isinstance(value, list | tuple) else tuple(value)
 
 
-def _accept_at(kind: Kind, value: Any, place: str) -> Any:
+def _fixed(node: Node, value: Any) -> Any:
+    listed = _listed(node, value)
+    if len(listed) != len(node.parts):
+        raise Refusal(node, value, f"has {len(listed)} values")
+    pairs = zip(node.parts, listed, strict=True)
+    return tuple(_accept_at(part, item, index) for index, (part, item) in enumerate(pairs))
+
+
+def _mapping(node: Node, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        raise Refusal(node, value)
+    names, values = node.parts
+    accepted = {_accept_at(names, name, name): _accept_at(values, item, name) for name, item in value.items()}
+    return value if all(accepted[name] is value[name] for name in accepted) else accepted
+
+
+def _accept_at(node: Node, value: Any, key: Any) -> Any:
     try:
-        return kind.accept(value)
+        return accept(node, value)
     except Refusal as refusal:
-        refusal.place = f"{place}{refusal.place}"
+        refusal.path = (key, *refusal.path)
         raise
 
 
 # Objects
 
 
-def _object(kind: Any, of: list[Kind]) -> Kind:
-    if kind is type:
-        return Kind("a class", partial(_instance, type, "a class"))
-    if kind is Iterable:
-        return _iterable(*of or (_ANYTHING,))
-    if kind is os.PathLike:
-        return Kind("a path", _path)
-    if getattr(kind, "_is_protocol", False):
-        return _protocol(kind)
-    made = getattr(kind, "_made_by", "")
-    words = (
-        f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}{f', made by {made}' if made else ''}"
-    )
-    return Kind(words, partial(_instance, kind, words))
-
-
-def _path(value: Any) -> Any:
-    if not isinstance(value, os.PathLike) or not isinstance(os.fspath(value), str):
-        raise OtherKind(value, "a path")
+def _function(node: Node, value: Any) -> Any:
+    takes, returns = node.kind
+    # A class is no callback.
+    if not callable(value) or (isinstance(value, type) and returns in (None, NoneType, bool | None)):
+        raise Refusal(node, value)
+    if takes is not ...:
+        # Some compiled functions have no signature.
+        with suppress(ValueError):
+            try:
+                inspect.signature(value).bind(*takes)
+            except TypeError:
+                raise Refusal(node, value, "is a function of other arguments") from None
     return value
 
 
-def _function(takes: Any, returns: Any) -> Kind:
-    """Kind of a function by its number of arguments; where it returns nothing, a class is refused."""
-    alone = returns in (None, NoneType, bool | None)
-    count = len(takes) if isinstance(takes, list) else None
-    words = "a function" if count is None else f"a function of {count} argument{'' if count == 1 else 's'}"
-
-    def accept(value: Any) -> Any:
-        if not callable(value) or (alone and isinstance(value, type)):
-            raise OtherKind(value, words)
-        if count is not None and not _takes(value, count):
-            raise Refusal(f"is a function of other arguments; give {words}")
-        return value
-
-    return Kind(words, accept)
+def _either(node: Node, value: Any) -> Any:
+    if value is None and node.kind is NoneType:
+        return None
+    refusals: list[Refusal] = []
+    for part in node.parts:
+        try:
+            return accept(part, value)
+        except Refusal as refusal:
+            # Of a member of the kind of the value, or of what is in the value.
+            if refusal.path or not refusal.is_other_kind:
+                refusals.append(refusal)
+    raise next(iter(refusals), Refusal(node, value))
 
 
-def _takes(function: Any, count: int) -> bool:
-    try:
-        signature = inspect.signature(function)
-    except (ValueError, TypeError):
-        # Some compiled functions have none.
-        return True
-    try:
-        signature.bind(*[None] * count)
-    except TypeError:
-        return False
-    return True
-
-
-def _protocol(kind: type) -> Kind:
-    members = {
-        name
-        for base in kind.__mro__
-        if getattr(base, "_is_protocol", False) and base.__module__ != "typing"
-        for name in (*vars(base), *vars(base).get("__annotations__", ()))
-        if name == "__call__" or not name.startswith("_")
-    }
-    words = "a function" if "__call__" in members else f"an object with {', '.join(sorted(members))}"
-
-    def accept(value: Any) -> Any:
-        if isinstance(value, type) or not all(hasattr(value, name) for name in members):
-            raise OtherKind(value, words)
-        return value
-
-    return Kind(words, accept)
-
-
-def _one_of(kinds: list[Kind]) -> Kind:
-    kinds.sort(key=lambda kind: kind.rank)
-    words = " or ".join(kind.words for kind in kinds if kind.words != "None")
-
-    def accept(value: Any) -> Any:
-        closest: Refusal | None = None
-        for kind in kinds:
-            try:
-                return kind.accept(value)
-            except OtherKind as refusal:
-                if refusal.place:
-                    closest = closest or refusal
-            except Refusal as refusal:
-                closest = closest or refusal
-        raise closest or OtherKind(value, words)
-
-    return Kind(words, accept, rank=max(kind.rank for kind in kinds))
+_CHECKS: dict[type[Node], Callable[[Node, Any], Any]] = {
+    Node: lambda _, value: value,
+    nodes.Scalar: lambda node, value: _SCALARS[node.kind](node, value),
+    nodes.Enumerated: _choice,
+    nodes.Array: _array,
+    nodes.Items: _sequence,
+    nodes.Fixed: _fixed,
+    nodes.ByName: _mapping,
+    nodes.Record: _instance,
+    nodes.Instance: _instance,
+    nodes.Either: _either,
+    nodes.Function: _function,
+}

@@ -1,14 +1,14 @@
 """What the annotation of a value declares, as a tree of nodes.
 
-Checks of arguments, readers of tables and readers of stored JSON all walk these trees, each with sentences of its own;
-no other module takes an annotation apart. The notes of an annotation, such as `Annotated[float, Within(above=0.0)]`,
-hold for all numbers in it. An annotation of a form that is not known here is a `TypeError`.
+Checks of arguments, readers of documents and readers of stored JSON walk these trees; no other module takes an
+annotation apart. The notes of an annotation, such as `Annotated[float, Within(above=0.0)]`, hold for all numbers in it.
+An annotation of an unknown form is a `TypeError`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
 from types import NoneType, SimpleNamespace, UnionType
@@ -43,6 +43,13 @@ class Shape:
     axes: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class InUnit:
+    """Unit of a number, in whose place a text may give the number in another unit, as "2 mm"."""
+
+    unit: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Within:
     """Range of a number, or of every number of an array."""
@@ -57,13 +64,8 @@ class Within:
         """The range as a message states it."""
         if math.isfinite(self.least) and math.isfinite(self.most):
             return f"from {_end(self.least)} to {_end(self.most)}"
-        ends = (
-            ("at least", self.least),
-            ("above", self.above),
-            ("at most", self.most),
-            ("below", self.below),
-        )
-        return " and ".join(f"{word} {_end(end)}" for word, end in ends if math.isfinite(end))
+        ends = {"at least": self.least, "above": self.above, "at most": self.most, "below": self.below}
+        return " and ".join(f"{word} {_end(end)}" for word, end in ends.items() if math.isfinite(end))
 
     def excludes(self, values: Any) -> Any:
         """Which numbers lie outside; NaN does not. What must be positive may be divided by, and squared."""
@@ -84,9 +86,26 @@ def _end(value: float) -> str:
     return str(value) if isinstance(value, int) or float(f"{value:g}") != value else f"{value:g}"
 
 
-# Nodes
-
 Notes = tuple[Any, ...]
+# Whole numbers without an upper limit of their own, and numbers that are not to be infinite.
+_WORD, _FINITE = Within(least=-(2**63), most=2**63 - 1), Within(least=-LARGEST, most=LARGEST)
+
+
+def instead_of(value: float, notes: Notes) -> str:
+    """What to give instead of a number that notes exclude, as "a number above 0"; empty for one that they permit."""
+    whole, may_be_infinite = isinstance(value, int), May.BE_INFINITE in notes
+    if (value != value and May.BE_NAN not in notes) or (abs(value) == math.inf and not may_be_infinite):
+        return "a finite number"
+    ranges = [note for note in notes if isinstance(note, Within)]
+    if whole and all(within.most == math.inf for within in ranges):
+        ranges.append(_WORD)
+    if not whole and not may_be_infinite:
+        ranges.append(_FINITE)
+    kind = "whole number" if whole else "number"
+    return next((within.instead_of(value, kind) for within in ranges if within.excludes(value)), "")
+
+
+# Nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +136,9 @@ class Fixed(Node):
         """Node expected at each position, whatever their `count`."""
         return self.parts
 
-    @property
-    def is_matrix(self) -> bool:
-        """Whether the items are rows."""
-        return isinstance(self.parts[0], Fixed)
-
 
 class Items(Fixed):
-    """A tuple, or another sequence, of any number of items."""
+    """A tuple, another sequence, or an iterable, of any number of items."""
 
     def of(self, count: int) -> tuple[Node, ...]:
         """Node expected at each of `count` positions."""
@@ -189,6 +203,8 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
             each for each in members if each is not NoneType and not (takes_arrays and each in _ARRAY_LIKE)
         ]
         parts = [node_of(each, notes) for each in several] + [Array(None, (), notes)] * takes_arrays
+        # NumPy makes an array of what other members are meant for.
+        parts.sort(key=lambda part: isinstance(part, Array))
         return Either(NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
         return Enumerated(inner, (), notes)
@@ -217,7 +233,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         return ByName(kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
         return Fixed(kind, tuple(node_of(each, notes) for each in inner), notes)
-    if issubclass(kind, Sequence) and inner:
+    if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
             # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
             notes = tuple(each for each in notes if not isinstance(each, Within))
@@ -233,6 +249,7 @@ def shape_of(node: Node) -> Shape | None:
 
 
 # Fields
+
 
 _FIELDS: dict[type, Mapping[str, Node]] = {}
 

@@ -1,38 +1,61 @@
-"""Where a table or value stands in a document, and what is wrong there: all mistakes of a document in one refusal.
-
-A reader goes on behind a mistake: what depends on what could not be read is `Unread`, which is no mistake of its own.
-"""
+"""Where a table or value stands in a document, and what is wrong there: all mistakes of a document in one refusal."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
-from typing import NoReturn, TypeVar, TypeVarTuple
+from typing import NoReturn, TypeVar
 
 from mrwork.errors import MOST_MISTAKES, InvalidSettingError, MistakesError, MrworkError, SettingError
 
-T = TypeVar("T")
-Given = TypeVarTuple("Given")
-
 # What sentences call a table of a file: [[damper]], [controller.settings].
 _HEADING = re.compile(r"(?:\ban? )?\[?\[(\w+)([\w.]*)\]\]?")
+
+GivenT = TypeVar("GivenT")
+ReadT = TypeVar("ReadT")
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
 
 
-class Unread(Exception):  # noqa: N818 # no error: it ends the reading of what depends on a mistake
-    """What was asked for could not be read, because of a mistake that has been kept."""
+@contextmanager
+def all_mistakes() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Raise the mistakes of several parts of a document together, at the end of the block.
+
+    Each part is read in a block of the function that is given; a part with a mistake does not keep others from being
+    read. A single mistake is raised as it is, several as a `MistakesError`.
+    """
+    by_text: dict[str, MrworkError] = {}
+
+    @contextmanager
+    def part() -> Iterator[None]:
+        if len(by_text) >= MOST_MISTAKES:
+            raise MistakesError("", [*by_text.values()])
+        try:
+            yield
+        except MrworkError as error:
+            several = error.mistakes if isinstance(error, MistakesError) else (error,)
+            by_text.update({str(each): each for each in several})
+
+    with part():
+        yield part
+    mistakes = [*by_text.values()]
+    if len(mistakes) == 1:
+        raise mistakes[0]
+    if mistakes:
+        raise MistakesError(mistakes[0].document or "the document", mistakes)
 
 
-@dataclass(slots=True)
-class _Mistakes:
-    """Mistakes of a document by their texts, while it is read."""
-
-    by_text: dict[str, MrworkError] = field(default_factory=dict)
-    is_open: bool = True
+def read_each(read: Callable[[GivenT], ReadT], parts: Iterable[GivenT]) -> list[ReadT]:
+    """Read parts of a document each by itself; their mistakes are raised together."""
+    results = []
+    with all_mistakes() as part:
+        for given in parts:
+            with part():
+                results.append(read(given))
+    return results
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +73,6 @@ class Place:
     lines: dict[KeyPath, int] = field(default_factory=dict)
     title: str = "the study"
     arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
-    mistakes: _Mistakes | None = field(default=None, repr=False, compare=False)
     questions: list[str] = field(default_factory=list, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:
@@ -74,13 +96,6 @@ class Place:
         parts = (f"[{key + first}]" if isinstance(key, int) else f".{key}" for key in path)
         return "".join(parts).removeprefix(".")
 
-    def take_for(self, name: str, meant: str) -> None:
-        """Know the lines of what is below a name by another one, too."""
-        given, taken = (*self.path, name), (*self.path, meant)
-        for path, line in [*self.lines.items()]:
-            if path[: len(given)] == given:
-                self.lines.setdefault((*taken, *path[len(given) :]), line)
-
     @property
     def table(self) -> str:
         """What messages call the table: [hardware], [[damper]]."""
@@ -102,22 +117,16 @@ class Place:
             yield
         except MistakesError as several:
             raise MistakesError(
-                self.origin, [self._prefix_error(each, kind) for each in several.mistakes]
+                self.origin, [self.about(each, kind) for each in several.mistakes]
             ) from several
         except MrworkError as error:
-            prefixed = self._prefix_error(error, kind)
-            if prefixed is error:
-                raise
-            raise prefixed from error
+            raise self.about(error, kind) from error
 
-    def _prefix_error(self, error: MrworkError, kind: type[MrworkError] | None) -> MrworkError:
-        changed = kind or type(error)
-        if error.document != self.origin:
-            return self.about(error, changed)
-        return error if isinstance(error, changed) else self._as(changed, str(error), error.line)
-
-    def about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
+    def about(self, error: MrworkError, kind: type[MrworkError] | None) -> MrworkError:
         """The error of a value of this table as one whose message begins with the line of that value."""
+        kind = kind or type(error)
+        if error.document == self.origin:
+            return self._as(kind, str(error), error.line)
         own = isinstance(error, InvalidSettingError) or (*self.path, error.key) in self.lines
         place = self.within(error.key) if own else self
         return place.error(kind, error.in_a_file or str(error))
@@ -137,57 +146,3 @@ class Place:
         error = (SettingError if kind is InvalidSettingError else kind)(text)
         error.document, error.line = self.origin, line
         return error
-
-    @contextmanager
-    def collecting(self) -> Iterator[Place]:
-        """Keep mistakes of `attempt` and `keeping` of the place that is given until the block ends, which raises them.
-
-        One is raised as it is, several as a `MistakesError`. Where the document collects already, the block adds to it.
-        """
-        if self.mistakes is not None and self.mistakes.is_open:
-            yield self
-            return
-        mistakes = _Mistakes()
-        place = replace(self, mistakes=mistakes)
-        try:
-            with place.keeping():
-                yield place
-        finally:
-            mistakes.is_open = False
-        if len(mistakes.by_text) == 1:
-            raise next(iter(mistakes.by_text.values()))
-        if mistakes.by_text:
-            raise MistakesError(self.origin, [*mistakes.by_text.values()])
-
-    @property
-    def is_full(self) -> bool:
-        """Whether so many mistakes have been kept that the document is read no further."""
-        return self.mistakes is not None and len(self.mistakes.by_text) >= MOST_MISTAKES
-
-    @contextmanager
-    def keeping(self) -> Iterator[None]:
-        """Keep the mistake with which the block ends, if any; what comes after the block is read all the same."""
-        if self.mistakes is None or not self.mistakes.is_open:
-            yield
-            return
-        try:
-            yield
-        except MrworkError as error:
-            several = error.mistakes if isinstance(error, MistakesError) else (error,)
-            self.mistakes.by_text |= {str(each): each for each in several}
-        except Unread:
-            pass
-
-    def attempt(self, read: Callable[[*Given], T], *given: *Given) -> Callable[[], T]:
-        """Read a part of the document; whoever then calls for a part that has a mistake is `Unread`, too."""
-        results: list[T] = []
-        if not self.is_full:
-            with self.keeping():
-                results.append(read(*given))
-
-        def part() -> T:
-            if not results:
-                raise Unread
-            return results[0]
-
-        return part

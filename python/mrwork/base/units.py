@@ -193,28 +193,25 @@ _PURE: Final[Mapping[str, Mapping[str, float]]] = {
 }
 _EVERY: Final = (*FACTORS.values(), *_PURE.values())
 
-# Units are read in any case, except for mega, which would be milli.
-_IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
-    (quantity, symbol.casefold()): factor
+# Quantity and factor of each symbol; in any case, except for mega, which would be milli.
+_MEASURED: Final[Mapping[str, tuple[MeasuredQuantity, float]]] = {
+    spelling: (quantity, factor)
     for quantity, units in FACTORS.items()
     for symbol, factor in units.items()
-    if not symbol.startswith("M")
+    for spelling in {symbol, symbol if symbol.startswith("M") else symbol.casefold()}
 }
 
 # The mark of an inch by itself; around a unit it is a quotation mark.
 _INCH: Final = re.compile(r"(?:[\"\u2033\u201d]|\u2032\u2032)(?=/|$)")
 
-# Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s.
-_VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
-# cm/sec^2, cm/s/s, cm/sec/sec, cm/s**2, and, where a slash cannot stand, cmps2, cm_s2, cm_per_s2.
-_ACCELERATION: Final = re.compile(
-    r"(m|cm|mm|in|ft)(?:/|p|_per_|_)s(?:ec)?(?:(?:\^|\*\*|_)?2|/s(?:ec)?|²)|(m|cm|mm|in|ft)_?s-2", re.ASCII
+# Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s, cmps2 and cm_s2 are cm/s2, as are cm/sec^2, cm/s/s
+# and cm/s**2.
+_RATE: Final = re.compile(
+    r"(m|cm|mm|in|ft)(?:(?:/|p|_per_|_)s(?:(?:ec)?((?:\^|\*\*|_)?2|/s(?:ec)?|²))?|_?s(-2))", re.ASCII
 )
-
 
 # Characters of the longest spelling of a unit, with room.
 _LONGEST: Final = 60
-
 
 # A letter directly behind a number begins its unit, unless it is the exponent.
 _GLUED: Final = re.compile(
@@ -229,19 +226,19 @@ def number_in(text: str, unit: str) -> float | str:
     The text may have any unit of the dimension of `unit`, which may be several with "or" between. A blank between
     number and unit may be left out, but not in front of a unit that begins with a digit, as 1/s.
     """
-    number, _, given = (part.strip() for part in text.strip().partition(" "))
-    if glued := _GLUED.fullmatch(text.strip()):
-        number, given = glued.groups()
+    glued = _GLUED.fullmatch(text.strip())
+    number, given = glued.groups() if glued else text.strip().partition(" ")[::2]
     known = ", ".join(name for each in unit.split(" or ") for name in _readable(each))
-    example = f'"1 {known.split(", ")[:2][-1]}"'
     try:
         value = float(number)
     except ValueError:
-        return f"is {text!r}; give a number [{unit}], or one with its unit as in {example}"
+        given = ""
     if not given:
+        example = known.split(", ")[:2][-1]
         return (
-            f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
+            f'is the text {text!r}; give a number [{unit}], or one with its unit in quotes, as "1 {example}"'
         )
+    given = given.strip()
     if given in unit.split(" or "):
         return value
     if given in _PURE.get(unit, {}):
@@ -293,17 +290,19 @@ def question_on(
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
-    symbol, spelled = _symbol_of(unit)
-    factor = FACTORS[quantity].get(symbol)
-    return factor if factor is not None else _IN_ANY_CASE.get((quantity, spelled))
+    measured = _measured(unit)
+    return measured[1] if measured is not None and measured[0] == quantity else None
 
 
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
+    measured = _measured(unit)
+    return None if measured is None else measured[0]
+
+
+def _measured(unit: str) -> tuple[MeasuredQuantity, float] | None:
     symbol, spelled = _symbol_of(unit)
-    exact = (quantity for quantity, factors in FACTORS.items() if symbol in factors)
-    in_any_case = (quantity for quantity in FACTORS if (quantity, spelled) in _IN_ANY_CASE)
-    return next(exact, None) or next(in_any_case, None)
+    return _MEASURED.get(symbol) or _MEASURED.get(spelled)
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:
@@ -343,8 +342,6 @@ def _symbol_of(unit: str) -> tuple[str, str]:
         return "", ""
     text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
     text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
-    if match := _VELOCITY.fullmatch(text):
-        text = f"{match[1]}/s"
-    elif match := _ACCELERATION.fullmatch(text):
-        text = f"{match[1] or match[2]}/s2"
+    if match := _RATE.fullmatch(text):
+        text = f"{match[1]}/s{'2' if match[2] or match[3] else ''}"
     return symbol, text

@@ -18,9 +18,10 @@ from warnings import warn
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import choose_way, key, keys_of, optional, positive, read_table, refuse_missing
+from mrwork.base.documents import choose_way, read_table, refuse_missing
+from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.numbers import counted
-from mrwork.base.places import Place, Unread
+from mrwork.base.places import Place, all_mistakes, read_each
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
@@ -68,12 +69,11 @@ class Addition:
         number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
         given = {name: value for name in names[number] if (value := getattr(self, name)) is not None}
         needed = {name for name in names[number] if takes[number][name].default is inspect.Parameter.empty}
-        absent = [entry for entry in keys_of(type(self)) if entry.name in needed - given.keys()]
-        for entry in absent:
-            with self.place.keeping():
-                refuse_missing(entry, given, self.place)
-        if absent:
-            raise Unread
+        with all_mistakes() as part:
+            for entry in keys_of(type(self)):
+                if entry.name in needed - given.keys():
+                    with part():
+                        refuse_missing(entry, self.place)
         return partial(self.ways[number], **given)
 
 
@@ -434,10 +434,10 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
         document = toml_table(text)
     except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
-    with Place(origin=str(path), lines=toml_lines(text), title="the building").collecting() as place:
-        table = read_table(BuildingTable, document, place)
-        table = replace(table, name=path.stem) if table.name is None else table
-        built = _make_building(table, path.parent, (*readers, real_place(path)))
+    place = Place(origin=str(path), lines=toml_lines(text), title="the building")
+    table = read_table(BuildingTable, document, place)
+    table = replace(table, name=path.stem) if table.name is None else table
+    built = _make_building(table, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
@@ -453,15 +453,22 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     form = forms[0]
     foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
     foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
-    for name in foreign:
-        if name in given:
-            goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
-            with place.keeping():
-                place.within(name).refuse(f"{name} goes with {goes}, and this building is given by {form}")
-    damped = [name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given]
-    if len(damped) > 1:
-        place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
-    ways = [(each.place, each.place.attempt(each.way)) for each in table.additions()]
+    with all_mistakes() as part:
+        for name in foreign:
+            if name in given:
+                goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
+                with part():
+                    place.within(name).refuse(
+                        f"{name} goes with {goes}, and this building is given by {form}"
+                    )
+        damped = [
+            name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given
+        ]
+        if len(damped) > 1:
+            with part():
+                place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
+        with part():
+            ways = read_each(lambda each: (each.place, each.way()), table.additions())
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         if form == "masses":
@@ -486,7 +493,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             refuse_without_masses(built, place.within(form))
         for where, way in ways:
             with where.prefix_errors():
-                built = way()(built)
+                built = way(built)
         if table.p_delta:
             if table.loads is not None:
                 place.within("loads").refuse("p_delta and loads both give the weights; keep one")
@@ -537,7 +544,8 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
 
 def _shear(table: BuildingTable) -> Building:
     (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == "stiffnesses")
-    refuse_missing(entry, _list_given_keys(table), table.place)
+    if not table.stiffnesses:
+        refuse_missing(entry, table.place)
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
     with table.place.prefix_errors():
         return shear_building(

@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.base.arguments import AnyNumbers, Positive, Refusal, checked, kind_of
+from mrwork.base.arguments import AnyNumbers, Positive, Refusal, accept, checked
 from mrwork.base.hints import Within, node_of
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
@@ -38,7 +38,7 @@ def _never_a_value(function: Callable[..., object]) -> str:
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""
 # A command that is not a number fails safe where a reading is not.
-_COMMANDS = kind_of(node_of(AnyNumbers))
+_COMMANDS = node_of(AnyNumbers)
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
 _LARGEST_READING = 1e30
 
@@ -277,12 +277,12 @@ class UserLaw(Summarised):
     def _commands(self, returned: object, sample: LoopSample, shape: tuple[int, int]) -> Floats:
         """Commands returned by the law, as an array of this shape."""
         try:
-            commands: Floats = _COMMANDS.accept(returned)
+            commands: Floats = accept(_COMMANDS, returned)
         except Refusal as refusal:
             if inspect.iscoroutine(returned):
                 returned.close()
             raise SettingError(
-                f"{self._title}: what it returned at {sample.time:g} s {refusal.sentence}"
+                f"{self._title}: what it returned at {sample.time:g} s {refusal.in_words()}"
             ) from None
         if commands.shape == shape[:1] and shape[1] == 1:
             commands = commands[:, None]

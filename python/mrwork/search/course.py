@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,6 +235,7 @@ def _extend_trace(
     return grown
 
 
+@runtime_checkable
 class SearchState(Protocol):
     """The part of an optimiser's state that the loop reads.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,6 +175,7 @@ class AbortableObjective:
     misfits: Callable[[Floats, Floats], Floats]
 
 
+@runtime_checkable
 class Optimiser(Protocol[StateT]):
     """Settings of a derivative-free minimiser on the unit cube; all progress is in its states.
 

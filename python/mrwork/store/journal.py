@@ -16,7 +16,7 @@ import time
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Protocol, TypeVar, runtime_checkable
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted
@@ -37,6 +37,7 @@ _NOT_LOST = "make room and resume, nothing in it is lost"
 _ANEW = "run again with --replace, not --resume"
 
 
+@runtime_checkable
 class Counters(Protocol):
     """Counters of a run, such as its simulations; every line of a journal states them."""
 

@@ -23,16 +23,9 @@ def toml_table(text: str) -> dict[str, Any]:
     if _LONG_KEY.search(text):
         raise ValueError(f"a key has more than {_DEEPEST} parts")
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
+        return tomllib.loads(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
-    except ValueError:
-        # Python's limit of 4300 digits, without its advice to programmers.
-        raise ValueError(f"a whole number has more than {_MOST_DIGITS} digits") from None
-    _check_depth(table)
-    return table
 
 
 def _check_depth(value: Any) -> None:
@@ -52,122 +45,104 @@ def _check_depth(value: Any) -> None:
     raise ValueError(_TOO_DEEP)
 
 
+# A string, a sign or a word, behind blanks and a remark. Up to two more quotes belong to a string of three.
+_TOKEN: Final = re.compile(
+    r"""[ \t\r]*+(?:#[^\n]*+)?+("{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*+"|'[^']*+'"""
+    r"""|[\n\[\]{}=,]|[^ \t\r\n#\[\]{}=,"']++|\Z)""",
+    re.DOTALL,
+)
+
+
 def toml_lines(text: str) -> dict[KeyPath, int]:
     """The line of every key, table and array element of a text that `toml_table` has read."""
     return _Scanner(text).lines()
 
 
-_SPACES: Final = re.compile(r"[ \t]*+")
-_BLANKS: Final = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+)*+")
-_BARE_KEY: Final = re.compile(r"[^=.\]}, \t\r\n#]*+")
-_BARE_VALUE: Final = re.compile(r"[^,\]}\r\n#]*+")
-# Up to two more quotes belong to a string of three.
-_STRING: Final = re.compile(
-    r"""\"{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*+"|'[^']*+'""", re.DOTALL
-)
-
-
 class _Scanner:
+    """A walk over the tokens of a sound text; `token` is the next one, empty at the end."""
+
     def __init__(self, text: str) -> None:
-        self._text = text
-        self._at = 0
-        self._line = 1
+        self._matches = _TOKEN.finditer(text)
+        self._token, self._line = "", 1
+        self._take()
         self._found: dict[KeyPath, int] = {}
-        # Number of tables of each array of tables so far.
+        # Index of the last table of each array of tables.
         self._counts: dict[KeyPath, int] = {}
+
+    def _take(self) -> str:
+        """The present token, behind which the scanner goes on."""
+        taken = self._token
+        self._line += taken.count("\n")
+        match = next(self._matches, None)
+        self._token = match[1] if match else ""
+        return taken
+
+    def _begins_entry(self, end: str) -> bool:
+        """Skip ends of lines and a comma; whether an entry follows instead of the end."""
+        while self._token in ("\n", ","):
+            self._take()
+        return self._token != end
 
     def lines(self) -> dict[KeyPath, int]:
         table: KeyPath = ()
-        while self._skip_blanks():
-            line = self._line
-            if self._text.startswith("[[", self._at):
-                self._at += 2
-                *outer, last = self._key()
-                path = (*self._resolve(tuple(outer)), last)
-                self._at += 2
-                number = self._counts.get(path, 0)
-                self._counts[path] = number + 1
-                self._found.setdefault(path, line)
-                table = (*path, number)
-            elif self._text[self._at] == "[":
-                self._at += 1
-                table = self._resolve(self._key())
-                self._at += 1
-            else:
+        while self._begins_entry(""):
+            if self._token != "[":
                 self._pair(table)
                 continue
+            line = self._line
+            self._take()
+            if several := self._token == "[":
+                self._take()
+            *outer, last = self._key()
+            table = (*self._resolved(outer), last)
+            if several:
+                self._take()
+                self._counts[table] = number = self._counts.get(table, -1) + 1
+                table = (*table, number)
             self._note(table, line)
         return self._found
 
-    def _resolve(self, key: tuple[str, ...]) -> KeyPath:
+    def _resolved(self, key: list[str]) -> KeyPath:
         """The key of a header, with the index of the last table of each array of tables in it."""
         path: KeyPath = ()
         for part in key:
             path = (*path, part)
-            if path in self._counts:
-                path = (*path, self._counts[path] - 1)
+            path = (*path, self._counts[path]) if path in self._counts else path
         return path
 
     def _note(self, path: KeyPath, line: int) -> None:
         for length in range(1, len(path) + 1):
             self._found.setdefault(path[:length], line)
 
+    def _key(self) -> list[str]:
+        """The parts of a key; the sign behind it is taken, too."""
+        parts: list[str] = []
+        while (token := self._take()) not in ("=", "]"):
+            # The parser resolves escapes.
+            is_text = token[0] in "\"'"
+            parts += [tomllib.loads(f"k = {token}")["k"]] if is_text else filter(None, token.split("."))
+        return parts
+
     def _pair(self, table: KeyPath) -> None:
         line = self._line
         path = (*table, *self._key())
         self._note(path, line)
-        self._at += 1
-        self._take(_SPACES)
         self._value(path)
 
     def _value(self, path: KeyPath) -> None:
-        opening = self._text[self._at]
+        opening = self._take()
         if opening == "[":
-            self._at += 1
             number = 0
-            while self._skip_blanks() and self._text[self._at] != "]":
+            while self._begins_entry("]"):
                 self._found[*path, number] = self._line
                 self._value((*path, number))
                 number += 1
-                self._skip_comma()
-            self._at += 1
+            self._take()
         elif opening == "{":
-            self._at += 1
-            while self._skip_blanks() and self._text[self._at] != "}":
+            while self._begins_entry("}"):
                 self._pair(path)
-                self._skip_comma()
-            self._at += 1
+            self._take()
         else:
-            self._take(_STRING if opening in "\"'" else _BARE_VALUE)
-
-    def _key(self) -> tuple[str, ...]:
-        """A dotted key, up to the character that ends it."""
-        parts: list[str] = []
-        while True:
-            self._take(_SPACES)
-            if self._text[self._at] in "\"'":
-                # The parser resolves escapes.
-                parts.append(toml_table(f"k = {self._take(_STRING)}")["k"])
-            else:
-                parts.append(self._take(_BARE_KEY))
-            self._take(_SPACES)
-            if self._text[self._at] != ".":
-                return tuple(parts)
-            self._at += 1
-
-    def _skip_comma(self) -> None:
-        if self._skip_blanks() and self._text[self._at] == ",":
-            self._at += 1
-
-    def _skip_blanks(self) -> bool:
-        """Skip blanks and comments; whether a character follows."""
-        self._take(_BLANKS)
-        return self._at < len(self._text)
-
-    def _take(self, pattern: re.Pattern[str]) -> str:
-        """The text that matches from here on, behind which the scanner goes on."""
-        match = pattern.match(self._text, self._at)
-        text = match[0] if match else ""
-        self._line += text.count("\n")
-        self._at += len(text)
-        return text
+            # A time may have a blank.
+            while self._token not in ("\n", ",", "]", "}", ""):
+                self._take()

@@ -8,23 +8,14 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from mrwork.base.keys import (
-    as_document,
-    given_values,
-    heading_lines,
-    key_lines,
-    keys_of,
-    read_table,
-    suggestion,
-    toml_value,
-)
-from mrwork.base.places import Place, Unread
+from mrwork.base.documents import given_values, heading_lines, key_lines, read_table
+from mrwork.base.keys import as_document, keys_of, suggestion, toml_value
+from mrwork.base.places import Place, all_mistakes, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
@@ -155,37 +146,29 @@ _OF_A_GROUP = {
 
 
 def refuse_loose_settings(document: Mapping[str, Any], place: Place) -> None:
-    """Refuse laws for some of the dampers, and settings of a law that stand beside its name.
-
-    Settings are read as if they stood in [controller.settings].
-    """
-    for kind, words in _OF_A_GROUP.items():
-        given = document.get(kind)
-        for number, table in enumerate(given if isinstance(given, list) else []):
-            for name in [
-                word for word in words if isinstance(table, dict) and table.pop(word, None) is not None
-            ]:
-                with place.keeping():
-                    place.within(kind, number, name).refuse(
-                        f"{name} in a [[{kind}]] would give one group of dampers a law of its own, and a law commands "
-                        "all of them; leave it out, several [[controller]] are compared with each other"
-                    )
-    tables = document.get("controller")
+    """Refuse laws for some of the dampers, and settings of a law that stand beside its name; take them out."""
     own = {entry.name for entry in keys_of(ControllerTable)}
-    for number, table in enumerate(tables if isinstance(tables, list) else []):
-        law = table.get("law") if isinstance(table, dict) else None
-        if not isinstance(law, str) or law not in SETTINGS:
-            continue
-        for name in [entry.name for entry in keys_of(SETTINGS[law])]:
-            if name in table and name not in own:
-                with place.keeping():
-                    place.within("controller", number, name).refuse(
-                        f"{name} is a setting of the law; it stands in [controller.settings], or below the law as "
-                        f"settings = {{ {name} = {toml_value(table[name])} }}"
-                    )
-                value, settings = table.pop(name), table.setdefault("settings", {})
-                if isinstance(settings, dict):
-                    settings.setdefault(name, value)
+    with all_mistakes() as part:
+        for kind, words in _OF_A_GROUP.items():
+            given = document.get(kind)
+            for number, table in enumerate(given if isinstance(given, list) else []):
+                if not isinstance(table, dict):
+                    continue
+                for name in [word for word in words if table.pop(word, None) is not None]:
+                    with part():
+                        place.within(kind, number, name).refuse(
+                            f"{name} in a [[{kind}]] would give one group of dampers a law of its own, and a law "
+                            "commands all of them; leave it out, several [[controller]] are compared with each other"
+                        )
+                law = SETTINGS.get(str(table.get("law"))) if kind == "controller" else None
+                for name in [entry.name for entry in keys_of(law)] if law else []:
+                    if name in table and name not in own:
+                        value = table.pop(name)
+                        with part():
+                            place.within(kind, number, name).refuse(
+                                f"{name} is a setting of the law; it stands in [controller.settings], or below the law "
+                                f"as settings = {{ {name} = {toml_value(value)} }}"
+                            )
 
 
 def arrangements(
@@ -194,7 +177,7 @@ def arrangements(
     problem: DesignProblem,
     folder: Path,
     hardware: Hardware,
-    settings: Sequence[Callable[[], _GivenSettings | None]],
+    settings: Sequence[_GivenSettings | None],
     on_progress: Callable[[StudyProgress], None] | None,
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
@@ -209,22 +192,20 @@ def arrangements(
             make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
         )
     lacking: list[str] = []
-    for controller, settings_of in zip(table.controller, settings, strict=True):
-        with suppress(Unread):
-            given = settings_of()
-            if given is not None and missing_settings(controller.law, given.values):
-                lacking.append(controller.law)
+    for controller, given in zip(table.controller, settings, strict=True):
+        if given is not None and missing_settings(controller.law, given.values):
+            lacking.append(controller.law)
     course = course_of_trials(bare, problem, hardware, lacking, on_progress)
     trials = Trials(bare=bare, problem=problem, hardware=hardware, course=course)
-    others = [
-        *(each.place.attempt(_baseline, each, table, bare, folder) for each in table.baseline),
-        *(
-            each.place.attempt(_arrange_controller, each, problem, bare, folder, given, trials)
-            for each, given in zip(table.controller, settings, strict=True)
-        ),
-    ]
-    for each in others:
-        arrangement = each()
+    with all_mistakes() as part:
+        with part():
+            baselines = read_each(lambda each: _baseline(each, table, bare, folder), table.baseline)
+        with part():
+            controlled = read_each(
+                lambda each: _arrange_controller(*each, problem, bare, folder, trials),
+                zip(table.controller, settings, strict=True),
+            )
+    for arrangement in (*baselines, *controlled):
         if arrangement.row.kind != "passive_off":
             arrangements_of_study.append(arrangement)
         elif arrangement.row.label:
@@ -244,10 +225,10 @@ def arrangements(
 
 def _arrange_controller(
     controller: ControllerTable,
+    given: _GivenSettings | None,
     problem: DesignProblem,
     bare: Building,
     folder: Path,
-    settings: Callable[[], _GivenSettings | None],
     trials: Trials,
 ) -> Arrangement:
     """The building with its dampers under the law of a table; one at i = 0 has a label if the table has."""
@@ -257,7 +238,6 @@ def _arrange_controller(
     if not any(device.spec.follows_command for device in devices):
         _refuse_command(controller)
     limited = _limit_command(controller, problem)
-    given = settings()
     _refuse_beyond_twin(controller, problem, trials.hardware, None if given is None else given.values)
     title, law, taken = _choose_law(controller, limited, folder, given, trials)
     law = _shape_command(controller, law)
@@ -429,7 +409,7 @@ def settings_of_law(table: ControllerTable, folder: Path) -> _GivenSettings | No
         given["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
         where = place if table.settings is None else where
     given = _with_matrices(kind, given, where, folder)
-    return _GivenSettings(stated=given, values=given_values(kind, given, where, whole=True), where=where)
+    return _GivenSettings(stated=given, values=given_values(kind, given, where), where=where)
 
 
 def _choose_law(
@@ -452,7 +432,7 @@ def _choose_law(
         problem, beside = trials.expect_motion(problem) if spec.needs_curve else (problem, "")
         taken = trials.take(table.law, given.values, problem, partial(_with_shaping, table), beside=beside)
         settings: LawSettings = read_table(
-            kind, given.stated | (as_document(taken.settings) if taken else {}), given.where, whole=True
+            kind, given.stated | (as_document(taken.settings) if taken else {}), given.where
         )
         return spec.title, design_law(table.law, problem, settings), taken
 
@@ -507,24 +487,20 @@ def resolve_settings(table: TuneTable, folder: Path) -> TuneTable:
         limit = (table.constraints or {}).get(each.name)
         if isinstance(limit, float) and (question := each.question(limit)):
             table.place.questions.append(f"{table.place.within('constraints', each.name)}: {question}.")
-    for law in table.laws:
-        with table.place.keeping():
-            check_law(table, law)
-    for key in ("criteria", "objectives", "constraints"):
-        for name in getattr(table, key) or ():
-            with table.place.keeping():
-                check_criterion(table, key, name)
-    if table.settings is None:
-        return table
-    place, settings = table.place.within("settings"), dict(table.settings)
-    for law in table.laws:
-        if law not in SETTINGS:
-            continue
-        names = {entry.name for entry in keys_of(SETTINGS[law])}
-        given = {name: value for name, value in table.settings.items() if name in names}
-        values = given_values(SETTINGS[law], _with_matrices(SETTINGS[law], given, place, folder), place)
-        settings |= as_document(values)
-    return replace(table, settings=settings)
+    place, settings = table.place.within("settings"), dict(table.settings or {})
+    with all_mistakes() as part:
+        for law in table.laws:
+            with part():
+                check_law(table, law)
+                names = {entry.name for entry in keys_of(SETTINGS[law])}
+                own = {name: value for name, value in (table.settings or {}).items() if name in names}
+                own = _with_matrices(SETTINGS[law], own, place, folder)
+                settings |= as_document(given_values(SETTINGS[law], own, place))
+        for key in ("criteria", "objectives", "constraints"):
+            for name in getattr(table, key) or ():
+                with part():
+                    check_criterion(table, key, name)
+    return table if table.settings is None else replace(table, settings=settings)
 
 
 def _with_matrices(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from math import cos, degrees, inf
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import counted
-from mrwork.base.places import Place
+from mrwork.base.places import Place, read_each
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -258,8 +259,7 @@ _JOINT_SHARE = 1e-3
 
 def choose_dampers(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> list[ChosenDamper]:
     """The dampers of the tables, each read by itself."""
-    chosen = [table.place.attempt(chosen_damper, table, folder, identified) for table in tables]
-    return [each() for each in chosen]
+    return read_each(lambda table: chosen_damper(table, folder, identified), tables)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,15 +296,13 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
 
 
 def equip_building(
-    bare: Building, tables: Sequence[DamperTable], choose: Callable[[], Sequence[ChosenDamper]]
+    bare: Building, tables: Sequence[DamperTable], chosen: Sequence[ChosenDamper]
 ) -> tuple[Building, tuple[Device, ...]]:
-    """The building with braces, and its devices; their dampers are asked for after their storeys."""
+    """The building with braces, and its devices."""
     for table in tables:
         if table.row is None:
             refuse_without_masses(bare, table.place)
-    parts = [table.place.attempt(_row_of, bare, table) for table in tables]
-    chosen = choose()
-    building, rows = bare, [each() for each in parts]
+    building, rows = bare, read_each(partial(_row_of, bare), tables)
     for number, table in enumerate(tables):
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.keys import read_table, suggestion
-from mrwork.base.places import KeyPath, Place
+from mrwork.base.documents import read_table
+from mrwork.base.keys import suggestion
+from mrwork.base.places import KeyPath, Place, all_mistakes, read_each
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.base.values import Floats
@@ -120,26 +121,24 @@ class _Bare:
     warnings: tuple[str, ...]
 
 
+def bare_motions(tables: Sequence[MotionTable], folder: Path, seed: int) -> list[_Bare]:
+    """The motions of all tables before they are scaled; names of files are relative to `folder`."""
+    of_tables = read_each(lambda table: _bare_motions(table, folder, seed), tables)
+    return [each for of_table in of_tables for each in of_table]
+
+
 def motions_of_study(
-    tables: Sequence[MotionTable],
-    folder: Path,
-    seed: int,
-    *,
-    sample_time: Callable[[], float],
-    aims: Aims,
-    place: Place,
+    read: Sequence[_Bare], *, sample_time: float, aims: Aims, place: Place
 ) -> tuple[MotionOfStudy, ...]:
-    """The motions of all tables, one for each factor or intensity of each record; files are relative to `folder`."""
-    bare = [table.place.attempt(_bare_motions, table, folder, seed) for table in tables]
-    read = [each for of_table in bare for each in of_table()]
+    """The motions of a study, one for each factor or intensity of each record."""
     _refuse_both_uses(read)
     copies = copies_among([each.ground for each in read])
     names = {copy: read[first].ground.name for copy, first in copies.items()}
-    scaled = [
-        each.table.place.attempt(_scaled_motions, each, sample_time, aims, names.get(number, ""))
-        for number, each in enumerate(read)
-    ]
-    motions = tuple(motion for of_one in scaled for motion in of_one())
+    scaled = read_each(
+        lambda number: _scaled_motions(read[number], sample_time, aims, names.get(number, "")),
+        range(len(read)),
+    )
+    motions = tuple(motion for of_one in scaled for motion in of_one)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
     if all(motion.use == "training" for motion in motions):
@@ -150,10 +149,8 @@ def motions_of_study(
     return motions
 
 
-def _scaled_motions(
-    bare: _Bare, sample_time: Callable[[], float], aims: Aims, copy_of: str
-) -> list[MotionOfStudy]:
-    _refuse_still(bare, sample_time())
+def _scaled_motions(bare: _Bare, sample_time: float, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
+    _refuse_still(bare, sample_time)
     with bare.table.place.prefix_errors(SettingError):
         scaled = list(_scale(bare.ground, bare.table, aims))
         for ground, *_ in scaled:
@@ -424,10 +421,9 @@ def read_bare_building(path: str | Path) -> Building:
     _, document, place = _document_in(path)
     if not isinstance(document.get("building"), dict):
         place.refuse("the study has no [building]; give one")
-    with place.collecting() as place:
-        table = read_table(BuildingTable, document["building"], place.within("building"))
-        with place.within("building").prefix_errors(SettingError):
-            return table.build(path.parent / str(document.get("folder", "")))
+    table = read_table(BuildingTable, document["building"], place.within("building"))
+    with place.within("building").prefix_errors(SettingError):
+        return table.build(path.parent / str(document.get("folder", "")))
 
 
 def _document_in(path: Path) -> tuple[StudyFile, dict[str, Any], Place]:
@@ -456,10 +452,12 @@ def study_of_document(
         anew = placed_document(document, placement)
         return study_of_document(anew, place, folder, identified, seed, on_python, on_progress, file)
 
-    with place.collecting() as collecting:
-        refuse_loose_settings(document, collecting)
-        table = read_table(StudyTable, document, collecting)
-        study = _study_of(table, file, collecting, folder, identified, seed, on_python, on_progress)
+    with all_mistakes() as part:
+        with part():
+            refuse_loose_settings(document, place)
+        with part():
+            table = read_table(StudyTable, document, place)
+    study = _study_of(table, file, place, folder, identified, seed, on_python, on_progress)
     return replace(study, placed=placed)
 
 
@@ -473,27 +471,31 @@ def _study_of(
     on_python: Callable[[str], None],
     on_progress: Callable[[StudyProgress], None] | None,
 ) -> Study:
-    """The study of a table, whose parts are read by themselves: a mistake in one hides none in others."""
+    """The study of a table in steps: what its tables name, how that goes together, its laws.
+
+    Mistakes of a step are told together.
+    """
     folder = folder / table.folder
-    with place.keeping():
-        for each in table.controller:
-            with place.keeping():
-                if each.user is not None and isinstance(each.user.file, str):
-                    on_python(running_in_words(each.user, folder))
-
-    def build() -> Building:
-        with place.within("building").prefix_errors(SettingError):
-            return table.building.build(folder)
-
-    def loop() -> Hardware:
-        with place.within("hardware").prefix_errors(SettingError):
-            return replace(table.hardware, seed=seed)
-
-    bare_part, hardware_part = place.attempt(build), place.attempt(loop)
+    for each in table.controller:
+        if each.user is not None and isinstance(each.user.file, str):
+            on_python(running_in_words(each.user, folder))
+    with all_mistakes() as part:
+        with part(), place.within("building").prefix_errors(SettingError):
+            bare = table.building.build(folder)
+        with part(), place.within("hardware").prefix_errors(SettingError):
+            hardware = replace(table.hardware, seed=seed)
+        with part():
+            chosen = choose_dampers(table.damper, folder, identified)
+        with part():
+            records = bare_motions(table.motion, folder, seed)
+        with part():
+            settings = read_each(lambda each: settings_of_law(each, folder), table.controller)
+        with part():
+            tunes = read_each(lambda each: resolve_settings(each, folder), table.tune)
 
     @cache
     def first_period() -> float:
-        period = float(bare_part().periods[0])
+        period = float(bare.periods[0])
         if not period < _LONGEST_PERIOD:
             raise SettingError(
                 "the first mode of [building] has no stiffness, hence no period; give sa_period of the motion, or "
@@ -510,39 +512,23 @@ def _study_of(
     def target_period() -> float:
         return (table.target and table.target.period) or first_period()
 
-    def check() -> SuiteCheck | None:
-        judged = [motion for motion in motions_part() if motion.use == "test"]
-        if table.target is None or len({motion.record for motion in judged}) < len(judged):
-            return None
-        with table.target.place.prefix_errors(SettingError):
-            return check_suite([motion.ground for motion in judged], target(), period=target_period())
-
-    chosen_part = place.attempt(lambda: choose_dampers(table.damper, folder, identified))
-    equipped_part = place.attempt(lambda: equip_building(bare_part(), table.damper, chosen_part))
-    motions_part = place.attempt(
-        lambda: motions_of_study(
-            table.motion,
-            folder,
-            seed,
-            sample_time=lambda: hardware_part().sample_time,
-            aims=Aims(target=target, target_period=target_period, first_period=first_period),
-            place=place,
-        )
-    )
-    suite_part = place.attempt(check)
-    settings = place.attempt(
-        lambda: [each.place.attempt(settings_of_law, each, folder) for each in table.controller]
-    )
-    tunes = place.attempt(lambda: tuple(resolve_settings(each, folder) for each in table.tune))
-    detailed_part = place.attempt(lambda: _choose_detailed(table, motions_part(), place))
-    design_part = place.attempt(lambda: _design_motions(table, motions_part(), place))
-    limit_part = place.attempt(lambda: _limit(table.report, chosen_part(), bare_part(), place))
-    bare, hardware, chosen, motions = bare_part(), hardware_part(), chosen_part(), motions_part()
-    building, devices = equipped_part()
-    checked_suite = suite_part()
+    with all_mistakes() as part:
+        with part():
+            building, devices = equip_building(bare, table.damper, chosen)
+        with part():
+            aims = Aims(target=target, target_period=target_period, first_period=first_period)
+            motions = motions_of_study(records, sample_time=hardware.sample_time, aims=aims, place=place)
+        with part():
+            limit = _limit(table.report, chosen, bare, place)
+    with all_mistakes() as part:
+        with part():
+            checked_suite = _check_suite(table, motions, target, target_period)
+        with part():
+            detailed = _choose_detailed(table, motions, place)
+        with part():
+            designed_on, levels = _design_motions(table, motions, place)
     if lacking := beyond_twin(building, devices, hardware):
         table.damper[0].place.refuse(lacking)
-    designed_on, levels = design_part()
     chosen_on = tuple(motion.ground for motion in designed_on)
 
     @cache
@@ -556,7 +542,7 @@ def _study_of(
     problem = problem_of(
         table, building, devices, hardware, designed_on, reference_peaks if devices else None
     )
-    compared = arrangements(table, bare, problem, folder, hardware, settings(), on_progress)
+    compared = arrangements(table, bare, problem, folder, hardware, settings, on_progress)
     tuned = {law for each in table.tune for law in each.laws}
     with place.within("hardware").prefix_errors(SettingError):
         for arrangement in compared:
@@ -576,7 +562,6 @@ def _study_of(
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
     _refuse_unknown_labels(table.report, labels, place)
-    detailed = detailed_part()
     study = Study(
         title=table.title or bare.name,
         file=file,
@@ -587,7 +572,7 @@ def _study_of(
         motions=motions,
         chosen_on=chosen_on,
         design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
-        limit=limit_part(),
+        limit=limit,
         hardware=hardware,
         devices=devices,
         device_storeys=tuple(bare.storey_names.index(bare.storey_name(each.storey)) for each in table.damper),
@@ -599,7 +584,7 @@ def _study_of(
         ],
         report=table.report,
         problem=problem,
-        tunes=tunes(),
+        tunes=tuple(tunes),
         realisations=_realisations(table, place, devices, folder, identified),
         other_sets=other_sets(table.damper, folder, identified),
         suite=checked_suite,
@@ -607,6 +592,20 @@ def _study_of(
     )
     notes = tuple((heading, " ".join(sentences)) for heading, sentences in study.design_notes)
     return replace(study, facts=(*study.facts, *notes))
+
+
+def _check_suite(
+    table: StudyTable,
+    motions: Sequence[MotionOfStudy],
+    target: Callable[[], TargetSpectrum],
+    period: Callable[[], float],
+) -> SuiteCheck | None:
+    """The suite of test motions against the target, where the study has one and each record stands once."""
+    judged = [motion for motion in motions if motion.use == "test"]
+    if table.target is None or len({motion.record for motion in judged}) < len(judged):
+        return None
+    with table.target.place.prefix_errors(SettingError):
+        return check_suite([motion.ground for motion in judged], target(), period=period())
 
 
 def _realisations(

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
+from mrwork.base.documents import heading_lines, key_lines
 from mrwork.base.keys import (
     LARGEST_SEED,
-    heading_lines,
     key,
-    key_lines,
     keys_of,
     optional,
     positive,

@@ -99,7 +99,7 @@ def compare_places(
             source="",
             tested=device.tested,
         )
-        building, devices = equip_building(bare, tables, lambda: [one] * len(tables))
+        building, devices = equip_building(bare, tables, [one] * len(tables))
         return make_arrangement(bare, Row(label="placement", kind="best_passive"), building, devices, None)
 
     def best_of(placed: Placed) -> Placement:

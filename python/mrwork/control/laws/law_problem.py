@@ -6,7 +6,7 @@ it fits any building and damper.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, checked
-from mrwork.base.keys import DeclaredTable, plain_values, refuse_repeated
+from mrwork.base.keys import refuse_repeated
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -257,7 +257,7 @@ class Span:
         return exp(sum(power * log(getattr(magnitudes, name)) for name, power in self.of))
 
 
-class LawSettings(metaclass=DeclaredTable):
+class LawSettings(ABC):
     """Settings of a control law, declared by `key`, with the design of the law.
 
     `constant` says whether the law sends a constant command, which makes the damper a passive one, `chooses_levels`
@@ -274,7 +274,6 @@ class LawSettings(metaclass=DeclaredTable):
     weighed_by_default: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
-        plain_values(self)
         refuse_repeated(self)
 
     @abstractmethod

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import DeclaredTable, key, keys_of, optional, positive
+from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.control.laws.design_ground import damper_forces, forces_in_words, ground_of, source_in_words
@@ -57,7 +57,7 @@ _SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
 @checked
-class WeightWishes(RmsLimits, metaclass=DeclaredTable):
+class WeightWishes(RmsLimits):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
     They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop, or with

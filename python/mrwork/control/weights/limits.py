@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
-from mrwork.base.keys import plain_values, positive, refuse_repeated
+from mrwork.base.keys import positive
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -44,10 +44,6 @@ class RmsLimits:
     rms_force: Limit | None = positive(
         "limit of the rms force of devices, which is scaled with the others; the budget is not", unit="N"
     )
-
-    def __post_init__(self) -> None:
-        plain_values(self)
-        refuse_repeated(self)
 
     @classmethod
     @checked
@@ -173,9 +169,6 @@ class SemiActiveCondition:
 
     share: Level
     damping: Positive | tuple[Positive, ...] | None = None
-
-    def __post_init__(self) -> None:
-        plain_values(self)
 
 
 @checked

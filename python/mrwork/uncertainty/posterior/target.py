@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite, log, pi
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ AnyArray = Any
 _HALF_LOG_2_PI = 0.5 * log(2.0 * pi)
 
 
+@runtime_checkable
 class Prior(Protocol):
     """A prior density of one parameter."""
 

@@ -1,0 +1,277 @@
+"""Documents of declared tables: how one is read, and the schema that is printed.
+
+A table becomes the dataclass that declares its keys, and all mistakes of a document are told together. A value is
+checked as an argument of a function is; a number may be a text with a unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass, is_dataclass, replace
+from functools import cache
+from typing import Any, NoReturn, TypeVar, cast
+
+from mrwork.base import hints as nodes
+from mrwork.base.arguments import Refusal, accept, in_words
+from mrwork.base.hints import InUnit, Node, Record, Within, fields_of
+from mrwork.base.keys import (
+    as_document,
+    control_in,
+    describe_key,
+    describe_repeat,
+    inner_table,
+    is_required,
+    keys_of,
+    meant,
+    name_in_file,
+    quote_value,
+    range_of,
+    suggestion,
+)
+from mrwork.base.places import Place, all_mistakes, read_each
+from mrwork.base.units import question_on
+from mrwork.errors import SettingError
+
+T = TypeVar("T")
+
+
+def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
+    """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place.
+
+    All mistakes of the table, and of the tables in it, are raised together.
+    """
+    with all_mistakes() as part:
+        with part():
+            values = given_values(kind, table, place)
+        known = {name_in_file(entry): entry for entry in keys_of(kind)}
+        misspelt = {near for name in table if name not in known for near in meant(name, [*known])}
+        for name, entry in known.items():
+            if is_required(entry) and not {name} & (table.keys() | misspelt):
+                with part():
+                    refuse_missing(entry, place)
+    if "place" in fields_of(kind):
+        values["place"] = place
+    with place.prefix_errors(SettingError):
+        return kind(**values)
+
+
+def refuse_missing(entry: Field[Any], place: Place) -> NoReturn:
+    """Refuse a table that does not give a key."""
+    place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
+
+
+def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI."""
+    known, declared = {name_in_file(entry): entry for entry in keys_of(kind)}, _nodes_in_file(kind)
+    values = {}
+    with all_mistakes() as part:
+        for name, entry in known.items():
+            if name in table:
+                with part():
+                    where = place.within(name)
+                    values[entry.name] = _read_value(declared[name], table[name], where, entry)
+                    _ask(values[entry.name], table[name], where, entry)
+        for name in [each for each in table if each not in known]:
+            with part():
+                near = suggestion(name, [*known], otherwise="it has")
+                place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
+    return values
+
+
+# Room of a number whose unit is stated.
+_STATED = 10.0
+
+
+def _ask(read: Any, given: Any, place: Place, entry: Field[Any]) -> None:
+    """Keep a question on an unusual number of a key, or on the largest one of an array."""
+    if not (usual := entry.metadata["usual"]):
+        return
+    numbers = [each for each in (read if isinstance(read, tuple) else (read,)) if isinstance(each, float)]
+    largest = max(map(abs, numbers), default=0.0)
+    stated = any(isinstance(each, str) for each in (given if isinstance(given, list) else (given,)))
+    room, unit = _STATED if stated else 1.0, entry.metadata["unit"] or "1"
+    if 0.0 < largest < math.inf and (
+        question := question_on(str(place.path[-1]), largest, usual, unit, room=room)
+    ):
+        place.questions.append(f"{place}: {question}.")
+
+
+@cache
+def _nodes_in_file(kind: type) -> Mapping[str, Node]:
+    """What each key of a table takes in a file, by its name there: numbers with units, and counts from one."""
+    return {name_in_file(each): _node_in_file(fields_of(kind)[each.name], each) for each in keys_of(kind)}
+
+
+def _node_in_file(node: Node, entry: Field[Any], *, alone: bool = True) -> Node:
+    shifted = (range_of(entry) if isinstance(note, Within) else note for note in node.notes)
+    notes = tuple(shifted) if entry.metadata["from_one"] else node.notes
+    if node.kind is float:
+        # A text that stands for something else is no number with its unit.
+        notes += (InUnit((entry.metadata["unit"] or "1") if alone else ""),)
+    alone = not any(part.kind is str for part in node.parts)
+    parts = tuple(_node_in_file(part, entry, alone=alone) for part in node.parts)
+    return replace(node, notes=notes, parts=parts)
+
+
+def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
+    members = node.parts if isinstance(node, nodes.Either) else (node,)
+    table, several = inner_table(node)
+    if table is not None:
+        if isinstance(value, dict) and any(isinstance(each, Record) for each in members):
+            return read_table(cast(type[Any], table), value, place)
+        if isinstance(value, list) and several:
+            item = Record(table)
+            read = read_each(lambda n: _read_value(item, value[n], place.within(n), entry), range(len(value)))
+            return tuple(read)
+        key, came = name_in_file(entry), "a table" if isinstance(value, dict) else quote_value(value)
+        place.refuse(
+            f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
+        )
+    most = entry.metadata["most_items"]
+    if isinstance(value, list) and not value:
+        leave = "" if is_required(entry) else ", or leave it out"
+        place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
+    if isinstance(value, list) and len(value) > most:
+        place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
+    by_name = next((each for each in members if isinstance(each, nodes.ByName)), None)
+    if by_name is not None and isinstance(value, dict):
+        inner = by_name.parts[1]
+        read = read_each(lambda name: _accept(inner, value[name], place.within(name)), value)
+        return dict(zip(value, read, strict=True))
+    accepted = _accept(node, value, place)
+    items = accepted if isinstance(accepted, tuple) else (accepted,)
+    _check_items(items, members, place, entry)
+    if entry.metadata["from_one"]:
+        items = tuple(item - 1 for item in items)
+    return items if isinstance(accepted, tuple) else items[0]
+
+
+def _accept(node: Node, value: Any, place: Place) -> Any:
+    try:
+        return accept(node, value)
+    except Refusal as refusal:
+        where = place.within(*refusal.path)
+        where.refuse(f"{_name(where)} {refusal.in_words(in_file=True)}")
+
+
+def _check_items(items: Sequence[Any], members: Sequence[Node], place: Place, entry: Field[Any]) -> None:
+    """Refuse labels of several lines, names that stand twice, and rows of different lengths."""
+    name = _name(place)
+    for text in items if entry.metadata["label"] else ():
+        if isinstance(text, str) and (control := control_in(text)):
+            place.refuse(f"{name} has the control character {control}; give printable text on one line")
+    of_names = [each for each in members if isinstance(each, nodes.Fixed) and _is_name(each.parts[0])]
+    if of_names and (twice := describe_repeat(name, items)):
+        place.refuse(twice)
+    rows = [row for row in items if isinstance(row, tuple)]
+    for number, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            lengths = f"{len(rows[0])} and {len(row)}"
+            sentence = f"{name} has rows of different lengths, {lengths}; complete row {number + 1}"
+            place.within(number).refuse(sentence)
+
+
+def _is_name(node: Node) -> bool:
+    return node.kind is str or isinstance(node, nodes.Enumerated)
+
+
+def _name(place: Place) -> str:
+    """Name of a value in messages: the key, with the index of an element."""
+    length = max(n for n, part in enumerate(place.path, start=1) if isinstance(part, str))
+    return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])
+
+
+def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
+    """Index of the alternative set of keys, of several `ways` to give a table, whose keys are given.
+
+    Keys that all ways have tell nothing. A table with keys of two ways is refused, or with none.
+    """
+    own = [[name for name in way if any(name not in other for other in ways)] for way in ways]
+    given = [[name for name in names if getattr(table, name) is not None] for names in own]
+    used = [number for number, names in enumerate(given) if names]
+    choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
+    if not used:
+        place.refuse(f"{place.table} is given by {choice}; here by none of them")
+    if len(used) > 1:
+        # The way of which fewer keys are given is the one that was not meant.
+        odd = min(used, key=lambda number: (len(given[number]), -number))
+        place.within(given[odd][0]).refuse(f"{place.table} is given by {choice}; keep one")
+    return used[0]
+
+
+# Characters of a line of the printed schema.
+_WIDTH = 110
+# A section of a docstring, as Raises: its name, and dashes below it.
+_SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
+
+
+def before_sections(docstring: str) -> str:
+    """Text of a docstring before its first section."""
+    return _SECTION.split(docstring)[0].rstrip()
+
+
+def heading_lines(heading: str, prose: str) -> list[str]:
+    """A heading of the printed schema and the prose below it."""
+    words = " ".join(before_sections(prose).split())
+    return [heading, *textwrap.wrap(words, _WIDTH, initial_indent="  ", subsequent_indent="  ")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeyInWords:
+    """A key as a schema lists it: its default or "required", its meaning, what it takes, and its unit if it has one."""
+
+    name: str
+    default: str
+    meaning: str
+    form: str
+    unit: str
+
+
+def keys_in_words(kind: type) -> list[KeyInWords]:
+    """The keys of a table, in order."""
+    return [_key_in_words(fields_of(kind)[entry.name], entry) for entry in keys_of(kind)]
+
+
+def _key_in_words(node: Node, entry: Field[Any]) -> KeyInWords:
+    notes = entry.metadata
+    span, can_be = notes["span"], "" if notes["span"] is None or notes["span"].free else "can be "
+    most = f"at most {notes['most_items']} of them" if math.isfinite(notes["most_items"]) else ""
+    file = " or the name of a text file" if notes["matrix"] else ""
+    form = [f"{in_words(node, in_file=True)}{file}", range_of(entry).in_words, most]
+    return KeyInWords(
+        name=name_in_file(entry),
+        default="required" if is_required(entry) else _default(entry),
+        meaning=notes["says"] if span is None else f"{notes['says']}; {can_be}searched by mrwork tune",
+        form=", ".join(filter(None, form)),
+        unit=notes["unit"],
+    )
+
+
+def _default(entry: Field[Any]) -> str:
+    value = entry.default
+    if value is None or value in ("", ()) or is_dataclass(value):
+        return "-"
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value))
+    if isinstance(value, bool | float):
+        return str(value).lower() if isinstance(value, bool) else f"{value:g}"
+    return str(as_document(value, from_one=entry.metadata["from_one"]))
+
+
+def key_lines(kind: type) -> list[str]:
+    """The keys of a table, their meanings, defaults and forms."""
+    keys = keys_in_words(kind)
+    names = max((len(entry.name) for entry in keys), default=0)
+    defaults = max((len(entry.default) for entry in keys), default=0)
+    lines = []
+    for entry in keys:
+        unit = f" [{entry.unit}]" if entry.unit else ""
+        head = f"  {entry.name:<{names}}  {entry.default:<{defaults}}  "
+        words, indent = f"{entry.meaning}{unit} ({entry.form})", " " * len(head)
+        lines += textwrap.wrap(
+            words, _WIDTH, initial_indent=head, subsequent_indent=indent, break_long_words=False
+        )
+    return lines
