@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import mrwork as mr
-from common import Script
+from common import Script, draw_section
 from mrwork.dampers import design
 
 script = Script(__file__, __doc__, quick="one test, and three of the four models")
@@ -226,7 +226,12 @@ for current in (0.0, 0.25, 0.5, 1.0, 1.5):
 axes.set(xlabel="Velocity (cm/s)", ylabel="Force (kN)", ylim=(0.0, None))
 axes.legend()
 script.figure(figure, "twenty_tons")
-script.figure(mr.report.cross_section_figure(damper), "twenty_tons_section")
+
+figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+axes = figure.subplots()
+draw_section(axes, damper)
+axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+script.figure(figure, "twenty_tons_section")
 
 # %% Figures 3.16 to 3.23: four models of one test. The first test is simulated by the published Bouc-Wen parameters of
 # the prototype damper, the second by a static model, which none of the four contains.

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from scipy.constants import g
 
 import mrwork as mr
-from common import Script
+from common import Script, draw_section
 from mrwork.dampers import design
 
 script = Script(
@@ -61,11 +61,18 @@ for force in (4e3,) if script.quick else (4e3, 8e3, 12e3):
         "model, nrmse [%]": 100.0 * damper.as_model(supply=SUPPLY).nrmse,
         "wishes missed": len(wishes(force).missed(damper)),
     }
-    script.figure(mr.report.cross_section_figure(damper), f"section_{1e-3 * force:g}_kN")
 title = (
     "Dampers sized for the frame, of MRF-132DG and AISI 1010; the response is the time to 63 % of the current"
 )
 script.table("sizes", sizes, title=title, digits=3)
+
+figure = Figure(figsize=(7.0, 2.6 * len(designs)), layout="constrained")
+sections = figure.subplots(len(designs), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+for axes, (name, damper) in zip(sections, designs.items(), strict=True):
+    draw_section(axes, damper)
+    axes.set_title(name, loc="left")
+sections[0].legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+script.figure(figure, "sections")
 
 # %% Size against dynamic range against power, 8 kN. The search is that of pymoo.
 if find_spec("pymoo"):

@@ -1,4 +1,4 @@
-"""What the study scripts share: their options, measured records, tables beside expected numbers, saved figures."""
+"""What study scripts share: options, measured records, tables beside expected numbers, saved figures, a section."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from mrwork.dampers import design
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
@@ -129,6 +133,33 @@ class Script:
         else:
             print("\n" + "\n".join(wrong or ["Every number agrees with the expected ones."]))
         sys.exit(1 if wrong else 0)
+
+
+def draw_section(axes: Axes, damper: design.DamperDesign) -> None:
+    """Section through the axis of a damper, to scale in mm: cylinder, fluid, piston with its windings, and rod."""
+    rod, core, piston = damper.rod / 2.0, damper.core_radius, damper.piston_radius
+    bore, outer = damper.bore / 2.0, damper.outer_diameter / 2.0
+    end, half, winding = damper.chamber_length / 2.0, damper.piston_length / 2.0, damper.coil_length
+    stage = 2.0 * damper.pole_length + winding
+    grooves = [number * stage + damper.pole_length - half for number in range(damper.stages)]
+    # Left end, length, inner and outer radius [m]; later boxes cover earlier ones.
+    parts = [
+        ("steel", "#b9c2c9", [(-end, 2.0 * end, bore, outer)]),
+        ("fluid", "#bcd6ea", [(-end, 2.0 * end, rod, bore)]),
+        ("", "#b9c2c9", [(-half, 2.0 * half, rod, piston)]),
+        ("", "#bcd6ea", [(left, winding, core, piston) for left in grooves]),
+        ("winding", "#e3a66a", [(left, winding, core, piston - damper.coil_clearance) for left in grooves]),
+        ("rod", "#e3e7ea", [(-end - damper.stroke, 2.0 * (end + damper.stroke), 0.0, rod)]),
+    ]
+    for name, colour, boxes in parts:
+        for number, box in enumerate(boxes):
+            left, length, inner, radius = (1e3 * each for each in box)
+            for side in (1.0, -1.0):
+                label = name if number == 0 and side > 0.0 else ""
+                drawn = {"facecolor": colour, "edgecolor": "black", "linewidth": 0.5, "label": label}
+                axes.add_patch(Rectangle((left, side * inner), length, side * (radius - inner), **drawn))
+    axes.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Radius (mm)")
+    axes.autoscale_view()
 
 
 def departures(folder: Path, name: str, rows: Mapping[str, Row], form: str) -> list[str]:

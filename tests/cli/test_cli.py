@@ -31,7 +31,7 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
 
 
 @pytest.mark.usefixtures("drawn_pictures")
-def test_models_draws_the_effect_of_every_parameter(tmp_path: Path) -> None:
+def test_models_draws_the_loops_of_a_model(tmp_path: Path) -> None:
     printed("models", "bingham", "--figure", tmp_path / "figure.svg")
     assert (tmp_path / "figure.svg").read_bytes().startswith(b"<?xml")
 

@@ -204,8 +204,6 @@ def loop_calls(_: Path) -> Calls:
     shared |= {name: values[name] for name in ("building", "devices", "motions", "motion", "threads")}
     yield from calls_with(shared, mr.simulate_loop)
     yield from calls_with(values | {"hardware": mr.Hardware()}, of.simulate_prescribed)
-    shown = {"controlled": run.histories[0], "reference": run.histories[0], "building": frame, "device": 1}
-    yield call(mr.report.response_sheet_figure, **shown, floor=4, command_unit="V", seconds=1.0)
     yield call(run.demand, run=0, device=1)
     yield call(run.over_axes, name="peak_drift")
     yield call(run.outside, run=0)

@@ -1,4 +1,4 @@
-"""Figures of fits, of profiles and of effects of parameters: true to the data, legible, no side effects."""
+"""Figures of fits, of profiles and of models: true to the data, legible, no side effects."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ import mrwork as mr
 from mrwork import StoredRun
 from mrwork.drawing import of_tests, style
 from mrwork.drawing.canvas import svg_bytes
+from mrwork.drawing.of_dampers import nominal_loops
 from mrwork.drawing.of_tests import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.identification.fit import SearchTrace
-from mrwork.report import parameter_effects_figure
 from mrwork.report.fit import search
 from mrwork.report.fit.page import run_figures, write_figures
 from mrwork.report.fit.parameters import profiles_figure
@@ -220,31 +220,15 @@ def test_small_loops_on_shared_axes_are_drawn_as_if_alone() -> None:
 
 
 @pytest.mark.contract
-def test_a_loop_is_the_force_of_the_model() -> None:
+def test_nominal_loops_are_the_force_of_the_model() -> None:
     spec = mr.damper("bingham")
-    force, scale, damping, offset = 700.0, 0.01, 4000.0, 20.0
-    figure = parameter_effects_figure(spec, (force, scale, damping, offset), amplitude=0.01, frequency=1.0)
-    for factor, drawn in zip((0.5, 2.0, 1.0), figure.axes[1].lines, strict=True):
-        velocity, found = np.asarray(drawn.get_xydata()).T
-        velocity = velocity / 1e3
-        expected = factor * force * np.tanh(velocity / scale) + damping * velocity + offset
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
-    assert np.ptp(figure.axes[0].lines[2].get_xdata()) == pytest.approx(20.0, rel=1e-5)
-    titles = [panel.get_title(loc="left").partition(" = ")[0] for panel in figure.axes[::2]]
-    assert titles == list(spec.names)
-    refusal(parameter_effects_figure, spec, (1.0, 2.0), match=r"\(2,\)")
-
-
-@pytest.mark.contract
-def test_a_model_with_current_laws_is_drawn_at_its_command() -> None:
-    spec = mr.damper("bingham").with_current_laws({"f_c": "linear"})
-    theta = np.array(spec.nominal)
-    theta[list(spec.names).index("f_c.0")], theta[list(spec.names).index("f_c.1")] = 100.0, 500.0
-    tops = [
-        float(np.max(parameter_effects_figure(spec, theta, command=command).axes[1].lines[2].get_ydata()))
-        for command in (0.0, 1.0)
-    ]
-    assert tops[1] - tops[0] == pytest.approx(500.0, rel=0.05)
+    force, scale, damping, offset = spec.nominal
+    figure = nominal_loops(spec, amplitude=0.01, frequency=1.0)
+    velocity, found = np.asarray(figure.axes[1].lines[0].get_xydata()).T
+    velocity, unit = velocity / 1e3, 1e3 if "kN" in figure.axes[1].get_title(loc="left") else 1.0
+    expected = force * np.tanh(velocity / scale) + damping * velocity + offset
+    np.testing.assert_allclose(unit * found, expected, rtol=1e-9, atol=1e-9)
+    assert np.ptp(figure.axes[0].lines[0].get_xdata()) == pytest.approx(20.0, rel=1e-5)
 
 
 STEP = np.linspace(-2.2, 2.2, 9)

@@ -40,7 +40,7 @@ def add_options(parser: CommandParser) -> None:
         "--figure",
         type=named_path,
         metavar="FILE",
-        help="draw the loops of the model with each parameter halved and doubled, as an .svg or a .png file",
+        help="draw the loops of the model with its nominal parameters, as an .svg or a .png file",
     )
     add_number(figure, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
     add_number(figure, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
@@ -79,9 +79,9 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
     check_output(options.figure, replace=True, otherwise="")
     from mrwork.drawing.canvas import png_bytes, svg_bytes
-    from mrwork.plots.damper_figures import parameter_effects_figure
+    from mrwork.drawing.of_dampers import nominal_loops
 
-    figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
+    figure = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:
         stream.write(svg_bytes(figure) if suffix == ".svg" else png_bytes(figure))
 

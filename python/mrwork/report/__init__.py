@@ -1,4 +1,4 @@
-"""Reports of fits and studies: numbers as text, figures and pages."""
+"""Pages of runs: a fit, a study or a tuning."""
 
 from mrwork.base.namespace import attach
 
