@@ -1,4 +1,4 @@
-"""TOML texts that may be damaged: too deep, with numbers that nothing can hold; and the lines of their keys."""
+"""TOML texts, and the lines of their keys."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, Final
 from mrwork.base.places import KeyPath
 
 _DEEPEST: Final = 100
-_MOST_DIGITS: Final = 100
 # A key of many parts takes the parser of TOML time and memory in the square of their number.
 _LONG_KEY: Final = re.compile(
     rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
@@ -26,23 +25,6 @@ def toml_table(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
-
-
-def _check_depth(value: Any) -> None:
-    level = [value]
-    for _ in range(_DEEPEST):
-        inner: list[Any] = []
-        for each in level:
-            entries = each.values() if isinstance(each, dict) else each
-            for entry in entries if isinstance(each, dict | list) else ():
-                if isinstance(entry, dict | list):
-                    inner.append(entry)
-                elif isinstance(entry, int) and entry.bit_length() > 4 * _MOST_DIGITS:
-                    raise ValueError(f"a whole number has more than {_MOST_DIGITS} digits")
-        if not inner:
-            return
-        level = inner
-    raise ValueError(_TOO_DEEP)
 
 
 # A string, a sign or a word, behind blanks and a remark. Up to two more quotes belong to a string of three.
