@@ -163,7 +163,7 @@ def plots_calls(_: Path) -> Calls:
     """Every figure, into axes that are no one's."""
     axes = Figure().subplots()
     values = {
-        **{"ax": axes, "data": False, "test": None, "signal": "drift", "over": "velocity", "device": 1},
+        **{"ax": axes, "legend": False, "test": None, "signal": "drift", "over": "velocity", "device": 1},
         "motion": 1,
         **{"parameters": ("k_w",), "calibration": calibration(), "level": 0.9, "law": None, "damping": 0.02},
         **{"periods": np.array([0.5, 1.0]), "rows": (0, 1)},
@@ -185,6 +185,7 @@ def plots_calls(_: Path) -> Calls:
         (plots.fragility, "Fragilities", {"rows": (0, "Passive-off")}),
     ):
         yield from calls_with({**values, "result": RESULTS[result](), **own}, figure)
+    yield call(plots.drawn_data, figure=axes)
 
 
 ROOMS = (identification_calls, jax_calls, uncertainty_calls, search_calls, plots_calls)

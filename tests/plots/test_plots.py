@@ -1,26 +1,34 @@
-"""Figures of results: what is drawn, where, in which units, and that it is what the table says."""
+"""Figures of results: what is drawn, where, in which units, and that it is what the result says."""
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import plotted_results
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from plotted_results import RESULTS
 from refusals import refusal
 
 import mrwork as mr
+from mrwork.dampers.design import SizeFront
+from mrwork.dampers.spec import law_values
+from mrwork.drawing.of_studies import energy_parts
+from mrwork.drawing.of_tests import comparisons_of
 from mrwork.drawing.style import symbol_text
+from mrwork.identification.fit_file import reopen
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 # Units of labels, by what one of them is in SI.
 UNITS = {
@@ -40,7 +48,7 @@ UNITLESS = ("Likelihood ratio", "Dynamic range", "over i = 0")
 
 @dataclass(frozen=True, kw_only=True)
 class Drawn:
-    """A figure of a type: options, and pairs of columns of which some line of the axes has the points."""
+    """A figure of a type: options, and pairs of `numbers_of` of which some curve has the points."""
 
     figure: str
     kind: str
@@ -80,7 +88,7 @@ DRAWN = [
     *(Drawn(figure="commands", kind=kind, pairs=(("time", "command"),)) for kind in ("DamperTest", *MODEL)),
     Drawn(figure="commands", kind="History", pairs=(("time", "command"), ("time", "current"))),
     *(
-        Drawn(figure="laws", kind=kind, pairs=(("command", "f_c"), ("command", "c0")))
+        Drawn(figure="laws", kind=kind, pairs=(("over", "law of f_c"), ("over", "law of c0")))
         for kind in ("Fit", "StoredRun")
     ),
     *(
@@ -92,10 +100,13 @@ DRAWN = [
         figure="bands",
         kind="Prediction",
         options={"calibration": plotted_results.calibration},
-        pairs=(*BOTH, ("time", "lower"), ("time", "upper")),
+        pairs=(*BOTH, ("counted", "lower"), ("counted", "upper")),
     ),
     Drawn(
-        figure="bands", kind="StoredRun", options={"over": "velocity"}, pairs=(("velocity", "model_force"),)
+        figure="bands",
+        kind="StoredRun",
+        options={"over": "velocity"},
+        pairs=(("band of velocity", "band of model_force"),),
     ),
     *(Drawn(figure="spectra", kind=kind, pairs=SPECTRUM) for kind in ("GroundMotion", "ResponseSpectrum")),
     Drawn(figure="building", kind="Building"),
@@ -149,22 +160,86 @@ def factor(label: str) -> float:
     return UNITS.get(found[1], 1.0) if found else 1.0
 
 
-def has_points(axes: Axes, table: NDArray[np.float64]) -> bool:
-    """Whether the points of some line are all rows of a table with two columns."""
-    units = np.array([factor(axes.get_xlabel()), factor(axes.get_ylabel())])
-    spread = np.ptp(table, axis=0) + 1e-12
-    for line in axes.get_lines():
-        points = np.asarray(line.get_xydata()) * units
+def of_test(test: mr.DamperTest, force: Any) -> dict[str, Any]:
+    channels = {name: getattr(test, name) for name in ("time", "displacement", "velocity", "force")}
+    command = np.broadcast_to(np.nan if test.current is None else test.current, test.n_time)
+    return channels | {"command": command, "model_force": force, "residual": test.force - force}
+
+
+def numbers_of(result: Any) -> dict[str, Any]:
+    """Numbers of a result in SI by name: of its first test, damper or arrangement."""
+    match result:
+        case mr.Fit(spec=spec, theta=theta, tests=(test, *_), forces=(force, *_)):
+            commands = np.linspace(0.0, 1.5, 101)
+            laws = law_values(spec, np.array(theta), commands)
+            values = {f"law of {parameter.name}": values for parameter, values in laws}
+            return of_test(test, force) | {"over": commands} | values
+        case mr.StoredRun(fit=fit, profiles=profiles, bands=bands):
+            opened = reopen(result.place)
+            (tested, *_) = comparisons_of(opened.fit, opened.tests)
+            assert profiles is not None
+            assert bands is not None
+            banded = {f"band of {name}": each for name, each in numbers_of(bands.predictions[0]).items()}
+            shown = numbers_of(fit) if fit.tests else of_test(tested.test, tested.model_force)
+            return shown | numbers_of(profiles) | banded
+        case mr.Prediction(test=test, model_force=force):
+            band = plotted_results.calibration().band(result, 0.9)
+            ends = {"counted": test.time[test.counted], "lower": band.lower, "upper": band.upper}
+            return of_test(test, force) | ends
+        case mr.DamperTest():
+            return of_test(result, np.nan)
+        case Profiles(profiles=(first, *_)):
+            return numbers_of(first)
+        case Profile():
+            return {"value": result.values, "ratio": result.ratio}
+        case mr.GroundMotion():
+            spectrum = mr.response_spectrum(result, np.geomspace(0.05, 4.0, 120))
+            return {"time": result.time, "ground_acceleration": result.acceleration} | numbers_of(spectrum)
+        case mr.motions.ResponseSpectrum():
+            return {"period": result.periods, "pseudo_acceleration": result.pseudo_acceleration}
+        case mr.closed_loop.History():
+            signals = ("deformation", "rate", "force", "command", "current")
+            first = {name: result.numbers[name][:, 0] for name in signals}
+            motion = {"displacement": first["deformation"], "velocity": first["rate"]}
+            storeys = {
+                "time": result.time,
+                "drift": result.drift[:, 0],
+                "input": result.numbers["input_energy"],
+            }
+            return first | motion | storeys
+        case mr.buildings.Pushover():
+            return {"roof": result.roof, "base_shear": result.base_shear}
+        case mr.motions.SuiteCheck():
+            target = result.target.acceleration(result.periods)
+            return {"period": result.periods, "mean": result.mean, "target": target}
+        case mr.study.Fragilities():
+            one = next(iter(result.rows.values()))
+            return {"intensity": one.levels, "reached": one.crossed}
+        case SizeFront(designs=designs):
+            return {
+                name: [getattr(each, name) for each in designs]
+                for name in ("envelope_volume", "dynamic_range")
+            }
+    return {}
+
+
+def has_points(drawn: pd.DataFrame, across: Any, up: Any) -> bool:
+    """Whether all points of some curve are pairs of these numbers."""
+    expected = np.stack([np.asarray(across, dtype=float), np.asarray(up, dtype=float)], axis=1)
+    spread = np.ptp(expected, axis=0) + 1e-12
+    for _, curve in drawn.groupby(["panel", "curve"], sort=False):
+        units = np.array([factor(curve["abscissa"].iloc[0]), factor(curve["ordinate"].iloc[0])])
+        points = curve[["x", "y"]].to_numpy() * units
         if len(points) < 2 or not np.isfinite(points).all():
             continue
-        away = np.abs((points[:, None] - table[None]) / spread).max(axis=2).min(axis=1)
+        away = np.abs((points[:, None] - expected[None]) / spread).max(axis=2).min(axis=1)
         if away.max() < 1e-6:
             return True
     return False
 
 
 @pytest.mark.parametrize("case", DRAWN, ids=name_of)
-def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_table(case: Drawn) -> None:
+def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_numbers(case: Drawn) -> None:
     result, options, given = case.result, options_of(case), axes_of(case)
     figure = getattr(mr.plots, case.figure)
     axes = figure(result, given, **options)
@@ -172,36 +247,50 @@ def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_table(case
         assert axes is given
     else:
         assert [*np.ravel(axes)] == [*np.ravel(given)]
-    shown = panels(axes)
-    assert all(each.has_data() for each in shown)
-    table = figure(result, data=True, **options)
-    columns = table.reset_index()
+    assert all(each.has_data() for each in panels(axes))
+    drawn, numbers = mr.plots.drawn_data(axes), numbers_of(result)
     for across, up in case.pairs:
-        flat = np.stack(
-            [
-                np.repeat(columns[across].to_numpy(float), np.ndim(columns[up]) and columns[[up]].shape[1]),
-                columns[[up]].to_numpy(float).ravel(),
-            ],
-            axis=1,
-        )
-        assert any(has_points(each, flat[np.isfinite(flat).all(axis=1)]) for each in shown), (across, up)
-    bare = panels(figure(result, axes_of(case), legend=False, **options))
-    assert all(each.get_legend() is None for each in bare)
-    short = getattr(result.plot, case.figure)(data=True, **options)
-    assert short.equals(table)
-    assert table.attrs["units"] or case.figure == "fronts"
-    for each in bare:
+        assert has_points(drawn, numbers[across], numbers[up]), (across, up)
+    drawn_once_more = mr.plots.drawn_data(getattr(result.plot, case.figure)(axes_of(case), **options))
+    assert drawn_once_more.equals(drawn)
+    if "legend" in inspect.signature(figure).parameters:
+        axes = figure(result, axes_of(case), legend=False, **options)
+        assert all(each.get_legend() is None for each in panels(axes))
+    for each in panels(axes):
         for label in (each.get_xlabel(), each.get_ylabel()):
             named = not label or label.endswith(UNITLESS) or re.search(r"\([^()]+\)$", label)
             assert named or label in plotted_results.draws().noise_names, label
     # A drawing of a building has no axes.
-    assert case.figure == "building" or any(each.get_xlabel() for each in bare)
+    assert case.figure == "building" or any(each.get_xlabel() for each in panels(axes))
+
+
+def test_curves_without_a_legend_have_their_names_in_the_table() -> None:
+    fit, check = RESULTS["Fit"](), RESULTS["SuiteCheck"]()
+    curves = mr.plots.drawn_data(fit.plot.loops(Figure().subplots()))["curve"].unique().tolist()
+    assert curves == ["0 A", "0 A, model", "0.7 A", "0.7 A, model", "1.5 A", "1.5 A, model"]
+    suite = mr.plots.drawn_data(check.plot.suite_spectra(Figure().subplots()))
+    assert suite["curve"].unique().tolist()[:3] == ["Motions", "Mean", check.target.name]
+
+
+def test_a_table_has_the_panels_of_a_figure_and_names_where_an_axis_has_names() -> None:
+    profiles, study = RESULTS["Profiles"](), RESULTS["StudyResults"]()
+    panels = profiles.plot.profiles(Figure().subplots(1, 2))
+    table = mr.plots.drawn_data(panels)
+    assert table["panel"].unique().tolist() == ["1", "2"]
+    assert table.equals(mr.plots.drawn_data(panels[0].figure))
+    # The threshold runs across the panel.
+    assert table[table["x"].isna()]["y"].unique().tolist() == [profiles.threshold]
+    heights = mr.plots.drawn_data(study.plot.storey_profiles(Figure().subplots()))
+    assert heights["y"].unique().tolist() == list(study.storey_names)
 
 
 def test_a_chain_of_floors_is_drawn_in_a_notebook() -> None:
     html = mr.building("uts")._repr_html_()
     assert html.count("<svg") == html.count("</svg>") == 1
     assert "<svg" not in mr.building("sac3")._repr_html_()
+
+
+FIGURES = [name for name in dir(mr.plots) if name != "drawn_data"]
 
 
 def accepted(figure: str) -> set[str]:
@@ -213,7 +302,7 @@ def accepted(figure: str) -> set[str]:
 
 def test_every_type_of_every_figure_is_tested() -> None:
     assert {(case.figure, case.kind) for case in DRAWN} == {
-        (figure, kind) for figure in dir(mr.plots) for kind in accepted(figure)
+        (figure, kind) for figure in FIGURES for kind in accepted(figure)
     }
 
 
@@ -223,17 +312,30 @@ def test_a_result_has_the_figures_that_take_it_and_no_others(kind: str) -> None:
     # What it says of itself, in a terminal and in a notebook.
     assert len(repr(result)) < 4000
     assert result._repr_html_().startswith("<div")
-    methods = {name for name in dir(result.plot) if not name.startswith("_")} - {"result"}
-    assert methods == {figure for figure in dir(mr.plots) if kind in accepted(figure)}
-    assert all(name in repr(result.plot) for name in methods)
+    assert dir(result.plot) == [figure for figure in FIGURES if kind in accepted(figure)]
+    assert all(name in repr(result.plot) for name in dir(result.plot))
+    for name in ("drawn_data", "sheet", *({*FIGURES} - {*dir(result.plot)})):
+        with pytest.raises(
+            AttributeError, match=f"{kind} has no figure '{name}'; it has {dir(result.plot)[0]}"
+        ):
+            getattr(result.plot, name)
 
 
-def test_without_axes_a_figure_of_the_users_is_opened_and_with_data_none() -> None:
+def test_editors_know_the_figures_of_results() -> None:
+    (plots,) = (
+        node
+        for node in ast.parse((Path(mr.plots.__file__).parent / "accessor.pyi").read_text()).body
+        if isinstance(node, ast.ClassDef)
+    )
+    listed = [ast.unparse(node) for node in plots.body if isinstance(node, ast.Assign)]
+    assert sorted(line.partition(" = ")[0] for line in listed) == FIGURES
+    assert all(line.endswith(f".{line.partition(' = ')[0]}") for line in listed)
+
+
+def test_without_axes_a_figure_of_the_users_is_opened() -> None:
     test = RESULTS["DamperTest"]()
     for draw in (test.plot.loops, RESULTS["Profiles"]().plot.profiles, RESULTS["Draws"]().plot.posterior):
         before = len(plt.get_fignums())
-        draw(data=True)
-        assert len(plt.get_fignums()) == before
         axes = draw()
         assert panels(axes)[0].figure.number == plt.get_fignums()[-1]
         assert len(plt.get_fignums()) == before + 1
@@ -251,19 +353,19 @@ def test_single_parameters_are_drawn_into_single_axes() -> None:
         assert f"{symbol_text(options['parameters'][0])} (" in f"{axes.get_xlabel()} {axes.get_ylabel()}"
 
 
-def test_bars_and_profiles_have_the_numbers_of_their_tables() -> None:
+def test_bars_and_profiles_have_the_numbers_of_their_runs() -> None:
     study = RESULTS["StudyResults"]()
-    axes = study.plot.energies(Figure().subplots())
-    widths = np.array([each.get_width() for each in axes.patches]).reshape(3, -1)
-    assert np.allclose(widths[:, ::-1].T, study.plot.energies(data=True).to_numpy())
-    for quantity, unit in (("peak_drift", 1e3), ("peak_acceleration", 1.0)):
+    runs = [study.runs[row, 0] for row in study.finished_rows(0)]
+    bars = mr.plots.drawn_data(study.plot.energies(Figure().subplots()))
+    widths = bars.groupby(["curve", "y"], sort=False)["x"].agg(np.ptp).to_numpy().reshape(3, -1)[:, ::-1].T
+    unit = factor(bars["abscissa"][0])
+    assert np.allclose(unit * widths, [energy_parts(run.numbers) for run in runs])
+    for quantity, unit in (("peak_drift", 1e-3), ("peak_acceleration", 1.0)):
         axes = study.plot.storey_profiles(Figure().subplots(), quantity=quantity)
-        lines = np.array([line.get_xdata() for line in axes.get_lines()])
-        assert np.allclose(
-            lines.ravel() / unit, study.plot.storey_profiles(quantity=quantity, data=True)[quantity]
-        )
+        drawn = unit * mr.plots.drawn_data(axes)["x"].to_numpy()
+        assert np.allclose(drawn, np.concatenate([run.numbers[quantity] for run in runs]))
     front = RESULTS["Front"]()
-    axes, table = front.plot.fronts(Figure().subplots()), front.plot.fronts(data=True)
+    axes, table = front.plot.fronts(Figure().subplots()), front.to_pandas()
     for line, use in zip(axes.get_lines(), ("train", "test"), strict=True):
         assert np.array_equal(np.asarray(line.get_xydata()), table[use].to_numpy())
 
@@ -271,19 +373,24 @@ def test_bars_and_profiles_have_the_numbers_of_their_tables() -> None:
 def test_a_posterior_counts_nearly_every_draw() -> None:
     draws = RESULTS["Draws"]()
     axes = draws.plot.posterior(Figure().subplots(), parameters=["k_w"])[0, 0]
-    table = draws.plot.posterior(parameters=["k_w"], data=True)
     # Single outliers would compress the rest, and are left out.
-    assert 0.99 * len(table) <= axes.patches[0].get_data().values.sum() <= len(table)
+    count = draws.chain("k_w").size
+    assert 0.99 * count <= axes.patches[0].get_data().values.sum() <= count
 
 
 def test_rows_tests_and_motions_are_chosen_by_name_or_number() -> None:
     responses, fit = RESULTS["Responses"](), RESULTS["Fit"]()
-    by_name = responses.plot.energies(motion="motion 2", rows=["candidate 2"], data=True)
-    assert by_name.equals(responses.plot.energies(motion=1, rows=[2], data=True))
-    assert len(by_name) == 1
-    assert fit.plot.histories(test="0.7 A", data=True).equals(fit.plot.histories(test=1, data=True))
-    assert fit.plot.loops(data=True)["test"].unique().tolist() == ["0 A", "0.7 A", "1.5 A"]
-    assert fit.plot.loops(test=2, data=True)["test"].unique().tolist() == ["1.5 A"]
+
+    def drawn(figure: Callable[..., Axes], **options: Any) -> pd.DataFrame:
+        return mr.plots.drawn_data(figure(Figure().subplots(), **options))
+
+    by_name = drawn(responses.plot.energies, motion="motion 2", rows=["candidate 2"])
+    assert by_name.equals(drawn(responses.plot.energies, motion=1, rows=[2]))
+    assert by_name["y"].unique().tolist() == ["candidate 2"]
+    by_name = drawn(fit.plot.histories, test="0.7 A")
+    assert by_name.equals(drawn(fit.plot.histories, test=1))
+    assert not by_name.equals(drawn(fit.plot.histories))
+    assert drawn(fit.plot.loops, test=2)["curve"].unique().tolist() == ["measured", "model"]
 
 
 def test_what_a_result_does_not_have_says_how_to_get_it() -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mrwork.drawing import style
 from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
-from mrwork.drawing.drawn_data import drawn_data
+from mrwork.drawing.drawn_data import drawn_csv
 from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, strokes
 from mrwork.report.study.figures import command_figure, energy_figure
 from mrwork.report.study.page import study_page
@@ -112,7 +112,7 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
 
 
 def read(figure: Figure) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(drawn_data(figure))))
+    return list(csv.DictReader(io.StringIO(drawn_csv(figure))))
 
 
 @pytest.mark.contract

@@ -6,10 +6,10 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 import xarray
 from command_line import mrwork
+from matplotlib.figure import Figure
 from refusals import command_refusal, refusal
 from verb_folders import verbs_with
 
@@ -85,8 +85,8 @@ def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Pat
     for group in ("criteria", "quantities"):
         xarray.testing.assert_identical(kept[group].to_dataset(), computed[group].to_dataset())
     for figure in ("storey_profiles", "energies"):
-        drawn, expected = (getattr(each.plot, figure)(data=True) for each in (found, results))
-        assert np.array_equal(drawn.to_numpy(), expected.to_numpy())
+        shown, expected = (getattr(each.plot, figure)(Figure().subplots()) for each in (found, results))
+        assert mr.plots.drawn_data(shown).equals(mr.plots.drawn_data(expected))
     assert found.warnings() == results.warnings()
     fields = "building dampers facts choices damper_warnings detailed with_histories rows"
     for name in fields.split():

@@ -17,5 +17,5 @@ left.set_title(f"{fit.fit_percent:.1f} %")
 figure.savefig("figures.png", dpi=50)
 plt.close(figure)
 
-table = motion.plot.spectra(periods=np.linspace(0.1, 2.0, 50), data=True)
+table = mr.plots.drawn_data(right)
 shown = [axes.get_ylabel() for axes in (left, middle, right)]

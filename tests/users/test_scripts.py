@@ -22,7 +22,7 @@ FOUND: dict[str, Callable[[dict[str, Any]], bool]] = {
     "tune_weights": lambda found: found["table"]["peak_drift"].shape == (400, 5),
     "figures_in_own_axes": lambda found: (
         found["shown"] == ["Force (N)", "Residual (N)", "Pseudo-acceleration (m/s²)"]
-        and found["table"]["pseudo_acceleration"].shape == (50,)
+        and found["table"]["y"].shape == (50,)
     ),
     "read_runs_back": lambda found: found["found"] == f"a fit of {found['fit'].fit_percent:.1f} %",
     "identify_and_predict": lambda found: list(found["parameters"].index) == list(found["fit"].spec.names),

@@ -1,7 +1,7 @@
 """Results as arrays with names, axes, units and words: what `to_xarray` and `to_pandas` of every result return.
 
 A class inherits `WithAxes` and declares its arrays in `_named_arrays`. xarray and pandas are imported here, when one of
-the two is called, and nowhere else but for the files of a posterior.
+the two is called, and nowhere else but for the files of a posterior and the points of a figure.
 """
 
 from __future__ import annotations

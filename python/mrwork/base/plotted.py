@@ -1,39 +1,50 @@
 """Figures of results by their attribute `plot`: `fit.plot.loops()` is `mr.plots.loops(fit)`.
 
-Figures know every result and load Matplotlib, so they stand above all: they are named here alone, for checkers of
-types, too, and loaded when one is asked for. A class for each kind of result lists the figures that take it, in
-`plots/of_fits` and `plots/of_studies`, which load what their wing needs; `tests/plots` checks the lists against the
-annotations of the functions.
+Figures know every result and load Matplotlib, so they stand above all: they are named here alone, and loaded when one
+is asked for. What takes a result is told by the annotation of its first argument, `result`.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, TypeVar
+from types import MethodType
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 if TYPE_CHECKING:
-    from mrwork.plots.of_fits import DrawsPlots as DrawsPlots
-    from mrwork.plots.of_fits import FitPlots as FitPlots
-    from mrwork.plots.of_fits import PredictionPlots as PredictionPlots
-    from mrwork.plots.of_fits import ProfilesPlots as ProfilesPlots
-    from mrwork.plots.of_fits import RunPlots as RunPlots
-    from mrwork.plots.of_fits import TestPlots as TestPlots
-    from mrwork.plots.of_studies import BuildingPlots as BuildingPlots
-    from mrwork.plots.of_studies import FragilityPlots as FragilityPlots
-    from mrwork.plots.of_studies import FrontPlots as FrontPlots
-    from mrwork.plots.of_studies import HistoryPlots as HistoryPlots
-    from mrwork.plots.of_studies import MotionPlots as MotionPlots
-    from mrwork.plots.of_studies import PushoverPlots as PushoverPlots
-    from mrwork.plots.of_studies import ResponsesPlots as ResponsesPlots
-    from mrwork.plots.of_studies import SpectrumPlots as SpectrumPlots
-    from mrwork.plots.of_studies import SuitePlots as SuitePlots
+    from mrwork.plots.accessor import Plots as Plots
+else:
+
+    class Plots:
+        """Figures of a result: the functions of `mr.plots` that take it, by their names."""
+
+        __slots__ = ("_result",)
+
+        def __init__(self, result: object) -> None:
+            self._result = result
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                # Notebooks and copies ask for such names, and must not load Matplotlib.
+                raise AttributeError(name)
+            function = getattr(import_module("mrwork.plots"), name, None)
+            if function is None or not _takes(function, self._result):
+                kind = type(self._result).__name__
+                raise AttributeError(f"a {kind} has no figure {name!r}; it has {', '.join(dir(self))}")
+            return MethodType(function, self._result)
+
+        def __dir__(self) -> list[str]:
+            plots = import_module("mrwork.plots")
+            return [name for name in dir(plots) if _takes(getattr(plots, name), self._result)]
+
+        def __repr__(self) -> str:
+            return f"Figures of a {type(self._result).__name__}: {', '.join(dir(self))}"
 
 
-PlotsT = TypeVar("PlotsT")
+def _takes(function: Any, result: object) -> bool:
+    """Whether a function of `mr.plots` draws a figure of this result."""
+    return "result" in function.__annotations__ and isinstance(result, get_type_hints(function)["result"])
 
 
-def plots_of(result: object, name: str) -> PlotsT:  # type: ignore[type-var] # the attribute says which class it is
-    """The figures of a result by the name of their class below `mrwork.plots`."""
-    module, _, kind = name.partition(".")
-    made: PlotsT = getattr(import_module(f"mrwork.plots.{module}"), kind)(result)
-    return made
+def building_html(building: object) -> str:
+    """The drawing of a building, for a notebook."""
+    return str(import_module("mrwork.plots.of_studies").building_html(building))

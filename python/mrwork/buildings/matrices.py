@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 import scipy
@@ -15,7 +15,7 @@ from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import control_in
 from mrwork.base.numbers import counted, format_rounded, significant
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots, building_html
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, question_on
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
@@ -31,9 +31,6 @@ from mrwork.buildings.modes import (
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError, UnknownNameError
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import BuildingPlots
 
 
 @checked
@@ -178,14 +175,14 @@ class Building(Summarised):
         _check_building(self)
 
     @property
-    def plot(self) -> BuildingPlots:
+    def plot(self) -> Plots[Building]:
         """Figures of the building, see `mr.plots`."""
-        return plots_of(self, "of_studies.BuildingPlots")
+        return Plots(self)
 
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""
         is_drawn = len(self.storey_stiffnesses) == self.n_coordinates <= _MOST_DRAWN
-        return f"{self._summary().html()}{self.plot._repr_html_() if is_drawn else ''}"
+        return f"{self._summary().html()}{building_html(self) if is_drawn else ''}"
 
     @property
     def n_coordinates(self) -> int:

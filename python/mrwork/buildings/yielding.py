@@ -5,22 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.numbers import counted, format_rounded, significant
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, PassiveElement, source_with
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import PushoverPlots
 
 
 @checked
@@ -173,10 +170,9 @@ class Pushover(Summarised):
     height: float
 
     @property
-    def plot(self) -> PushoverPlots:
+    def plot(self) -> Plots[Pushover]:
         """Figures of the push, see `mr.plots`."""
-        made: PushoverPlots = plots_of(self, "of_studies.PushoverPlots")
-        return made
+        return Plots(self)
 
     def _summary(self) -> Summary:
         rows = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, cast
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,13 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import counted, format_rounded
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import SettingError, UnknownNameError
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import HistoryPlots, ResponsesPlots
 
 ENERGY_TOLERANCE = 1e-6
 """Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
@@ -203,9 +200,9 @@ class History(Labelled, WithAxes, Summarised):
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.site_stiffness, displacement))
 
     @property
-    def plot(self) -> HistoryPlots:
+    def plot(self) -> Plots[History]:
         """Figures of the history, see `mr.plots`."""
-        return plots_of(self, "of_studies.HistoryPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -281,9 +278,9 @@ class Responses(Labelled, WithAxes, Summarised):
         return values.reshape(*self.shape, *values.shape[1:])
 
     @property
-    def plot(self) -> ResponsesPlots:
+    def plot(self) -> Plots[Responses]:
         """Figures of the runs, see `mr.plots`."""
-        return plots_of(self, "of_studies.ResponsesPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")

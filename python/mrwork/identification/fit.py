@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.parameters import CurrentLaws
@@ -25,9 +25,6 @@ from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_fo
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import digest_of
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import FitPlots
 
 T = TypeVar("T")
 
@@ -582,9 +579,9 @@ class Fit(WithAxes, Summarised):
         return "-" if interval is None else interval.in_words(format_rounded)
 
     @property
-    def plot(self) -> FitPlots:
+    def plot(self) -> Plots[Fit]:
         """Figures of the fit, see `mr.plots`."""
-        return plots_of(self, "of_fits.FitPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         parameters = columns_of(

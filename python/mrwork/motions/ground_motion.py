@@ -10,21 +10,18 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.polynomial import Legendre
 
 from mrwork.base.arguments import AnyNumbers, May, Positive, checked
 from mrwork.base.hints import SMALLEST
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.motions.examination import questions_of, refuse_absurd
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import MotionPlots
 
 
 @checked
@@ -99,9 +96,9 @@ class GroundMotion(Summarised):
         return examined(self, scaled=False)
 
     @property
-    def plot(self) -> MotionPlots:
+    def plot(self) -> Plots[GroundMotion]:
         """Figures of the motion, see `mr.plots`."""
-        return plots_of(self, "of_studies.MotionPlots")
+        return Plots(self)
 
     def _summary(self) -> Summary:
         return Summary(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,14 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.numbers import format_rounded
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled, scaled_level
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import SpectrumPlots
 
 Complexes = NDArray[np.complex128]
 Ratio = Annotated[float, Within(least=0.0, below=1.0)]
@@ -68,9 +65,9 @@ class ResponseSpectrum(Summarised):
         return (2.0 * np.pi / self.periods) ** 2 * self.displacement
 
     @property
-    def plot(self) -> SpectrumPlots:
+    def plot(self) -> Plots[ResponseSpectrum]:
         """Figure of the spectrum, see `mr.plots`."""
-        return plots_of(self, "of_studies.SpectrumPlots")
+        return Plots(self)
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,16 +13,13 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import counted, format_rounded
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, copies_among, copies_in_words, replace_samples
 from mrwork.motions.spectrum import Ratio, response_spectrum
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import SuitePlots
 
 Ground = Literal["A", "B", "C", "D", "E"]
 ScaledBy = Literal["pga", "sa", "least_squares"]
@@ -400,9 +397,9 @@ class SuiteCheck(Summarised):
         return " to ".join(f"{end * self.period:.3g}" for end in RANGE) + " s"
 
     @property
-    def plot(self) -> SuitePlots:
+    def plot(self) -> Plots[SuiteCheck]:
         """Figure of the spectra beside the target, see `mr.plots`."""
-        return plots_of(self, "of_studies.SuitePlots")
+        return Plots(self)
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

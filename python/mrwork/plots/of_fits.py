@@ -1,36 +1,29 @@
-"""Figures of laws, profiles, posterior and bands; and the attribute `plot` of the results of identification."""
+"""Figures of laws, profiles, posterior and bands."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from mrwork.base.arguments import Level
-from mrwork.base.labelled import labels_of, over_axis
 from mrwork.drawing import style
 from mrwork.drawing.canvas import draw_points
-from mrwork.drawing.of_bands import add_bands, middle_cycle
+from mrwork.drawing.of_bands import add_bands
 from mrwork.drawing.of_fits import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
 from mrwork.drawing.of_tests import axis_name
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.plots import of_time
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
-    Plots,
     axes_for,
     chosen,
     figure,
-    figure_of_panels,
     finished,
-    motion_table,
     panels_for,
-    short,
-    table_of,
     triangle_for,
 )
 from mrwork.runs.load import StoredRun
@@ -40,18 +33,13 @@ from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles, likelihood_threshold
 from mrwork.uncertainty.posterior.draws import Draws
 
-if TYPE_CHECKING:
-    from mrwork.base.labelled import DataFrame
-
 T = TypeVar("T")
 # Level of the threshold that a single profile shows.
 _LEVEL = 0.95
 
 
-@figure_of_panels
-def laws(
-    result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
-) -> Panels | DataFrame:
+@figure
+def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = ()) -> Panels:
     """Each parameter that follows the command, over the commands of the tests; marks are at the ends of the range.
 
     Parameters
@@ -62,8 +50,6 @@ def laws(
         Axes to draw into, one for each parameter; by default those of a new figure.
     parameters
         Parameters of the plain model; by default all that follow the command.
-    data
-        Whether to return the table behind the figure instead.
 
     Raises
     ------
@@ -88,11 +74,6 @@ def laws(
         )
     known = {law.parameter.name: law for law in laws_of(fit)}
     drawn = _choose(parameters, known, "parameter that follows the command")
-    if data:
-        over = labels_of(drawn[0].commands, unit=spec.current.unit, long_name="command")
-        own = [(law.parameter, law.values) for law in drawn]
-        columns = {each.name: (values, each.unit, each.description) for each, values in own}
-        return over_axis(f"Laws of {fit.model}", "command", over, columns).to_pandas()
     panels = panels_for(ax, len(drawn), "laws")
     for axes, law in zip(panels, drawn, strict=True):
         add_law(axes, law)
@@ -102,21 +83,20 @@ def laws(
     return panels
 
 
-@figure_of_panels
+@figure
 def profiles(
     result: Profiles | Profile | StoredRun,
     ax: GivenAxes = None,
     *,
     parameters: Sequence[str] = (),
-    data: bool = False,
-) -> Panels | DataFrame:
+) -> Panels:
     """Likelihood ratio over each parameter: threshold dashed, interval shaded, an arrow where it is open.
 
     Parameters
     ----------
     result
         Profiles, or a run that holds them. The threshold of a single one is that of 95 %.
-    ax, data
+    ax
         As in `laws`.
     parameters
         Parameters to draw; by default all that were profiled.
@@ -140,9 +120,6 @@ def profiles(
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
     drawn = _choose(parameters, {each.name: each for each in several}, "profiled parameter")
-    if data:
-        table = result.to_pandas()
-        return table if isinstance(result, Profile) else table.loc[[each.name for each in drawn]]
     threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     panels = panels_for(ax, len(drawn), "profiles")
     for axes, profile in zip(panels, drawn, strict=True):
@@ -151,10 +128,8 @@ def profiles(
     return panels
 
 
-@figure_of_panels
-def posterior(
-    result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = (), data: bool = False
-) -> Panels | DataFrame:
+@figure
+def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = ()) -> Panels:
     """Densities of the parameters on the diagonal, and of their pairs below it: dark holds 50 %, light 90 %.
 
     Parameters
@@ -166,8 +141,6 @@ def posterior(
         new figure. Axes above the diagonal are switched off.
     parameters
         Parameters to draw; by default all that varied.
-    data
-        Whether to return the table behind the figure instead, a row for each draw.
 
     Raises
     ------
@@ -190,8 +163,6 @@ def posterior(
         result = result.draws
     drawn = _choose(parameters, {each.name: each for each in result.varied}, "parameter that varied")
     names = [each.name for each in drawn]
-    if data:
-        return table_of(result, f"Draws of {result.model}", *names)
     panels = triangle_for(ax, len(names), "posterior")
     lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
     add_corner(lower, result, names, fitted)
@@ -210,8 +181,8 @@ def bands(
     over: Literal["time", "displacement", "velocity"] = "time",
     test: str | int | None = None,
     level: Level = 0.9,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Measured force, model and prediction band over the cycle in the middle of a test.
 
     Parameters
@@ -219,7 +190,7 @@ def bands(
     result
         A prediction, with its `calibration`; or a run with calibrated bands, of which a test that was held out is drawn
         with the band that the others give.
-    ax, data
+    ax, legend
         As in `histories`.
     calibration
         Calibration of the band of a prediction.
@@ -242,22 +213,10 @@ def bands(
     >>> axes = mr.predict(fit, next_test).plot.bands(calibration=calibration)  # doctest: +SKIP
     """
     prediction, band = _predict_with_band(result, calibration, test, level)
-    cycle = middle_cycle(prediction)
-    record = prediction.test
-    if data:
-        motion = (record.time, record.displacement, record.velocity)
-        columns = {
-            "force": (prediction.measured[cycle], "N", "damper force, as recorded"),
-            "model_force": (prediction.force[cycle], "N", "force of the model"),
-            "lower": (band.lower[cycle], "N", "lower end of the prediction band"),
-            "upper": (band.upper[cycle], "N", "upper end of the prediction band"),
-        }
-        title = f"Band of {record.name}, {band.basis}"
-        return motion_table(title, (each[record.counted][cycle] for each in motion), columns)
     axes = axes_for(ax)
     unit = style.force_unit(float(np.abs(prediction.measured).max()))
     add_bands(axes, prediction, band, unit, None if over == "time" else over)
-    return finished(axes, axis_name(over), f"Force ({unit.symbol})")
+    return finished(axes, axis_name(over), f"Force ({unit.symbol})", legend=legend)
 
 
 def _predict_with_band(
@@ -291,47 +250,3 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
 def _choose(asked: Sequence[str], known: Mapping[str, T], what: str) -> list[T]:
     """Those of these names, or all."""
     return [list(known.values())[chosen(name, list(known), what)] for name in asked or known]
-
-
-class TestPlots(Plots):
-    """Figures of a damper test."""
-
-    __test__ = False  # no test of pytest
-
-    histories = short(of_time.histories)
-    loops = short(of_time.loops)
-    commands = short(of_time.commands)
-
-
-class PredictionPlots(TestPlots):
-    """Figures of a prediction: those of its test, and of the force of the model beside it."""
-
-    residuals = short(of_time.residuals)
-    bands = short(bands)
-
-
-class FitPlots(TestPlots):
-    """Figures of a fit: those of its tests, and of its model."""
-
-    residuals = short(of_time.residuals)
-    laws = short(laws)
-
-
-class RunPlots(FitPlots):
-    """Figures of a run folder: those of its fit, and of what later verbs have added."""
-
-    profiles = short(profiles)
-    posterior = short(posterior)
-    bands = short(bands)
-
-
-class DrawsPlots(Plots):
-    """Figures of draws."""
-
-    posterior = short(posterior)
-
-
-class ProfilesPlots(Plots):
-    """Figures of profile likelihoods."""
-
-    profiles = short(profiles)

@@ -1,11 +1,11 @@
-"""Figures of motions, runs and tunings; and the attribute `plot` of the results of control."""
+"""Figures of motions, buildings, runs and tunings."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,18 +13,16 @@ from matplotlib.colors import to_hex
 from numpy.typing import ArrayLike
 
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.yielding import Pushover
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.closed_loop.responses import History, Responses, description_of, own_axis, run_quantities, unit_of
+from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.drawing import style
 from mrwork.drawing.canvas import draw_points, small_axes, vertical_grid
 from mrwork.drawing.of_fits import with_unit
 from mrwork.drawing.of_studies import (
-    ENERGY_PARTS,
     MARKERS,
     Stroke,
     add_building,
@@ -43,28 +41,20 @@ from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
-from mrwork.plots import of_time
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
-    Plots,
     add_key,
     axes_for,
     chosen,
     figure,
-    figure_of_panels,
     finished,
     panels_for,
-    short,
     shown_unit_of,
-    table_of,
 )
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import BuildingFacts, StudyResults
 from mrwork.tuning.results import Front, TuningResults
-
-if TYPE_CHECKING:
-    from mrwork.base.labelled import DataFrame
 
 SpectrumQuantity = Literal[
     "pseudo_acceleration", "pseudo_velocity", "acceleration", "velocity", "displacement"
@@ -86,16 +76,16 @@ def spectra(
     quantity: SpectrumQuantity = "pseudo_acceleration",
     periods: ArrayLike | None = None,
     damping: float | None = None,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Response spectrum over the period; several motions are drawn one after the other into the same axes.
 
     Parameters
     ----------
     result
         A motion, or a spectrum of one.
-    ax, data
-        As in `histories`; the table has all quantities.
+    ax, legend
+        As in `histories`.
     quantity
         Ordinate.
     periods, damping
@@ -109,9 +99,9 @@ def spectra(
     Examples
     --------
     >>> import mrwork as mr
-    >>> motion = mr.synthetic_motion(duration=5.0)
-    >>> motion.plot.spectra(data=True, periods=[0.5, 1.0]).index.tolist()
-    [0.5, 1.0]
+    >>> axes = mr.synthetic_motion(duration=5.0).plot.spectra(quantity="displacement")
+    >>> axes.get_ylabel()
+    'Displacement (mm)'
     """
     if isinstance(result, GroundMotion):
         label = result.name
@@ -121,24 +111,17 @@ def spectra(
         label, spectrum = f"{100.0 * result.damping:g} % damping", result
     else:
         raise SettingError("a spectrum has its own periods and damping; leave both out, or give the motion")
-    if data:
-        title = f"Response spectrum at {100.0 * spectrum.damping:g} % damping"
-        over = labels_of(spectrum.periods, unit="s", long_name="period")
-        columns: dict[str, tuple[Floats, str, str]] = {
-            name: (getattr(spectrum, name), unit, f"peak {name.replace('_', '-')}")
-            for name, unit in _UNITS.items()
-        }
-        return over_axis(title, "period", over, columns).to_pandas()
     axes, values = axes_for(ax), getattr(spectrum, quantity)
     unit = shown_unit_of(_UNITS[quantity], float(values.max()))
     colour = style.hue(len(axes.get_lines()))
     axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
     axes.set_ylim(bottom=0.0)
-    return finished(axes, "Period (s)", with_unit(quantity.replace("_", "-").capitalize(), unit.symbol))
+    ordinate = with_unit(quantity.replace("_", "-").capitalize(), unit.symbol)
+    return finished(axes, "Period (s)", ordinate, legend=legend)
 
 
 @figure
-def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Pseudo-acceleration of the motions of a suite with their mean, its target, and 90 % of the target.
 
     The range of periods within which the mean counts is shaded.
@@ -147,28 +130,23 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     ----------
     result
         The suite beside its target, of `mr.motions.check_suite`.
-    ax, data
-        As in `histories`; the table has a column for each motion.
+    ax, legend
+        As in `histories`.
 
     Examples
     --------
     >>> import mrwork as mr
     >>> target = mr.motions.en_1998_spectrum(2.0, "B")
     >>> check = mr.motions.check_suite(mr.motions.suite("firm", 3, rng=0), target, period=0.8)
-    >>> check.plot.suite_spectra(data=True).columns.tolist()[-2:]
-    ['mean', 'target']
+    >>> drawn = mr.plots.drawn_data(check.plot.suite_spectra())
+    >>> mean = drawn[drawn["curve"] == "Mean"]
     """
     target = result.target.acceleration(result.periods)
-    columns = dict(zip(result.names, result.spectra, strict=True)) | {"mean": result.mean, "target": target}
-    if data:
-        over = labels_of(result.periods, unit="s", long_name="period")
-        named = {name: (values, "m/s^2", "pseudo-acceleration") for name, values in columns.items()}
-        return over_axis(f"Suite beside {result.target.name}", "period", over, named).to_pandas()
     axes = axes_for(ax)
     axes.axvspan(*(end * result.period for end in RANGE), color=style.WINDOW, zorder=0)
-    for number, spectrum in enumerate(result.spectra):
+    for number, (name, spectrum) in enumerate(zip(result.names, result.spectra, strict=True)):
         label = None if number else "Motions"
-        axes.plot(result.periods, spectrum, color=style.DATA, linewidth=0.6, label=label)
+        axes.plot(result.periods, spectrum, color=style.DATA, linewidth=0.6, label=label, gid=name)
     for values, colour, pattern, width, label in (
         (result.mean, style.MODEL, "-", 1.6, "Mean"),
         (target, style.INK, "-", 1.4, result.target.name),
@@ -176,18 +154,18 @@ def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, data: bool = Fa
     ):
         axes.plot(result.periods, values, color=colour, linestyle=pattern, linewidth=width, label=label)
     axes.set_ylim(bottom=0.0)
-    return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"))
+    return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"), legend=legend)
 
 
 @figure
-def building(result: Building, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+def building(result: Building, ax: Axes | None = None) -> Axes:
     """Floors of a frame with their masses, and storeys with their stiffnesses.
 
     Parameters
     ----------
     result
         The building: a chain of floors, each on the spring of its storey.
-    ax, data
+    ax
         As in `histories`.
 
     Raises
@@ -198,50 +176,44 @@ def building(result: Building, ax: Axes | None = None, *, data: bool = False) ->
     Examples
     --------
     >>> import mrwork as mr
-    >>> mr.building("uts").plot.building(data=True)["mass"].tolist()
-    [337.0, 330.0, 330.0, 330.0, 330.0]
+    >>> axes = mr.building("uts").plot.building()
     """
     facts = BuildingFacts.of(result)
     if len(facts.stiffnesses) != len(facts.masses):
         raise SettingError(
             f"{result.name} is no chain of floors, each on the spring of its storey; its modes are in its `repr`"
         )
-    if data:
-        over = labels_of(np.arange(1, len(facts.masses) + 1), long_name="storey")
-        named = {"mass": (facts.masses, "kg", "mass"), "stiffness": (facts.stiffnesses, "N/m", "stiffness")}
-        return over_axis(result.name, "storey", over, named).to_pandas()
     axes = axes_for(ax)
     add_building(axes, facts)
     return axes
 
 
 @figure
-def pushover(result: Pushover, ax: Axes | None = None, *, data: bool = False) -> Axes | DataFrame:
+def pushover(result: Pushover, ax: Axes | None = None, *, legend: bool = True) -> Axes:
     """Base shear over the displacement of the roof of a frame that is pushed.
 
     Parameters
     ----------
     result
         The frame that was pushed, of `mr.buildings.pushover`.
-    ax, data
+    ax, legend
         As in `histories`.
 
     Examples
     --------
     >>> import mrwork as mr
     >>> frame = mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005)
-    >>> mr.buildings.pushover(frame, steps=10).plot.pushover(data=True).columns.tolist()
-    ['base_shear']
+    >>> axes = mr.buildings.pushover(frame, steps=10).plot.pushover()
+    >>> axes.get_ylabel()
+    'Base shear (kN)'
     """
-    if data:
-        over = labels_of(result.roof, unit="m", long_name="displacement of the roof")
-        shear = {"base_shear": (result.base_shear, "N", "base shear")}
-        return over_axis(f"Pushover of {result.name}", "roof", over, shear).to_pandas()
     axes, unit = axes_for(ax), shown_unit_of("N", float(result.base_shear.max()))
     axes.plot(1e3 * result.roof, unit.factor * result.base_shear, color=style.MODEL, label=result.pattern)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    return finished(axes, "Displacement of the roof (mm)", with_unit("Base shear", unit.symbol))
+    return finished(
+        axes, "Displacement of the roof (mm)", with_unit("Base shear", unit.symbol), legend=legend
+    )
 
 
 # Bars that fit into a figure.
@@ -256,15 +228,15 @@ def storey_profiles(
     quantity: str = "peak_drift",
     motion: str | int | None = None,
     rows: Sequence[str | int] = (),
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """A quantity of storeys or floors over the height, a line for each row or candidate that finished.
 
     Parameters
     ----------
     result
         Runs of a batch, of which the first draw is shown, or of a study, also where `mr.load` has read it.
-    ax, data
+    ax, legend
         As in `histories`.
     quantity
         Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration".
@@ -291,25 +263,18 @@ def storey_profiles(
     check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
     runs = _runs(result, motion, rows)
     values = np.array([each.numbers[quantity] for each in runs])
-    (axis,), si_unit, words = own_axis(quantity), unit_of(quantity), description_of(quantity)
+    (axis,), si_unit = own_axis(quantity), unit_of(quantity)
     if isinstance(result, StudyResults):
         names = result.floor_names if axis == "floor" else result.storey_names
     else:
         names = tuple(f"{axis} {number}" for number in range(1, 1 + values.shape[1]))
-    if data:
-        return NamedArrays(
-            title=words,
-            rows=("run", axis),
-            labels={"run": labels_of([each.label for each in runs]), axis: labels_of(names)},
-            arrays={quantity: NamedArray.of(values, "run", axis, unit=si_unit, long_name=words)},
-        ).to_pandas()
     axes, unit = axes_for(ax), shown_unit_of(si_unit, float(values.max()))
     for each, line in zip(runs, values, strict=True):
         add_height_line(axes, line * unit.factor, each.stroke, each.label)
     axes.set_xlim(left=0.0)
     axes.set_xlabel(with_unit(quantity.replace("_", " ").capitalize(), unit.symbol))
     name_heights(axes, names)
-    if len(runs) <= len(style.HUES):
+    if legend and len(runs) <= len(style.HUES):
         add_key(axes)
     return axes
 
@@ -321,8 +286,8 @@ def energies(
     *,
     motion: str | int | None = None,
     rows: Sequence[str | int] = (),
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Input energy and its distribution: a bar for each run at the end of the motion, or the course of one run.
 
     Of a history, what dampers and structure have not dissipated is still moving: kinetic and strain energy; all
@@ -330,7 +295,7 @@ def energies(
 
     Parameters
     ----------
-    result, ax, motion, rows, data
+    result, ax, motion, rows, legend
         As in `storey_profiles`; also the history of a run, which has neither motions nor rows.
 
     Raises
@@ -344,13 +309,9 @@ def energies(
     >>> axes = mr.run_study(study).plot.energies()  # doctest: +SKIP
     """
     if isinstance(result, History):
-        return _course(result, ax, data=data)
+        return _course(result, ax, legend=legend)
     runs = _runs(result, motion, rows)
     parts = np.array([energy_parts(each.numbers) for each in runs])
-    if data:
-        of_runs = labels_of([each.label for each in runs])
-        columns = _energy_columns(dict(zip(ENERGY_PARTS, parts.T, strict=True)))
-        return over_axis("Energy at the end of the motion", "run", of_runs, columns).to_pandas()
     if len(runs) > _MOST_BARS:
         raise SettingError(
             f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
@@ -359,7 +320,8 @@ def energies(
     add_energy_bars(axes, [each.label for each in runs], parts)
     if ax is None:
         vertical_grid(axes)
-    add_key(axes)
+    if legend:
+        add_key(axes)
     return axes
 
 
@@ -411,24 +373,14 @@ def _stroke(number: int, count: int) -> Stroke:
     return Stroke(to_hex(style.TONES(number / (count - 1))), width=0.6)
 
 
-def _course(history: History, ax: Axes | None, *, data: bool) -> Axes | DataFrame:
+def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
     numbers: Mapping[str, Floats] = history.numbers
     devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
     damping, given = numbers["damping_energy"], numbers["input_energy"]
     moving = given - devices - damping
-    if data:
-        parts = (devices, damping, moving)
-        columns = _energy_columns({**dict(zip(ENERGY_PARTS, parts, strict=True)), "Input": given})
-        return over_axis("Energies of a closed loop", "time", time_labels(history.time), columns).to_pandas()
     axes = axes_for(ax)
-    return finished(axes, "Time (s)", add_energies(axes, history.time, given, devices, moving))
-
-
-def _energy_columns(parts: Mapping[str, Floats]) -> dict[str, tuple[Floats, str, str]]:
-    return {
-        name.lower().replace(" ", "_"): (values, "J", f"energy, {name.lower()}")
-        for name, values in parts.items()
-    }
+    ordinate = add_energies(axes, history.time, given, devices, moving)
+    return finished(axes, "Time (s)", ordinate, legend=legend)
 
 
 @figure
@@ -437,15 +389,15 @@ def fronts(
     ax: Axes | None = None,
     *,
     law: str | int | None = None,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Points of a front: the first two objectives of a law, or volume and dynamic range of dampers.
 
     Parameters
     ----------
     result
         A front, or a tuning with fronts.
-    ax, data
+    ax, legend
         As in `histories`.
     law
         Label or number of the front of a tuning, by default the first.
@@ -461,35 +413,25 @@ def fronts(
     >>> axes = mr.tune(study).plot.fronts()  # doctest: +SKIP
     """
     if isinstance(result, SizeFront):
-        return _designs(result, ax, data=data)
+        return _designs(result, ax)
     if isinstance(result, TuningResults):
         if not result.fronts:
             raise SettingError(
                 f"the tuning {result.title!r} has no front; give two `objectives` or more in its table [[tune]]"
             )
         result = result.fronts[chosen(law, [each.label for each in result.fronts], "law")]
-    if data:
-        return result.to_pandas()
     axes = axes_for(ax)
     add_front(axes, result)
-    add_key(axes)
+    if legend:
+        add_key(axes)
     return axes
 
 
-def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFrame:
-    columns = {
-        name: (np.array([getattr(each, name) for each in front.designs]), unit, words)
-        for name, unit, words in (
-            ("envelope_volume", "m^3", "volume of the envelope"),
-            ("dynamic_range", "1", "dynamic range"),
-            ("power", "W", "power"),
-        )
-    }
-    if data:
-        return over_axis("Front of dampers", "design", number_labels(len(front.designs)), columns).to_pandas()
+def _designs(front: SizeFront, ax: Axes | None) -> Axes:
     axes = axes_for(ax)
-    volume, dynamic_range = columns["envelope_volume"][0], columns["dynamic_range"][0]
-    draw_points(axes, 1e3 * volume, dynamic_range, size=4.5, colour=style.MODEL)
+    volume = [1e3 * each.envelope_volume for each in front.designs]
+    dynamic_range = [each.dynamic_range for each in front.designs]
+    draw_points(axes, volume, dynamic_range, size=4.5, colour=style.MODEL)
     return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
 
 
@@ -497,10 +439,8 @@ def _designs(front: SizeFront, ax: Axes | None, *, data: bool) -> Axes | DataFra
 _MOST_PANELS = 6
 
 
-@figure_of_panels
-def ida(
-    result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] = (), data: bool = False
-) -> Panels | DataFrame:
+@figure
+def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] = ()) -> Panels:
     """Incremental dynamic analysis: intensity over the criterion of the limit, a panel for each arrangement.
 
     A thin line for each record, thick ones below which 16, 50 and 84 % of the records lie, and the limit dashed. A line
@@ -514,8 +454,6 @@ def ida(
         Axes to draw into, as many as there are panels; by default those of a new figure.
     rows
         Labels or numbers of arrangements; by default the first six.
-    data
-        Whether to return the table behind the figure instead, of all arrangements.
 
     Raises
     ------
@@ -530,8 +468,6 @@ def ida(
     >>> found = mr.fragility(results, limit={"peak_drift_ratio": "1 %"})  # doctest: +SKIP
     >>> panels = found.plot.ida(rows=["uncontrolled", "Passive-on"])  # doctest: +SKIP
     """
-    if data:
-        return table_of(result, "Responses of the records", "response")
     unit, of_row, labels = response_unit(result), strokes(result), [*result.rows]
     drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
     panels = panels_for(ax, len(drawn), "ida")
@@ -547,8 +483,12 @@ def ida(
 
 @figure
 def fragility(
-    result: Fragilities, ax: Axes | None = None, *, rows: Sequence[str | int] = (), data: bool = False
-) -> Axes | DataFrame:
+    result: Fragilities,
+    ax: Axes | None = None,
+    *,
+    rows: Sequence[str | int] = (),
+    legend: bool = True,
+) -> Axes:
     """Probability that the limit is reached over intensity: the lognormal curve of each arrangement.
 
     Points are the shares of the records at each level, the bar at one half is the band of the median.
@@ -557,7 +497,7 @@ def fragility(
     ----------
     result
         What `mr.fragility` has found.
-    ax, data
+    ax, legend
         As in `histories`.
     rows
         As in `ida`; by default all.
@@ -572,80 +512,18 @@ def fragility(
     >>> import mrwork as mr
     >>> axes = mr.fragility(results, limit={"peak_drift_ratio": "1 %"}).plot.fragility()  # doctest: +SKIP
     """
-    if data:
-        return table_of(result, "Probability that the limit is reached", "probability", "reached", "outside")
     axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
     for row in [chosen(each, labels, "arrangement") for each in rows] or range(len(labels)):
         add_fragility(axes, result[labels[row]], of_row[row])
-    return finished(
-        axes, f"{result[labels[0]].measure} (g)", f"Probability ({result.title} ≥ {result.limit_value})"
-    )
+    ordinate = f"Probability ({result.title} ≥ {result.limit_value})"
+    return finished(axes, f"{result[labels[0]].measure} (g)", ordinate, legend=legend)
 
 
-class HistoryPlots(Plots):
-    """Figures of the history of a closed loop."""
-
-    histories = short(of_time.histories)
-    loops = short(of_time.loops)
-    commands = short(of_time.commands)
-    energies = short(energies)
-
-
-class ResponsesPlots(Plots):
-    """Figures of runs of closed loops: a batch, or a study."""
-
-    storey_profiles = short(storey_profiles)
-    energies = short(energies)
-
-
-class MotionPlots(Plots):
-    """Figures of a ground motion."""
-
-    histories = short(of_time.histories)
-    spectra = short(spectra)
-
-
-class SpectrumPlots(Plots):
-    """Figures of a response spectrum."""
-
-    spectra = short(spectra)
-
-
-class FragilityPlots(Plots):
-    """Figures of fragilities."""
-
-    ida = short(ida)
-    fragility = short(fragility)
-
-
-class BuildingPlots(Plots):
-    """Figures of a building."""
-
-    building = short(building)
-
-    @style.drawn_in_style()
-    def _repr_html_(self) -> str:
-        assert isinstance(self.result, Building)
-        figure, axes = small_axes()
-        add_building(axes, BuildingFacts.of(self.result))
-        written = io.StringIO()
-        figure.savefig(written, format="svg")
-        return written.getvalue().partition("<!DOCTYPE")[2].partition(">")[2]
-
-
-class PushoverPlots(Plots):
-    """Figures of a frame that is pushed."""
-
-    pushover = short(pushover)
-
-
-class SuitePlots(Plots):
-    """Figures of a suite of motions beside its target."""
-
-    suite_spectra = short(suite_spectra)
-
-
-class FrontPlots(Plots):
-    """Figures of Pareto fronts."""
-
-    fronts = short(fronts)
+@style.drawn_in_style()
+def building_html(building: Building) -> str:
+    """The drawing of a chain of floors, for a notebook."""
+    figure, axes = small_axes()
+    add_building(axes, BuildingFacts.of(building))
+    written = io.StringIO()
+    figure.savefig(written, format="svg")
+    return written.getvalue().partition("<!DOCTYPE")[2].partition(">")[2]

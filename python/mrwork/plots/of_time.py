@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +11,6 @@ from matplotlib.colors import to_hex
 
 from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, number_labels, over_axis, time_labels
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
 from mrwork.drawing import style
@@ -39,16 +37,11 @@ from mrwork.plots.sheet import (
     chosen,
     figure,
     finished,
-    motion_table,
     shown_unit_of,
-    table_of,
 )
 from mrwork.records.damper_test import DamperTest
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
-
-if TYPE_CHECKING:
-    from mrwork.base.labelled import DataFrame
 
 Pair = tuple[DamperTest, Floats | None]
 """A test and the force of a model on it, if there is a model."""
@@ -61,8 +54,8 @@ def histories(
     *,
     test: str | int | None = None,
     signal: str = "drift",
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Force of a test and its model over time; a signal of a closed loop; a ground acceleration.
 
     Parameters
@@ -70,14 +63,13 @@ def histories(
     result
         What is drawn.
     ax
-        Axes to draw into; by default those of a new figure. The legend stands above them, where a title would; with
-        `legend=False` there is none.
+        Axes to draw into; by default those of a new figure.
     test
         Name or number of the test of a fit, by default the first.
     signal
         Signal of a history of a closed loop, such as "drift", "acceleration", "force", "ground_acceleration".
-    data
-        Whether to return the table behind the figure instead.
+    legend
+        Whether to name the curves above the axes, where a title would stand.
 
     Raises
     ------
@@ -89,18 +81,16 @@ def histories(
     Examples
     --------
     >>> import mrwork as mr
-    >>> test = mr.synthetic_test("spencer1997")
-    >>> test.plot.histories(data=True).shape
-    (2001, 3)
+    >>> axes = mr.synthetic_test("spencer1997").plot.histories()
+    >>> axes.get_ylabel()
+    'Force (N)'
     """
     if isinstance(result, GroundMotion | History):
-        return _signals(result, ax, signal, data=data)
+        return _signals(result, ax, signal, legend=legend)
     pair = _one(result, test)
-    if data:
-        return _table([pair], {"force": "N"})
     axes, unit = axes_for(ax), _force_unit([pair])
     add_record(axes, *pair, unit)
-    return finished(axes, "Time (s)", f"Force ({unit.symbol})")
+    return finished(axes, "Time (s)", f"Force ({unit.symbol})", legend=legend)
 
 
 @figure
@@ -111,13 +101,13 @@ def loops(
     over: Motion = "displacement",
     test: str | int | None = None,
     device: Whole = 0,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Force over displacement or velocity: points of a test, the line of its model; or a damper in a building.
 
     Parameters
     ----------
-    result, ax, data
+    result, ax, legend
         As in `histories`.
     over
         The abscissa.
@@ -134,15 +124,13 @@ def loops(
     Examples
     --------
     >>> import mrwork as mr
-    >>> test = mr.synthetic_test("spencer1997")
-    >>> list(test.plot.loops(data=True).columns)
-    ['test', 'time', 'displacement', 'velocity', 'force']
+    >>> axes = mr.synthetic_test("spencer1997").plot.loops(over="velocity")
+    >>> axes.get_xlabel()
+    'Velocity (mm/s)'
     """
     if isinstance(result, History):
-        return _loop_of_device(result, ax, over, device, data=data)
+        return _loop_of_device(result, ax, over, device)
     pairs = _pairs(result) if test is None else [_one(result, test)]
-    if data:
-        return _table(pairs, {"displacement": "m", "velocity": "m/s", "force": "N"})
     axes, unit = axes_for(ax), _force_unit(pairs)
     for number, (each, model_force) in enumerate(pairs):
         tone = to_hex(style.TONES(number / max(len(pairs) - 1, 1)))
@@ -151,7 +139,9 @@ def loops(
             add_loop(axes, abscissa, each, model_force, unit)
         else:
             add_loop(axes, abscissa, each, model_force, unit, colours=(tone, tone), labels=(each.name, ""))
-    return finished(axes, label, f"Force ({unit.symbol})")
+            if model_force is not None:
+                axes.get_lines()[-1].set_gid(f"{each.name}, model")
+    return finished(axes, label, f"Force ({unit.symbol})", legend=legend)
 
 
 @figure
@@ -161,13 +151,13 @@ def residuals(
     *,
     over: Literal["time", "displacement", "velocity"] = "time",
     test: str | int | None = None,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Measured minus model force: a line over time, or points over the motion with their mean.
 
     Parameters
     ----------
-    result, ax, test, data
+    result, ax, test, legend
         As in `histories`.
     over
         The abscissa. Over the motion, the samples that are compared are drawn.
@@ -180,18 +170,14 @@ def residuals(
     Examples
     --------
     >>> import mrwork as mr
-    >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))
-    >>> float(fit.plot.residuals(data=True)["residual"].std()) < 1.1 * fit.rmse_n
-    True
+    >>> axes = mr.identify("bingham", mr.synthetic_test("spencer1997")).plot.residuals(over="velocity")
+    >>> mr.plots.drawn_data(axes)["curve"].unique().tolist()
+    ['residual', 'mean', 'curve 3']
     """
     record, model_force = _one(result, test)
     assert model_force is not None  # a result of these types has a model
     residual = record.force - model_force
     counted = slice(None) if over == "time" else record.counted
-    if data:
-        columns = {"residual": (residual[counted], "N", "measured minus model force")}
-        motion = (each[counted] for each in (record.time, record.displacement, record.velocity))
-        return motion_table(f"Residual of {record.name}", motion, columns)
     axes, (abscissa, label) = axes_for(ax), axis_values(record, over)
     unit = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force)))
     if over == "time":
@@ -199,7 +185,7 @@ def residuals(
     else:
         add_residual_points(axes, abscissa[counted], residual[counted] * unit.factor)
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
-    return finished(axes, label, f"Residual ({unit.symbol})")
+    return finished(axes, label, f"Residual ({unit.symbol})", legend=legend)
 
 
 @figure
@@ -209,13 +195,13 @@ def commands(
     *,
     test: str | int | None = None,
     device: Whole = 0,
-    data: bool = False,
-) -> Axes | DataFrame:
+    legend: bool = True,
+) -> Axes:
     """Command of a test over time, held between samples; of a closed loop also the command behind the driver's lag.
 
     Parameters
     ----------
-    result, ax, test, data
+    result, ax, test, legend
         As in `histories`.
     device
         Number of the damper of a history of a closed loop.
@@ -231,7 +217,7 @@ def commands(
     >>> known = mr.synthetic_test("spencer1997")
     >>> columns = (known.time, known.displacement, known.force)
     >>> test = mr.test_from_arrays(*columns, command=1.5, command_unit="A", name="mine")
-    >>> float(test.plot.commands(data=True)["command"].max())
+    >>> float(mr.plots.drawn_data(test.plot.commands())["y"].max())
     1.5
     """
     if isinstance(result, History):
@@ -246,9 +232,6 @@ def commands(
             )
         time, (command, symbol) = record.time, record.commands[0]
         lines = {"command": np.broadcast_to(command, time.shape)}
-    if data:
-        columns = {name: (values, symbol, description_of(name)) for name, values in lines.items()}
-        return over_axis("Command", "time", time_labels(time), columns).to_pandas()
     axes = axes_for(ax)
     add_command(axes, time, lines["command"])
     if "current" in lines:
@@ -256,18 +239,16 @@ def commands(
         label = "behind the driver's lag"
         axes.plot(time, lines["current"], color=style.MODEL, linewidth=0.9, label=label)
     include_zero(axes, np.stack([*lines.values()]))
-    return finished(axes, "Time (s)", with_unit("Command", symbol))
+    return finished(axes, "Time (s)", with_unit("Command", symbol), legend=legend)
 
 
-def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, data: bool) -> Axes | DataFrame:
+def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, legend: bool) -> Axes:
     """A ground acceleration, or a signal of a closed loop at every storey, floor or damper."""
     if isinstance(result, GroundMotion):
         signal = "ground_acceleration"
         result = History(time=result.time, numbers={signal: np.asarray(result.acceleration)})
     check_known(signal, result.numbers, f"a history has no signal {signal!r}")
     words = description_of(signal)
-    if data:
-        return table_of(result, words, signal)
     values = np.asarray(result.numbers[signal])
     axes, unit = axes_for(ax), shown_unit_of(unit_of(signal), _largest(values))
     columns = values.reshape(len(values), -1).T * unit.factor
@@ -275,16 +256,13 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, da
         tone = to_hex(style.TONES(0.5 if len(columns) == 1 else number / (len(columns) - 1)))
         label = f"{axis_of(signal)} {number + 1}" if values.ndim > 1 else words
         axes.plot(result.time, column, color=tone, linewidth=0.9, label=label)
-    return finished(axes, "Time (s)", with_unit(f"{words[:1].upper()}{words[1:]}", unit.symbol))
+    return finished(
+        axes, "Time (s)", with_unit(f"{words[:1].upper()}{words[1:]}", unit.symbol), legend=legend
+    )
 
 
-def _loop_of_device(
-    history: History, ax: Axes | None, over: Motion, device: int, *, data: bool
-) -> Axes | DataFrame:
+def _loop_of_device(history: History, ax: Axes | None, over: Motion, device: int) -> Axes:
     deformation, rate, force = _of_device(history, device, "deformation", "rate", "force").values()
-    if data:
-        columns = {"force": (force, "N", "damper force")}
-        return motion_table(f"Loop of damper {device}", (history.time, deformation, rate), columns)
     axes, unit = axes_for(ax), style.force_unit(_largest(force))
     across = deformation if over == "displacement" else rate
     axes.plot(across * AXES[over].factor, force * unit.factor, color=style.MODEL, linewidth=0.7)
@@ -327,22 +305,3 @@ def _force_unit(pairs: Sequence[Pair]) -> style.DisplayUnit:
 
 def _largest(values: Floats) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0))
-
-
-def _table(pairs: Sequence[Pair], channels: Mapping[str, str]) -> DataFrame:
-    """Channels of tests, with their units, and the force of the model, of several tests one below the other."""
-    columns = {
-        name: (np.concatenate([getattr(test, name) for test, _ in pairs]), unit, f"damper {name}")
-        for name, unit in channels.items()
-    }
-    forces = [force for _, force in pairs if force is not None]
-    if forces:
-        columns["model_force"] = np.concatenate(forces), "N", "force of the model"
-    time = np.concatenate([test.time for test, _ in pairs])
-    names = np.concatenate([np.full(test.n_time, test.name) for test, _ in pairs])
-    along = {
-        "test": NamedArray.of(names, "sample", long_name="test"),
-        "time": NamedArray.of(time, "sample", unit="s", long_name="time"),
-    }
-    table = over_axis("Damper tests", "sample", number_labels(len(names)), columns)
-    return replace(table, along=along).to_pandas()

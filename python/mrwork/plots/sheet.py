@@ -1,12 +1,9 @@
-"""What figures of users share: their form as functions and methods, their axes, names, units and keys."""
+"""What figures of users share: their form as functions, their axes, names, units and keys."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextvars import ContextVar
-from dataclasses import replace
-from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, Protocol, TypeVar, cast, overload
+from collections.abc import Callable, Iterable, Sequence
+from typing import Concatenate, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,17 +11,16 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import WithAxes, over_axis, time_labels
 from mrwork.base.numbers import counted
-from mrwork.base.values import Floats
+from mrwork.base.plotted import Plots
 from mrwork.drawing import canvas, style
 from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
 
-if TYPE_CHECKING:
-    from mrwork.base.labelled import DataFrame
-
 P = ParamSpec("P")
+ResultT = TypeVar("ResultT")
+ResultT_contra = TypeVar("ResultT_contra", contravariant=True)
+DrawnT = TypeVar("DrawnT")
 DrawnT_co = TypeVar("DrawnT_co", covariant=True)
 
 GivenAxes = Axes | Iterable[Axes] | None
@@ -46,68 +42,19 @@ _SHOWN = {
 }
 
 
-_WITH_KEY = ContextVar("_WITH_KEY", default=True)
+class FigureFunction(Protocol[ResultT_contra, P, DrawnT_co]):
+    """A function of `mr.plots`, which is a method of the attribute `plot` of the results that it takes, too."""
+
+    def __call__(self, result: ResultT_contra, /, *args: P.args, **named: P.kwargs) -> DrawnT_co:
+        """Draw the figure of a result."""
+        ...
+
+    def __get__(self, plots: Plots[ResultT_contra], kind: type, /) -> Callable[P, DrawnT_co]: ...
 
 
-class Drawing(Protocol[P, DrawnT_co]):
-    """A figure as a function: returns the axes, or with `data` the table behind them.
-
-    With `legend=False` there is no legend above the axes, where a title of their owner may stand.
-    """
-
-    @overload
-    def __call__(self, *args: Any, data: Literal[True], **named: Any) -> DataFrame: ...
-    @overload
-    def __call__(self, *args: P.args, **named: P.kwargs) -> DrawnT_co: ...
-    @overload
-    def __call__(self, *args: Any, legend: bool, **named: Any) -> DrawnT_co: ...
-
-
-def figure(function: Callable[P, Axes | DataFrame]) -> Drawing[P, Axes]:
+def figure(function: Callable[Concatenate[ResultT, P], DrawnT]) -> FigureFunction[ResultT, P, DrawnT]:
     """A function of `mr.plots`: its arguments are checked, and it draws in the style of the package."""
-    return cast("Drawing[P, Axes]", _drawing(function))
-
-
-def figure_of_panels(function: Callable[P, Panels | DataFrame]) -> Drawing[P, Panels]:
-    """The same of a figure with several axes; checkers of types, to which a table may be anything, tell them so."""
-    return cast("Drawing[P, Panels]", _drawing(function))
-
-
-def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
-    drawn = checked(style.drawn_in_style()(function))
-
-    @wraps(drawn)
-    def draw(*args: Any, legend: bool = True, **named: Any) -> Any:
-        token = _WITH_KEY.set(legend)
-        try:
-            return drawn(*args, **named)
-        finally:
-            _WITH_KEY.reset(token)
-
-    return draw
-
-
-class Plots:
-    """Figures of one result."""
-
-    __slots__ = ("result",)
-
-    def __init__(self, result: object) -> None:
-        self.result = result
-
-    def __repr__(self) -> str:
-        names = ", ".join(name for name in dir(self) if not name.startswith("_") and name != "result")
-        return f"Figures of a {type(self.result).__name__}: {names}"
-
-
-def short(function: Drawing[Concatenate[Any, P], DrawnT_co]) -> Drawing[P, DrawnT_co]:
-    """The function as a method of `Plots`, with the result in the place of the object."""
-
-    @wraps(function)
-    def method(plots: Plots, *args: Any, **named: Any) -> Any:
-        return function(plots.result, *args, **named)
-
-    return cast("Drawing[P, DrawnT_co]", method)
+    return checked(style.drawn_in_style()(function))
 
 
 def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
@@ -161,36 +108,18 @@ def check_number(number: int, count: int, what: str) -> int:
     return number
 
 
-def table_of(result: WithAxes, title: str, *names: str) -> DataFrame:
-    """Some arrays of a result as a table."""
-    named = result._named_arrays()
-    return replace(named, title=title, arrays={name: named.arrays[name] for name in names}).to_pandas()
-
-
-def motion_table(
-    title: str, motion: Iterable[Floats], further: Mapping[str, tuple[Floats, str, str]]
-) -> DataFrame:
-    """Displacement and velocity of a damper over time, of which `motion` has time and both, and further columns."""
-    time, displacement, velocity = motion
-    columns = {
-        "displacement": (displacement, "m", "damper displacement"),
-        "velocity": (velocity, "m/s", "damper velocity"),
-        **further,
-    }
-    return over_axis(title, "time", time_labels(time), columns).to_pandas()
-
-
-def finished(axes: Axes, abscissa: str, ordinate: str) -> Axes:
-    """The axes with their names and, where there is something to tell apart, their key."""
+def finished(axes: Axes, abscissa: str, ordinate: str, *, legend: bool = False) -> Axes:
+    """The axes with their names and, where it is wanted and there is something to tell apart, their legend."""
     axes.set(xlabel=abscissa, ylabel=ordinate)
-    add_key(axes)
+    if legend:
+        add_key(axes)
     return axes
 
 
 def add_key(axes: Axes) -> None:
     """A legend above the axes, where there is something to tell apart."""
     labels = axes.get_legend_handles_labels()[1]
-    if len(labels) > 1 and _WITH_KEY.get():
+    if len(labels) > 1:
         axes.legend(
             loc="lower right",
             bbox_to_anchor=(1.0, 1.0),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 from math import ceil
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samp
 from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
 from mrwork.base.numbers import estimate_in_words
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
@@ -31,9 +31,6 @@ from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
 from mrwork.records.motion import cycle_lengths
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import TestPlots
 
 RANGES: Final = {
     "delay_seconds": (-1e6, 1e6, "s"), "lag_seconds": (0.0, 1e6, "s"), "lowpass_hz": (1e-3, 1e6, "Hz"),
@@ -404,9 +401,9 @@ class DamperTest(WithAxes, Summarised):
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
     @property
-    def plot(self) -> TestPlots:
+    def plot(self) -> Plots[DamperTest]:
         """Figures of the test, see `mr.plots`."""
-        return plots_of(self, "of_fits.TestPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)

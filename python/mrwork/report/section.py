@@ -15,7 +15,7 @@ from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
 from mrwork.drawing.canvas import inline_svg
-from mrwork.drawing.drawn_data import drawn_data
+from mrwork.drawing.drawn_data import drawn_csv
 from mrwork.drawing.of_tests import Comparison
 from mrwork.runs.load import StoredRun
 
@@ -168,7 +168,7 @@ def panel(identifier: str, title: str, figure: Figure, description: str, note: s
         note=note,
         width=round(_PIXELS_PER_INCH * figure.get_figwidth()),
         name=f"{identifier}.csv",
-        data=drawn_data(figure),
+        data=drawn_csv(figure),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from mrwork.base.arguments import checked
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit, Intervals
@@ -35,7 +35,6 @@ from mrwork.uncertainty.planning import CheckedPlan
 from mrwork.uncertainty.posterior.draws import Draws, draws_content, read_draws
 
 if TYPE_CHECKING:
-    from mrwork.base.plotted import RunPlots
     from mrwork.study.results import StudyResults
     from mrwork.tuning.results import TuningResults
 
@@ -72,9 +71,9 @@ class StoredRun(Summarised):
         return None if self.bands is None else self.bands.calibration
 
     @property
-    def plot(self) -> RunPlots:
+    def plot(self) -> Plots[StoredRun]:
         """Figures of the run, see `mr.plots`."""
-        return plots_of(self, "of_fits.RunPlots")
+        return Plots(self)
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

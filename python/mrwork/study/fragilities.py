@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import scipy
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -34,9 +34,6 @@ from mrwork.study.results import StudyResults
 from mrwork.study.run_result import FINISHED
 from mrwork.study.storeys import COLLAPSED
 from mrwork.study.study import Kind
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import FragilityPlots
 
 _DRAWS = 2000
 COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": COLLAPSED}
@@ -217,9 +214,9 @@ class Fragilities(WithAxes, Summarised):
     study_warnings: tuple[str, ...] = ()
 
     @property
-    def plot(self) -> FragilityPlots:
+    def plot(self) -> Plots[Fragilities]:
         """Figures of the responses and of the probabilities, see `mr.plots`."""
-        return plots_of(self, "of_studies.FragilityPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()

@@ -17,7 +17,7 @@ from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded, round_to
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -53,7 +53,6 @@ from mrwork.study.study import Kind, MotionOfStudy, Row, level_warnings
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
-    from mrwork.base.plotted import ResponsesPlots
 
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
@@ -302,9 +301,9 @@ class StudyResults(Summarised):
     ensemble: Ensemble | None = None
 
     @property
-    def plot(self) -> ResponsesPlots:
+    def plot(self) -> Plots[StudyResults]:
         """Figures of the runs, see `mr.plots`."""
-        return plots_of(self, "of_studies.ResponsesPlots")
+        return Plots(self)
 
     @property
     def device_names(self) -> tuple[str, ...]:

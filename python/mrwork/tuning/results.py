@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion, toml_text, toml_value
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import apart, counted, format_rounded, percent, with_decimals
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, csv_text
 from mrwork.closed_loop.evaluation import Spread, criterion, ties_in_words
@@ -29,9 +29,6 @@ from mrwork.study.placements import placed_document
 from mrwork.study.results import RealisationBand
 from mrwork.study.study import StudyFile, level_warnings
 from mrwork.tuning.space import COMMAND_SLOPE, DEAD_ZONE, LARGEST, SHAPING_SPANS, FreeSetting, LawCandidate
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import FrontPlots
 
 _MARGIN = 0.01
 _SAME = 5e-4
@@ -252,9 +249,9 @@ class Front(WithAxes, Summarised):
         )
 
     @property
-    def plot(self) -> FrontPlots:
+    def plot(self) -> Plots[Front]:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "of_studies.FrontPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
@@ -380,9 +377,9 @@ class TuningResults(WithAxes, Summarised):
         return (*in_effect, *ties_in_words(first, scores.pop(first), scores))
 
     @property
-    def plot(self) -> FrontPlots:
+    def plot(self) -> Plots[TuningResults]:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "of_studies.FrontPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         judged = (*self.laws, *self.references)

@@ -9,14 +9,14 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
@@ -26,9 +26,6 @@ from mrwork.dampers.design.materials import MRFluid, Steel
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, run_front, select_nondominated
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import FrontPlots
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.
@@ -382,9 +379,9 @@ class SizeFront(Summarised):
     evaluations: int
 
     @property
-    def plot(self) -> FrontPlots:
+    def plot(self) -> Plots[SizeFront]:
         """Figure of the front, see `mr.plots`."""
-        return plots_of(self, "of_studies.FrontPlots")
+        return Plots(self)
 
     def _summary(self) -> Summary:
         return Summary(

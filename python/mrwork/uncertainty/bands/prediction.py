@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 from warnings import warn
 
 import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
@@ -26,9 +26,6 @@ from mrwork.records import DamperTest, Likeness
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import PredictionPlots
 
 Fold = Literal["test", "motion", "command"]
 """Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
@@ -132,9 +129,9 @@ class Prediction(WithAxes, Summarised):
         return float(np.abs(self.residual).max())
 
     @property
-    def plot(self) -> PredictionPlots:
+    def plot(self) -> Plots[Prediction]:
         """Figures of the prediction, see `mr.plots`."""
-        return plots_of(self, "of_fits.PredictionPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import nan
 from operator import attrgetter
 from statistics import NormalDist
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, 
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, of_unit
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
@@ -48,9 +48,6 @@ from mrwork.uncertainty.identifiability.curvature import (
     signed_root,
 )
 from mrwork.uncertainty.identifiability.verdicts import ParameterScale, Scale, judge_interval
-
-if TYPE_CHECKING:
-    from mrwork.base.plotted import ProfilesPlots
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
@@ -81,9 +78,9 @@ class Profile(WithAxes, Summarised):
     reason: str
 
     @property
-    def plot(self) -> ProfilesPlots:
+    def plot(self) -> Plots[Profile]:
         """Figures of the profile likelihood, see `mr.plots`."""
-        return plots_of(self, "of_fits.ProfilesPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -149,9 +146,9 @@ class Profiles(WithAxes, Summarised):
         return Intervals(kind="profile", level=self.level, intervals=tuple(intervals))
 
     @property
-    def plot(self) -> ProfilesPlots:
+    def plot(self) -> Plots[Profiles]:
         """Figures of the profile likelihood, see `mr.plots`."""
-        return plots_of(self, "of_fits.ProfilesPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)

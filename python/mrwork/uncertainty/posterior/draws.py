@@ -16,7 +16,7 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import format_rounded, with_decimals
-from mrwork.base.plotted import plots_of
+from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
@@ -29,8 +29,6 @@ from mrwork.uncertainty.posterior.target import NOISE
 
 if TYPE_CHECKING:
     from xarray import DataTree
-
-    from mrwork.base.plotted import DrawsPlots
 
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
@@ -313,9 +311,9 @@ class Draws(WithAxes, Summarised):
         return tree
 
     @property
-    def plot(self) -> DrawsPlots:
+    def plot(self) -> Plots[Draws]:
         """Figures of the draws, see `mr.plots`."""
-        return plots_of(self, "of_fits.DrawsPlots")
+        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape

@@ -1,0 +1,30 @@
+"""The attribute `plot` of results as editors and checkers of types see it; `base/plotted` does the work."""
+
+from typing import Generic, TypeVar
+
+from . import of_fits, of_studies, of_time
+
+ResultT_co = TypeVar("ResultT_co", covariant=True)
+
+class Plots(Generic[ResultT_co]):
+    """Figures of a result: the functions of `mr.plots` that take it, by their names."""
+
+    def __init__(self, result: ResultT_co) -> None: ...
+
+    bands = of_fits.bands
+    laws = of_fits.laws
+    posterior = of_fits.posterior
+    profiles = of_fits.profiles
+    building = of_studies.building
+    energies = of_studies.energies
+    fragility = of_studies.fragility
+    fronts = of_studies.fronts
+    ida = of_studies.ida
+    pushover = of_studies.pushover
+    spectra = of_studies.spectra
+    storey_profiles = of_studies.storey_profiles
+    suite_spectra = of_studies.suite_spectra
+    commands = of_time.commands
+    histories = of_time.histories
+    loops = of_time.loops
+    residuals = of_time.residuals
