@@ -24,10 +24,10 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.dampers.design import SizeFront
 from mrwork.dampers.spec import law_values
-from mrwork.drawing.of_studies import energy_parts
-from mrwork.drawing.of_tests import comparisons_of
-from mrwork.drawing.style import symbol_text
 from mrwork.identification.fit_file import reopen
+from mrwork.plots.of_tests import comparisons_of
+from mrwork.plots.study_drawing import energy_parts
+from mrwork.plots.style import symbol_text
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 # Units of labels, by what one of them is in SI.

@@ -15,8 +15,8 @@ from fontTools import subset
 from fontTools.ttLib import TTFont
 from report_samples import comparison
 
-from mrwork.drawing import of_tests, style
-from mrwork.drawing.canvas import inline_svg
+from mrwork.plots import of_tests, style
+from mrwork.plots.canvas import inline_svg
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
@@ -30,8 +30,8 @@ _KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 _DRAW = """
 import sys, hashlib
 from report_samples import comparison
-from mrwork.drawing import of_tests
-from mrwork.drawing.canvas import inline_svg, svg_bytes
+from mrwork.plots import of_tests
+from mrwork.plots.canvas import inline_svg, svg_bytes
 figure = of_tests.force_history(comparison())
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """

@@ -24,9 +24,9 @@ from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun, identify
-from mrwork.drawing import of_tests
-from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.identification.residual import ObservedTest
+from mrwork.plots import of_tests
+from mrwork.plots.of_tests import Comparison, comparisons_of
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.report import html

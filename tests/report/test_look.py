@@ -16,10 +16,10 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mrwork.drawing import style
-from mrwork.drawing.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
-from mrwork.drawing.drawn_data import drawn_csv
-from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights, strokes
+from mrwork.plots import style
+from mrwork.plots.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
+from mrwork.plots.drawn import drawn_csv
+from mrwork.plots.study_drawing import Stroke, add_height_line, name_heights, strokes
 from mrwork.report.study.figures import command_figure, energy_figure
 from mrwork.report.study.page import study_page
 

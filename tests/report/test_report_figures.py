@@ -23,11 +23,11 @@ from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun
-from mrwork.drawing import of_tests, style
-from mrwork.drawing.canvas import svg_bytes
-from mrwork.drawing.of_dampers import nominal_loops
-from mrwork.drawing.of_tests import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.identification.fit import SearchTrace
+from mrwork.plots import of_tests, style
+from mrwork.plots.canvas import svg_bytes
+from mrwork.plots.of_dampers import nominal_loops
+from mrwork.plots.of_tests import Comparison, even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.page import run_figures, write_figures
 from mrwork.report.fit.parameters import profiles_figure

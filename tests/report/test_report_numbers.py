@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from mrwork.drawing.canvas import inline_svg
-from mrwork.drawing.style import symbol_text
+from mrwork.plots.canvas import inline_svg
+from mrwork.plots.style import symbol_text
 from mrwork.report.html import equation_html, symbol, write_study_page
 from mrwork.report.section import numbers
 

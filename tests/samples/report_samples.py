@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.drawing.of_tests import Comparison
 from mrwork.identification import Fit
 from mrwork.identification.fit import (
     ErrorNorms,
@@ -16,6 +15,7 @@ from mrwork.identification.fit import (
     Remark,
     SearchTrace,
 )
+from mrwork.plots.of_tests import Comparison
 from mrwork.records import DamperTest, Finding
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion

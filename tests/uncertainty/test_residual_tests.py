@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from report_samples import comparison
 
-from mrwork.drawing.of_tests import Comparison
+from mrwork.plots.of_tests import Comparison
 from mrwork.uncertainty.residual_tests import (
     LAGS,
     ResidualTests,

@@ -115,7 +115,7 @@ def _limit(text: str) -> dict[str, float | str]:
 
 def _figures(found: Fragilities) -> tuple[bytes, ...]:
     # Matplotlib is slow to load.
-    from mrwork.drawing.canvas import svg_bytes
+    from mrwork.plots.canvas import svg_bytes
     from mrwork.report.study.fragility_section import fragility_figure, ida_figure
 
     return svg_bytes(ida_figure(found)), svg_bytes(fragility_figure(found))

@@ -135,7 +135,7 @@ class Identification:
 
             def draw(on_progress: OnDrawn) -> None:
                 # Matplotlib is slow to load and needed for reports only.
-                from mrwork.drawing.of_tests import comparisons_of
+                from mrwork.plots.of_tests import comparisons_of
                 from mrwork.report.fit.page import write_fit_page
                 from mrwork.runs.load import with_additions
 

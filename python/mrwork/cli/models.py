@@ -78,8 +78,8 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     if suffix not in (".svg", ".png"):
         raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
     check_output(options.figure, replace=True, otherwise="")
-    from mrwork.drawing.canvas import png_bytes, svg_bytes
-    from mrwork.drawing.of_dampers import nominal_loops
+    from mrwork.plots.canvas import png_bytes, svg_bytes
+    from mrwork.plots.of_dampers import nominal_loops
 
     figure = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
     with replacing(options.figure) as stream:

@@ -1,4 +1,4 @@
-from ..drawing.drawn_data import drawn_data as drawn_data
+from .drawn import drawn_data as drawn_data
 from .of_fits import bands as bands
 from .of_fits import laws as laws
 from .of_fits import posterior as posterior

@@ -13,15 +13,15 @@ from mrwork.base.numbers import format_fixed
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.drawing import style
-from mrwork.drawing.canvas import png_bytes
-from mrwork.drawing.of_fits import with_unit
-from mrwork.drawing.of_tests import Motion, add_loop, axis_values
 from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
 from mrwork.identification.candidates import objective, simulate
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
+from mrwork.plots import style
+from mrwork.plots.canvas import png_bytes
+from mrwork.plots.fit_drawing import with_unit
+from mrwork.plots.of_tests import Motion, add_loop, axis_values
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mrwork.base.arguments import Level
-from mrwork.drawing import style
-from mrwork.drawing.canvas import draw_points
-from mrwork.drawing.of_bands import add_bands
-from mrwork.drawing.of_fits import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
-from mrwork.drawing.of_tests import axis_name
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
+from mrwork.plots import style
+from mrwork.plots.canvas import draw_points
+from mrwork.plots.fit_drawing import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
+from mrwork.plots.of_bands import add_bands
+from mrwork.plots.of_tests import axis_name
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,

@@ -19,10 +19,25 @@ from mrwork.buildings.yielding import Pushover
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
-from mrwork.drawing import style
-from mrwork.drawing.canvas import draw_points, small_axes, vertical_grid
-from mrwork.drawing.of_fits import with_unit
-from mrwork.drawing.of_studies import (
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
+from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
+from mrwork.plots import style
+from mrwork.plots.canvas import draw_points, small_axes, vertical_grid
+from mrwork.plots.fit_drawing import with_unit
+from mrwork.plots.sheet import (
+    GivenAxes,
+    Panels,
+    add_key,
+    axes_for,
+    chosen,
+    figure,
+    finished,
+    panels_for,
+    shown_unit_of,
+)
+from mrwork.plots.study_drawing import (
     MARKERS,
     Stroke,
     add_building,
@@ -36,21 +51,6 @@ from mrwork.drawing.of_studies import (
     name_heights,
     response_unit,
     strokes,
-)
-from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
-from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
-from mrwork.plots.sheet import (
-    GivenAxes,
-    Panels,
-    add_key,
-    axes_for,
-    chosen,
-    figure,
-    finished,
-    panels_for,
-    shown_unit_of,
 )
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import BuildingFacts, StudyResults

@@ -13,10 +13,14 @@ from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
-from mrwork.drawing import style
-from mrwork.drawing.canvas import include_zero
-from mrwork.drawing.of_fits import add_residual_points, with_unit
-from mrwork.drawing.of_tests import (
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import reopen
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.plots import style
+from mrwork.plots.canvas import include_zero
+from mrwork.plots.fit_drawing import add_residual_points, with_unit
+from mrwork.plots.of_tests import (
     AXES,
     Motion,
     add_command,
@@ -27,10 +31,6 @@ from mrwork.drawing.of_tests import (
     axis_values,
     comparisons_of,
 )
-from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import reopen
-from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots.sheet import (
     axes_for,
     check_number,

@@ -13,9 +13,9 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plots
-from mrwork.drawing import canvas, style
-from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
+from mrwork.plots import canvas, style
+from mrwork.plots.style import DisplayUnit
 
 P = ParamSpec("P")
 ResultT = TypeVar("ResultT")

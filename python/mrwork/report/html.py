@@ -14,8 +14,8 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from mrwork.base.table import breakable, format_code
-from mrwork.drawing import style
 from mrwork.errors import escaped_lines
+from mrwork.plots import style
 from mrwork.report.section import Lead, Section
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import DATA

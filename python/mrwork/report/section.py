@@ -14,9 +14,9 @@ from mrwork.base.arguments import checked
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
-from mrwork.drawing.canvas import inline_svg
-from mrwork.drawing.drawn_data import drawn_csv
-from mrwork.drawing.of_tests import Comparison
+from mrwork.plots.canvas import inline_svg
+from mrwork.plots.drawn import drawn_csv
+from mrwork.plots.of_tests import Comparison
 from mrwork.runs.load import StoredRun
 
 

@@ -17,11 +17,11 @@ from mrwork.base import numbers
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
-from mrwork.drawing import of_tests
-from mrwork.drawing.of_tests import Comparison, Motion, Simulated, data_label, name_of, zoom_window
-from mrwork.drawing.style import DisplayUnit
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
+from mrwork.plots import of_tests
+from mrwork.plots.of_tests import Comparison, Motion, Simulated, data_label, name_of, zoom_window
+from mrwork.plots.style import DisplayUnit
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.report.fit.residuals import residual_panels

@@ -10,9 +10,9 @@ import numpy as np
 from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.summary import list_names
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.drawing.of_bands import loop_figure
-from mrwork.drawing.of_tests import Comparison, Motion, common_force_unit, name_of
-from mrwork.drawing.style import DisplayUnit
+from mrwork.plots.of_bands import loop_figure
+from mrwork.plots.of_tests import Comparison, Motion, common_force_unit, name_of
+from mrwork.plots.style import DisplayUnit
 from mrwork.report.fit.agreement import excitation
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun

@@ -13,9 +13,9 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.base.table import page_table
-from mrwork.drawing import style
-from mrwork.drawing.canvas import blank, grid_of_axes, name_ordinate, room_for
-from mrwork.drawing.of_tests import Comparison
+from mrwork.plots import style
+from mrwork.plots.canvas import blank, grid_of_axes, name_ordinate, room_for
+from mrwork.plots.of_tests import Comparison
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.choice.law_table import LawTable

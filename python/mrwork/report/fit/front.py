@@ -15,16 +15,16 @@ from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, plain_parameters
-from mrwork.drawing import of_tests, style
-from mrwork.drawing.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
-from mrwork.drawing.of_fits import Law, add_law, laws_of, with_unit
-from mrwork.drawing.of_tests import Comparison, Motion, Simulated
-from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import MrworkError
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.identify import identify_from
 from mrwork.identification.minimise.level_search import has_levels, levels_of
 from mrwork.identification.result import FitSpread
+from mrwork.plots import of_tests, style
+from mrwork.plots.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
+from mrwork.plots.fit_drawing import Law, add_law, laws_of, with_unit
+from mrwork.plots.of_tests import Comparison, Motion, Simulated
+from mrwork.plots.style import DisplayUnit
 from mrwork.records import DamperTest
 from mrwork.report.fit.agreement import fit_of, loop_panel, spread_of
 from mrwork.report.fit.bands import coverage_summary

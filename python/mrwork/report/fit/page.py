@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.summary import list_names
-from mrwork.drawing import of_tests
-from mrwork.drawing.canvas import png_bytes, svg_bytes
-from mrwork.drawing.of_tests import Comparison, comparisons_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
+from mrwork.plots import of_tests
+from mrwork.plots.canvas import png_bytes, svg_bytes
+from mrwork.plots.of_tests import Comparison, comparisons_of
 from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.drawing import style
-from mrwork.drawing.canvas import SMALL_WIDTH, grid_of_axes
-from mrwork.drawing.of_fits import add_profile, shown_unit, with_unit
-from mrwork.drawing.of_tests import Comparison
 from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
+from mrwork.plots import style
+from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
+from mrwork.plots.fit_drawing import add_profile, shown_unit, with_unit
+from mrwork.plots.of_tests import Comparison
 from mrwork.report.html import equation_html, symbol
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun

@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.values import Floats
-from mrwork.drawing import style
-from mrwork.drawing.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.drawing.of_fits import add_corner, label_corner
-from mrwork.drawing.of_tests import Comparison
+from mrwork.plots import style
+from mrwork.plots.canvas import axes_between, name_small_axes, plain_ticks, small_axes
+from mrwork.plots.fit_drawing import add_corner, label_corner
+from mrwork.plots.of_tests import Comparison
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws

@@ -11,11 +11,11 @@ from matplotlib.ticker import FixedLocator
 
 from mrwork.base.numbers import format_fixed, most_of, percent, probability, shortest, tests_of
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.drawing.of_fits import add_residual_points
-from mrwork.drawing.of_tests import Comparison, name_of
-from mrwork.drawing.style import DisplayUnit
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, draw_points, finish_signed, legend
+from mrwork.plots.fit_drawing import add_residual_points
+from mrwork.plots.of_tests import Comparison, name_of
+from mrwork.plots.style import DisplayUnit
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 from mrwork.uncertainty.residual_tests import (

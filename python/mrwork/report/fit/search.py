@@ -11,10 +11,10 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.base.values import Floats
-from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, draw_points, finish, finish_signed, legend, logarithmic
 from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.identification.settings import Multistart
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend, logarithmic
 from mrwork.report.section import Group, Panel, Section, panel
 
 # Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.

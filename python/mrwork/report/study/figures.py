@@ -16,8 +16,8 @@ from mrwork.base.numbers import counted, format_fixed, significant
 from mrwork.base.table import TableColumn, page_table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
-from mrwork.drawing import style
-from mrwork.drawing.canvas import (
+from mrwork.plots import style
+from mrwork.plots.canvas import (
     column_axes,
     finish,
     legend,
@@ -29,9 +29,9 @@ from mrwork.drawing.canvas import (
     symmetric,
     vertical_grid,
 )
-from mrwork.drawing.of_studies import Stroke, add_energies, add_energy_bars, energy_parts, short
-from mrwork.drawing.of_tests import envelope, strong_part
-from mrwork.drawing.style import DisplayUnit
+from mrwork.plots.of_tests import envelope, strong_part
+from mrwork.plots.study_drawing import Stroke, add_energies, add_energy_bars, energy_parts, short
+from mrwork.plots.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
 from mrwork.study.results import MotionFacts, StudyResults

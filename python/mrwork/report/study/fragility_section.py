@@ -6,10 +6,10 @@ from matplotlib.figure import Figure
 
 from mrwork.base.numbers import counted
 from mrwork.base.table import Table
-from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, finish, grid_of_axes, legend
-from mrwork.drawing.of_fits import with_unit
-from mrwork.drawing.of_studies import add_fragility, add_ida, response_unit, short, strokes
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, finish, grid_of_axes, legend
+from mrwork.plots.fit_drawing import with_unit
+from mrwork.plots.study_drawing import add_fragility, add_ida, response_unit, short, strokes
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.results import StudyResults

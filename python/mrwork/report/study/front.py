@@ -15,9 +15,9 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import axis_of
-from mrwork.drawing import style
-from mrwork.drawing.canvas import coinciding, small_axes
-from mrwork.drawing.of_studies import Stroke, add_building, short, strokes
+from mrwork.plots import style
+from mrwork.plots.canvas import coinciding, small_axes
+from mrwork.plots.study_drawing import Stroke, add_building, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
 from mrwork.report.study.storey_section import profile_figure
 from mrwork.study.comparison import (

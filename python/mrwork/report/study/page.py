@@ -10,7 +10,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, percent, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
-from mrwork.drawing.of_studies import strokes
+from mrwork.plots.study_drawing import strokes
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.values import Floats
-from mrwork.drawing import style
-from mrwork.drawing.canvas import name_small_axes, small_axes
-from mrwork.drawing.of_studies import Stroke, add_height_line, name_heights
+from mrwork.plots import style
+from mrwork.plots.canvas import name_small_axes, small_axes
+from mrwork.plots.study_drawing import Stroke, add_height_line, name_heights
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import judged_in_words
 from mrwork.study.results import StudyResults

@@ -16,10 +16,10 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria, criterion
 from mrwork.closed_loop.responses import axis_of, in_command_unit
-from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, name_lines, name_rows, room_for
-from mrwork.drawing.of_studies import add_front, short
 from mrwork.errors import escape_text
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, name_lines, name_rows, room_for
+from mrwork.plots.study_drawing import add_front, short
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Lead, Section, first_sentences, panel, warning_section
 from mrwork.report.study.front import little_said

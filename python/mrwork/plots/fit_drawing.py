@@ -13,10 +13,10 @@ from mrwork.base import numbers
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import law_values
-from mrwork.drawing import style
-from mrwork.drawing.canvas import draw_points, include_zero, plain_ticks
-from mrwork.drawing.of_tests import scattered_samples
 from mrwork.identification.fit import Fit
+from mrwork.plots import style
+from mrwork.plots.canvas import draw_points, include_zero, plain_ticks
+from mrwork.plots.of_tests import scattered_samples
 from mrwork.uncertainty.identifiability.profile import Profile
 from mrwork.uncertainty.posterior.draws import Draws
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec
-from mrwork.drawing import canvas, style
-from mrwork.drawing.of_tests import AXES, Motion, axis_name
+from mrwork.plots import canvas, style
+from mrwork.plots.of_tests import AXES, Motion, axis_name
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # Samples of a cycle, of which the last is drawn.

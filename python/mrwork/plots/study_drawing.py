@@ -17,8 +17,8 @@ from mrwork.base.numbers import significant
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.drawing import style
-from mrwork.drawing.style import DisplayUnit
+from mrwork.plots import style
+from mrwork.plots.style import DisplayUnit
 from mrwork.study.fragilities import Fragilities, Fragility
 from mrwork.study.results import BuildingFacts, StudyResults
 from mrwork.tuning.results import Front

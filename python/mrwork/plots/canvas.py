@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.numbers import shortest
 from mrwork.base.values import Floats
-from mrwork.drawing import style
 from mrwork.errors import escaped_lines
+from mrwork.plots import style
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
 # One of several figures side by side in a study, and one that fills its page.

@@ -10,10 +10,10 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
-from mrwork.drawing import style
-from mrwork.drawing.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.drawing.of_tests import Motion, axis_values, data_label, even_samples
-from mrwork.drawing.style import DisplayUnit
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, draw_points, finish_signed, legend
+from mrwork.plots.of_tests import Motion, axis_values, data_label, even_samples
+from mrwork.plots.style import DisplayUnit
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.prediction import Prediction

@@ -16,12 +16,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.drawing import canvas, style
-from mrwork.drawing.canvas import axes_between, draw_points, finish_signed, legend
-from mrwork.drawing.style import DisplayUnit
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import free_run
+from mrwork.plots import canvas, style
+from mrwork.plots.canvas import axes_between, draw_points, finish_signed, legend
+from mrwork.plots.style import DisplayUnit
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import upward_crossings
 from mrwork.uncertainty.bands.prediction import Prediction

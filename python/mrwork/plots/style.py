@@ -45,7 +45,7 @@ def register() -> None:
 @cache
 def font_faces() -> str:
     """CSS that embeds the family in a page, with the characters that figures use; about 50 kB."""
-    templates = files("mrwork.drawing")
+    templates = files("mrwork.plots")
     subsets = {weight: base64.b64encode((templates / subset_name(weight)).read_bytes()) for weight in _FILES}
     return "".join(
         f'@font-face {{ font-family: "{FAMILY}"; font-weight: {weight}; '
