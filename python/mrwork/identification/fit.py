@@ -308,6 +308,17 @@ class SearchTrace(Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SingleCommand:
+    """The parameters that follow the command, fitted to the tests at one `command` [A or V] alone.
+
+    The other parameters are held at those of the fit to all tests.
+    """
+
+    command: float
+    estimates: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
     """Versions, inputs and settings that reproduce the same numbers.
 
@@ -343,7 +354,8 @@ class Fit(WithAxes, Summarised):
     `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
     motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit that was
     read from its file has neither tests nor forces nor live settings. `half_step_percent` is the change of the force by
-    half the integration step, of a damper of the user.
+    half the integration step, of a damper of the user. `single_commands` are fits at one command each, beside a fit
+    whose parameters follow the command.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
@@ -374,6 +386,7 @@ class Fit(WithAxes, Summarised):
     motions: tuple[RecordedMotion, ...]
     tested: OperatingRange
     half_step_percent: NotNegative | None = None
+    single_commands: tuple[SingleCommand, ...] = ()
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)

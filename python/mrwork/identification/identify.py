@@ -8,14 +8,16 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from warnings import warn
 
+import numpy as np
+
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.dampers.spec import DamperSpec, damper, damper_models, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
-from mrwork.identification.fit import Fit, FitStatus, SearchTrace
+from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
 from mrwork.identification.minimise.multistart import (
     OnSearch,
@@ -323,10 +325,17 @@ class _Ending:
                 reason = reason or cost.in_words
                 cheap = interruptible(lambda: self._without_states(fit.spec)) if self.compares else ()
                 doubts = (*doubts, cost_warning(fit, cost, cheap))
+            single = interruptible(lambda: _single_commands(problem, fit))
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
         warnings = (*fit.warnings, *points.warnings, *ended.warnings, *doubts)
-        return replace(fit, warnings=warnings, status_reason=reason, seconds=reporter.seconds)
+        return replace(
+            fit,
+            warnings=warnings,
+            status_reason=reason,
+            single_commands=single,
+            seconds=reporter.seconds,
+        )
 
     def _without_states(self, spec: DamperSpec) -> tuple[Fit, ...]:
         """Fits of the models without states to the same tests; none where parameters follow the command."""
@@ -347,6 +356,39 @@ class _Ending:
                     )
                 )
         return tuple(fits)
+
+
+def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
+    """Fits to the tests at each command of the parameters that follow it; none where the commands vary."""
+    spec, tests = fit.spec, problem.objective.tests
+    if spec.current is None or spec.own is not None:
+        return ()
+    from mrwork.identification.minimise.level_search import has_levels, levels_of
+
+    if not has_levels(spec, tests):
+        return ()
+    plain, fits = spec.without_laws, []
+    trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="given")
+    for command, at_command in levels_of(spec, tests).items():
+        values = plain_parameters(spec, np.array(fit.theta), command).tolist()
+        start = dict(zip(plain.names, values, strict=True))
+        held = {name: (value, value) for name, value in start.items() if name not in spec.following}
+        settings = replace(problem.settings, bounds=held, starts=(start,), search=None, ties={})
+        box = Box.of(plain).with_bounds(held)
+        # A command at which the plain model cannot be fitted is left out.
+        with suppress(MrworkError):
+            alone = identify_from(
+                plain,
+                at_command,
+                settings,
+                box=box,
+                trace=trace,
+                threads=problem.objective.threads,
+                examines=False,
+            )
+            estimates = tuple(each for each in alone.estimates if each.name in spec.following)
+            fits.append(SingleCommand(command=command, estimates=estimates))
+    return tuple(fits)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
