@@ -16,8 +16,8 @@ from command_line import printed
 from numpy.typing import NDArray
 from record_files import write_test
 from refusals import command_refusal
-from report_samples import comparison
 from report_samples import fit as sample_fit
+from report_samples import prediction
 from run_folders import write_fit
 from sentences import Refused
 from sinusoidal_tests import driven_test
@@ -305,7 +305,7 @@ def test_residuals_for_jax_follow_constant_and_varying_commands_together() -> No
 def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
     tests = (record(switching), record(0.5))
     content = predictions_content([mr.Prediction(test=test, model_force=test.force) for test in tests])
-    run = write_fit(tmp_path / "run", sample_fit(comparison()))
+    run = write_fit(tmp_path / "run", sample_fit(prediction()))
     add_to_run(run, {PREDICTIONS: content})
     stored = read_predictions(RunFolder.open(run))
     np.testing.assert_array_equal(stored[0].test.current, tests[0].current)

@@ -25,9 +25,9 @@ import mrwork as mr
 from mrwork.dampers.design import SizeFront
 from mrwork.dampers.spec import law_values
 from mrwork.identification.fit_file import reopen
-from mrwork.plots.of_tests import comparisons_of
 from mrwork.plots.study_drawing import energy_parts
 from mrwork.plots.style import symbol_text
+from mrwork.uncertainty.bands.prediction import predictions_of
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 # Units of labels, by what one of them is in SI.
@@ -176,7 +176,7 @@ def numbers_of(result: Any) -> dict[str, Any]:
             return of_test(test, force) | {"over": commands} | values
         case mr.StoredRun(fit=fit, profiles=profiles, bands=bands):
             opened = reopen(result.place)
-            (tested, *_) = comparisons_of(opened.fit, opened.tests)
+            (tested, *_) = predictions_of(opened.fit, opened.tests)
             assert profiles is not None
             assert bands is not None
             banded = {f"band of {name}": each for name, each in numbers_of(bands.predictions[0]).items()}

@@ -14,7 +14,7 @@ from hypothesis import given
 from numpy.typing import NDArray
 from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, Columns, built, clean_columns, codes, message
 from refusals import refusal
-from report_samples import comparison
+from report_samples import prediction
 
 import mrwork as mr
 from mrwork.dampers import damper
@@ -411,7 +411,7 @@ ALONE = Finding(code="rest", severity="note", message="at rest for 2 s")
 
 
 def with_findings(name: str, *findings: Finding) -> DamperTest:
-    return replace(comparison(name).test, findings=findings)
+    return replace(prediction(name).test, findings=findings)
 
 
 def test_findings_that_differ_in_numbers_are_one_with_their_range() -> None:

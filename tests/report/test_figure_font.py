@@ -13,10 +13,11 @@ from pathlib import Path
 from command_line import ran
 from fontTools import subset
 from fontTools.ttLib import TTFont
-from report_samples import comparison
+from report_samples import prediction
 
-from mrwork.plots import of_tests, style
+from mrwork.plots import style
 from mrwork.plots.canvas import inline_svg
+from mrwork.report.fit.figures import force_history
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
@@ -29,10 +30,10 @@ _KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 
 _DRAW = """
 import sys, hashlib
-from report_samples import comparison
-from mrwork.plots import of_tests
+from report_samples import prediction
+from mrwork.report.fit.figures import force_history
 from mrwork.plots.canvas import inline_svg, svg_bytes
-figure = of_tests.force_history(comparison())
+figure = force_history(prediction(), "N")
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """
 
@@ -48,7 +49,7 @@ def test_fonts_of_the_system_change_no_figure_and_a_page_brings_its_own(tmp_path
         }
         drawn.add(ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True).stdout)
     assert len(drawn) == 1
-    text = inline_svg(of_tests.force_history(comparison()), identifier="f", description="")
+    text = inline_svg(force_history(prediction(), "N"), identifier="f", description="")
     assert style.FAMILY in text
     assert "DejaVu" not in text
     assert style.font_faces().count("data:font/woff;base64,") == 2

@@ -19,19 +19,18 @@ import report_samples
 from blank_pictures import blank
 from command_line import printed
 from refusals import refusal
-from report_samples import comparison, fit, quality
+from report_samples import fit, prediction
 from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun, identify
 from mrwork.identification.residual import ObservedTest
-from mrwork.plots import of_tests
-from mrwork.plots.of_tests import Comparison, comparisons_of
 from mrwork.records import Finding, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
 from mrwork.report.fit.bands import _verdict
+from mrwork.report.fit.figures import common_unit
 from mrwork.report.fit.page import fit_page, open_run, write_fit_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section
@@ -42,6 +41,7 @@ from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.bands.band import BandScore
 from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
+from mrwork.uncertainty.bands.prediction import predictions_of
 
 VOID = {"meta", "br", "wbr", "link", "img", "hr"}
 
@@ -86,9 +86,9 @@ class Page(HTMLParser):
         return " ".join(text for path, text in self.texts if tag in path)
 
 
-def page_of(*comparisons: Comparison, **changes: object) -> html.Page:
-    described = replace(fit(*comparisons), **changes)  # type: ignore[arg-type] # settings of several kinds by name
-    return fit_page(StoredRun(place=Path(), fit=described), comparisons)
+def page_of(*predictions: Prediction, **changes: object) -> html.Page:
+    described = replace(fit(*predictions), **changes)  # type: ignore[arg-type] # settings of several kinds by name
+    return fit_page(StoredRun(place=Path(), fit=described), predictions)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def two_tests() -> html.Page:
         Finding(code="rest", severity="note", message="The first 0.12 s are at rest."),
         Finding(code="sign", severity="warning", message="The force has been flipped."),
     )
-    return page_of(comparison(findings=noted), comparison("spencer1997", synthetic=True, peak_force=400.0))
+    return page_of(prediction(findings=noted), prediction("spencer1997", synthetic=True, peak_force=400.0))
 
 
 def assert_links_lead_somewhere(text: str, files: Collection[str]) -> None:
@@ -138,7 +138,7 @@ def test_the_page_can_be_read_aloud_and_needs_nothing_from_elsewhere(two_tests: 
 @pytest.mark.contract
 def test_the_headline_gives_fit_nrmse_rmse_and_status() -> None:
     with blank():
-        shown = page_of(comparison(), fit_percent=93.267, nrmse=0.067333, rmse_n=34.81, n_effective=212.3)
+        shown = page_of(prediction(), fit_percent=93.267, nrmse=0.067333, rmse_n=34.81, n_effective=212.3)
     text = Page(shown).text_in("header")
     for expected in ("93.3", "0.0673", "34.8", "Converged", "after 14 refinement steps", "10mm1Hz0x5A"):
         assert expected in text
@@ -154,7 +154,7 @@ def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_verdict(t
         cells = [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<t[dh].*?</t[dh]>", row)]
         cells[:1] = cells[0].split()
         rows[cells[1]] = [cell.replace("\N{NARROW NO-BREAK SPACE}", " ") for cell in cells]
-    assert list(rows) == [estimate.name for estimate in fit(comparison()).estimates]
+    assert list(rows) == [estimate.name for estimate in fit(prediction()).estimates]
     assert rows["c"] == ["c", "c", "1843.7", "6.2", "0.34", "N\N{NO-BREAK SPACE}s/m", "0", "100 000", "", ""]
     assert rows["x0"] == ["x0", "x0", "−0.000123", "0.000021", "17", "m", "−0.02", "0.02", "", ""]
     assert rows["sigma"] == ["σ", "sigma", "0.5", "–", "–", "", "0.5", "10", "", "at lower bound"]
@@ -162,7 +162,7 @@ def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_verdict(t
 
 
 def test_synthetic_data_are_never_called_measured() -> None:
-    made_up = comparison("spencer1997", synthetic=True)
+    made_up = prediction("spencer1997", synthetic=True)
     with blank():
         text = page_of(made_up)
     assert "measured" not in text
@@ -176,16 +176,16 @@ def test_synthetic_data_are_never_called_measured() -> None:
 def test_an_unfinished_fit_says_so_in_a_banner() -> None:
     banner, reason = 'role="alert"', "a false minimum is suspected"
     with blank():
-        assert banner not in page_of(comparison())
-        assert "was interrupted" in page_of(comparison(), status="interrupted").split(banner)[1][:300]
-        text = page_of(comparison(), status="not_converged", status_reason=reason).split(banner)[1][:300]
+        assert banner not in page_of(prediction())
+        assert "was interrupted" in page_of(prediction(), status="interrupted").split(banner)[1][:300]
+        text = page_of(prediction(), status="not_converged", status_reason=reason).split(banner)[1][:300]
     assert f"before it converged: {reason}. The" in text
 
 
 def test_names_from_files_cannot_write_markup() -> None:
     hostile = '<script>alert("1")</script>&amp;'
     found = Finding(code="x", severity="note", message=hostile)
-    text = page_of(comparison(hostile, findings=(found,)), stop_reason=hostile)
+    text = page_of(prediction(hostile, findings=(found,)), stop_reason=hostile)
     page = Page(text)
     assert "script" not in {tag for tag, _ in page.elements}
     assert text.count("alert(&#34;1&#34;)") + text.count("alert(&quot;1&quot;)") > 5
@@ -193,9 +193,9 @@ def test_names_from_files_cannot_write_markup() -> None:
 
 @pytest.mark.contract
 def test_one_unit_serves_all_tests_of_a_report() -> None:
-    small, large = comparison(peak_force=900.0), comparison("strong", peak_force=20_000.0)
-    assert of_tests.common_force_unit([small]).symbol == "N"
-    assert of_tests.common_force_unit([small, large]).symbol == "kN"
+    small, large = prediction(peak_force=900.0), prediction("strong", peak_force=20_000.0)
+    assert common_unit([small]) == "N"
+    assert common_unit([small, large]) == "kN"
     text = page_of(small, large)
     assert "Force (kN)" in text
     assert "Force (N)" not in text
@@ -284,11 +284,11 @@ def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> 
         assert f"Inside the 90 % band: {100 * row['samples']['coverage']:.1f} % of the samples" in shown
 
 
-def worse(number: int) -> Comparison:
+def worse(number: int) -> Prediction:
     """A test whose model misses more with its number."""
-    made = comparison(f"test{number}", n_time=400, findings=(DRIFT,))
+    made = prediction(f"test{number}", n_time=400, findings=(DRIFT,))
     model = (1.0 - 0.1 * number) * made.model_force
-    return replace(made, model_force=model, quality=quality(made.test, model))
+    return replace(made, model_force=model)
 
 
 DRIFT = Finding(code="drift", severity="warning", message="the force drifts by 3 %")
@@ -311,7 +311,7 @@ def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> 
     assert {f"o{number}-title" for number in range(1, 6)} <= identifiers
     assert {"t2-record-title", "t3-record-title", "t5-record-title", "tests"} <= identifiers
     assert {target[1:] for target in page.values("href") if target.startswith("#")} <= identifiers
-    percents = [each.quality.fit_percent for each in shown]
+    percents = [each.fit_percent for each in shown]
     assert f"5 tests: fit median {np.median(percents):.2f} %" in page.text_in("summary").replace("\xa0", " ")
     assert page.text_in("ul").count("warning in all 5 tests: the force drifts by 3") == 1
     assert [each.done for each in heard] == list(range(heard[0].total))
@@ -319,7 +319,7 @@ def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> 
 
 
 def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
-    described = fit(comparison())
+    described = fit(prediction())
     assert waterfall_panel(described) is None
     one = replace(described, trace=replace(described.trace, ends=(0.1, 0.1, 0.4)))
     found = waterfall_panel(one)
@@ -329,8 +329,8 @@ def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
 
 @pytest.mark.contract
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
-    made = comparison(n_time=400)
-    content = predictions_content([Prediction(test=made.test, model_force=made.model_force)])
+    made = prediction(n_time=400)
+    content = predictions_content([made])
     place = write_fit(tmp_path / "run", fit(made))
     add_to_run(place, {PREDICTIONS: content})
     (read,) = read_predictions(RunFolder.open(place))
@@ -385,18 +385,18 @@ def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(ObservedTest, "predict_force", counted)
     tests = [cut(synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
     found = identify("bingham", tests)
-    shown = comparisons_of(found, tests)
+    shown = predictions_of(found, tests)
     assert runs == [test.name for test in tests]
     # Read from its file, a fit has no forces: they are simulated then, to the same bits.
     again = built(mr.Fit, json.loads(json_document(found.as_dict())))
     assert again.forces == ()
-    for one, other in zip(shown, comparisons_of(again, tests), strict=True):
+    for one, other in zip(shown, predictions_of(again, tests), strict=True):
         np.testing.assert_array_equal(one.model_force, other.model_force)
 
 
-def with_error(amplitude: float, error: np.ndarray | float) -> Comparison:
+def with_error(amplitude: float, error: np.ndarray | float) -> Prediction:
     """A test of this amplitude [m] whose model is off by this force [N]."""
-    found = report_samples.comparison(f"{1e3 * amplitude:g} mm", amplitude=amplitude)
+    found = report_samples.prediction(f"{1e3 * amplitude:g} mm", amplitude=amplitude)
     return replace(found, model_force=found.test.force - error)
 
 

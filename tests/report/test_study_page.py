@@ -12,7 +12,7 @@ import pytest
 import study_samples
 from blank_pictures import blank
 
-from mrwork.plots.of_tests import envelope
+from mrwork.plots.samples import envelope
 from mrwork.report.study.fragility_section import fragilities_of_page
 from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page

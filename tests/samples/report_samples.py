@@ -1,4 +1,4 @@
-"""Tests, fits and comparisons made up for the report: small, seeded, without the compiled module."""
+"""Tests, fits and predictions made up for the report: small, seeded, without the compiled module."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mrwork.identification.fit import (
     Remark,
     SearchTrace,
 )
-from mrwork.plots.of_tests import Comparison
 from mrwork.records import DamperTest, Finding
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
+from mrwork.uncertainty import Prediction
 
 
-def comparison(
+def prediction(
     name: str = "10mm1Hz0x5A",
     *,
     n_time: int = 2000,
@@ -31,7 +31,7 @@ def comparison(
     synthetic: bool = False,
     findings: tuple[Finding, ...] = (),
     rng: int = 0,
-) -> Comparison:
+) -> Prediction:
     """A 1 Hz test of a smooth hysteretic damper with 2 % noise, and the model without the noise."""
     dt = duration / n_time
     time = dt * np.arange(n_time)
@@ -56,11 +56,11 @@ def comparison(
         synthetic=synthetic,
         findings=findings,
     )
-    return Comparison(test=test, model_force=model, quality=quality(test, model))
+    return Prediction(test=test, model_force=model)
 
 
 def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
-    """The numbers of a comparison, straight from their definitions."""
+    """The numbers of a prediction, straight from their definitions."""
     residual = test.force - model_force
     rmse = float(np.sqrt(np.mean(residual**2)))
     nrmse = rmse / float(np.std(test.force))
@@ -91,14 +91,14 @@ PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, Remark], ..
 
 
 def fit(
-    *comparisons: Comparison, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
+    *predictions: Prediction, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
 ) -> Fit:
     """A fit of eight parameters with every kind of remark."""
-    qualities = tuple(entry.quality for entry in comparisons)
+    qualities = tuple(quality(entry.test, entry.model_force) for entry in predictions)
     nrmse = float(np.mean([entry.nrmse for entry in qualities]))
     evaluations = np.arange(1, 41) * 64
     best = np.maximum(0.9 * np.exp(-evaluations / 500), 1.1 * nrmse)
-    tests = [entry.test for entry in comparisons]
+    tests = [entry.test for entry in predictions]
     return Fit(
         model="normalised_bouc_wen",
         tested=range_of_tests(tests, None),
@@ -129,7 +129,7 @@ def fit(
         provenance=Provenance(
             versions={"mrwork": "0.1.0", "numpy": "2.4.0"},
             instruction_set="avx2",
-            inputs={entry.test.path: entry.test.sha256 for entry in comparisons},
+            inputs={entry.test.path: entry.test.sha256 for entry in predictions},
             settings={"command": "mrwork identify rig/a.csv --seed 1", "population": 64, "confidence": 0.95},
             rng=1,
             created="2025-01-31T12:00:00+00:00",

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from report_samples import comparison
+from report_samples import prediction
 
-from mrwork.plots.of_tests import Comparison
+from mrwork.uncertainty import Prediction
 from mrwork.uncertainty.residual_tests import (
     LAGS,
     ResidualTests,
@@ -21,14 +21,14 @@ from mrwork.uncertainty.residual_tests import (
 N_TIME = 2000
 
 
-def with_residual(residual: NDArray[np.float64]) -> Comparison:
+def with_residual(residual: NDArray[np.float64]) -> Prediction:
     """An 8 s test at 1 Hz whose model leaves exactly this."""
-    made = comparison(n_time=residual.size)
+    made = prediction(n_time=residual.size)
     return replace(made, test=replace(made.test, force=made.model_force + residual))
 
 
-def outcome_of(made: Comparison) -> ResidualTests:
-    return residual_tests(made.test, made.residual[made.test.counted])
+def outcome_of(made: Prediction) -> ResidualTests:
+    return residual_tests(made.test, made.residual)
 
 
 def white(rng: int, n_time: int = N_TIME) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ def test_white_noise_is_accused_as_often_as_the_level_says() -> None:
     assert abs(np.mean([each.ljung_box_p for each in found]) - 0.5) < 0.082
 
 
-def stepped(residual: NDArray[np.float64], command: NDArray[np.float64]) -> Comparison:
+def stepped(residual: NDArray[np.float64], command: NDArray[np.float64]) -> Prediction:
     """The same test at a command that varies."""
     made = with_residual(residual)
     return replace(made, test=replace(made.test, current=command))
@@ -115,7 +115,7 @@ def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> No
 
 
 def test_residuals_that_grow_with_speed_are_found_and_measured() -> None:
-    made = comparison(n_time=N_TIME)
+    made = prediction(n_time=N_TIME)
     speed = np.abs(made.test.velocity) / np.abs(made.test.velocity).max()
     found = outcome_of(with_residual((0.2 + speed) * white(2)))
     assert not found.has_constant_variance

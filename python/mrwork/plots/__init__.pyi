@@ -12,7 +12,7 @@ from .of_studies import pushover as pushover
 from .of_studies import spectra as spectra
 from .of_studies import storey_profiles as storey_profiles
 from .of_studies import suite_spectra as suite_spectra
-from .of_time import commands as commands
-from .of_time import histories as histories
-from .of_time import loops as loops
-from .of_time import residuals as residuals
+from .of_tests import commands as commands
+from .of_tests import histories as histories
+from .of_tests import loops as loops
+from .of_tests import residuals as residuals

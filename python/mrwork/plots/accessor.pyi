@@ -2,7 +2,7 @@
 
 from typing import Generic, TypeVar
 
-from . import of_fits, of_studies, of_time
+from . import of_fits, of_studies, of_tests
 
 ResultT_co = TypeVar("ResultT_co", covariant=True)
 
@@ -24,7 +24,7 @@ class Plots(Generic[ResultT_co]):
     spectra = of_studies.spectra
     storey_profiles = of_studies.storey_profiles
     suite_spectra = of_studies.suite_spectra
-    commands = of_time.commands
-    histories = of_time.histories
-    loops = of_time.loops
-    residuals = of_time.residuals
+    commands = of_tests.commands
+    histories = of_tests.histories
+    loops = of_tests.loops
+    residuals = of_tests.residuals

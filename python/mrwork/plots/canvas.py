@@ -95,30 +95,25 @@ def blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def finish(axes: Axes, title: str, abscissa: str = "") -> None:
-    """Name the ordinate above the axes and the abscissa below them; few, round ticks."""
-    name_ordinate(axes, title)
-    axes.set_xlabel(abscissa)
+def finish(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
+    """The names of both axes, given or as they are, that of the ordinate above the axes; few, round ticks."""
+    name_above(axes, ordinate, abscissa)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND))
     axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=_ROUND))
 
 
-def finish_signed(axes: Axes, title: str, abscissa: str = "", *, y_bins: int = 6) -> None:
+def finish_signed(axes: Axes, ordinate: str = "", abscissa: str = "", *, y_bins: int = 6) -> None:
     """The same for a quantity of either sign: with a line at zero, and ticks that are symmetric where they are few."""
-    finish(axes, title, abscissa)
+    finish(axes, ordinate, abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=_ROUND, symmetric=y_bins == 3))
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
 
 
-def name_ordinate(axes: Axes, title: str) -> None:
-    """The quantity of the ordinate with its unit, above the axes at their left."""
-    axes.set_title(title, loc="left", pad=7)
-
-
-def name_small_axes(axes: Axes, title: str, abscissa: str) -> None:
-    """Names of both axes where there is little room."""
-    name_ordinate(axes, title)
-    axes.set_xlabel(abscissa, labelpad=2)
+def name_above(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
+    """The names of both axes, given or as they are, that of the ordinate above the axes and at their left."""
+    axes.set_title(ordinate or axes.get_ylabel(), loc="left", pad=7)
+    axes.set_ylabel("")
+    axes.set_xlabel(abscissa or axes.get_xlabel(), labelpad=2)
 
 
 def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:

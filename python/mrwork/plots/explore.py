@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,10 +21,11 @@ from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes
-from mrwork.plots.fit_drawing import with_unit
-from mrwork.plots.of_tests import Motion, add_loop, axis_values
+from mrwork.plots.of_tests import loops
+from mrwork.plots.style import with_unit
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
+from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # The motion without a test: that of Spencer et al. 1997.
@@ -55,7 +57,7 @@ class Explorer:
             name: _slider(spec, name, float(start[spec.names.index(name)]), ends)
             for name, ends in zip(self._objective.names, self._objective.bounds, strict=True)
         }
-        self.figure, self._unit = _empty_loops(test, measured=measured)
+        self.figure, self._unit = _empty_loops(test)
         self.lines = tuple(axes.get_lines()[-1] for axes in self.figure.axes)
         self._picture = ipywidgets.Image(format="png", layout=ipywidgets.Layout(width=_PICTURE_WIDTH))
         self._status = ipywidgets.Label()
@@ -184,7 +186,7 @@ def _nominal_test(spec: DamperSpec, command: float | None) -> DamperTest:
     given = None if spec.current is None else command or 0.0
     motion = Candidate(amplitude=_AMPLITUDE, frequency=_FREQUENCY, command=given)
     loading, _ = harmonic_motion(motion, spec, _PER_CYCLE)
-    return test_from_arrays(
+    test = test_from_arrays(
         loading.dt * np.arange(len(loading.displacement)),
         loading.displacement,
         simulate_force(spec, spec.nominal, loading),
@@ -193,6 +195,7 @@ def _nominal_test(spec: DamperSpec, command: float | None) -> DamperTest:
         command=given,
         command_unit=loading.command_unit,
     )
+    return replace(test, synthetic=True)
 
 
 def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]) -> Any:
@@ -218,15 +221,11 @@ def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]
 
 
 @style.drawn_in_style()
-def _empty_loops(test: DamperTest, *, measured: bool) -> tuple[Figure, style.DisplayUnit]:
+def _empty_loops(test: DamperTest) -> tuple[Figure, style.DisplayUnit]:
     """The loops of a test, each with a line of a model over it, still of no force; the unit of their forces."""
     figure = Figure(figsize=_SIZE, layout="constrained")
-    unit = style.force_unit(float(np.abs(test.force).max()))
-    labels = None if measured else ("nominal", "model")
-    for axes, over in zip(figure.subplots(1, 2, sharey=True), get_args(Motion), strict=True):
-        abscissa, label = axis_values(test, over)
-        add_loop(axes, abscissa, test, test.force, unit, labels=labels)
-        axes.set_xlabel(label)
-    figure.axes[0].set_ylabel(f"Force ({unit.symbol})")
-    figure.axes[1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    return figure, unit
+    left, right = figure.subplots(1, 2, sharey=True)
+    drawn = Prediction(test=test, model_force=test.force)
+    loops(drawn, left, legend=False)
+    loops(drawn, right, over="velocity").set_ylabel("")
+    return figure, style.force_unit(float(np.abs(test.force).max()))

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
 
+from mrwork.base import numbers
 from mrwork.base.arguments import Level
+from mrwork.base.values import Floats
+from mrwork.dampers.spec import law_values
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.plots import style
-from mrwork.plots.canvas import draw_points
-from mrwork.plots.fit_drawing import add_corner, add_law, add_profile, label_corner, laws_of, with_unit
-from mrwork.plots.of_bands import add_bands
-from mrwork.plots.of_tests import axis_name
+from mrwork.plots.canvas import draw_points, include_zero, plain_ticks
+from mrwork.plots.of_tests import Abscissa, axis_name, axis_values, data_label
+from mrwork.plots.samples import even_samples
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
@@ -26,6 +33,8 @@ from mrwork.plots.sheet import (
     panels_for,
     triangle_for,
 )
+from mrwork.plots.style import with_unit
+from mrwork.records.motion import whole_cycles
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate
@@ -34,13 +43,14 @@ from mrwork.uncertainty.identifiability.profile import Profile, Profiles, likeli
 from mrwork.uncertainty.posterior.draws import Draws
 
 T = TypeVar("T")
-# Level of the threshold that a single profile shows.
-_LEVEL = 0.95
+_COMMANDS = 101
 
 
 @figure
 def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[str] = ()) -> Panels:
-    """Each parameter that follows the command, over the commands of the tests; marks are at the ends of the range.
+    """Each parameter that follows the command, over the commands of the tests.
+
+    Points are fits to the tests at one command alone, with their standard errors, where `mr.identify` has made these.
 
     Parameters
     ----------
@@ -72,15 +82,46 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
             f"no parameter of the fit of {fit.model} follows the command; identify "
             "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
         )
-    known = {law.parameter.name: law for law in laws_of(fit)}
-    drawn = _choose(parameters, known, "parameter that follows the command")
+    # Where the tested commands are not known, from 0 to 1.
+    commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
+    values = {law.name: (law, each) for law, each in law_values(spec, np.array(fit.theta), commands)}
+    drawn = _choose(parameters, values, "parameter that follows the command")
     panels = panels_for(ax, len(drawn), "laws")
-    for axes, law in zip(panels, drawn, strict=True):
-        add_law(axes, law)
-        draw_points(axes, law.commands[[0, -1]], law.values[[0, -1]], size=3.5, colour=style.MODEL)
-        ordinate = with_unit(style.symbol_text(law.parameter.name), law.parameter.unit)
-        finished(axes, f"Command ({spec.current.unit})", ordinate)
+    for axes, (law, along) in zip(panels, drawn, strict=True):
+        axes.plot(commands, along, color=style.MODEL, linewidth=1.4)
+        points = _single_commands(fit, law.name)
+        if points.size:
+            axes.errorbar(
+                *points, fmt="o", color=style.INK, markersize=3.2, elinewidth=0.9, label="one command"
+            )
+        include_zero(axes, np.concatenate([along, *points[1:2]]))
+        finished(axes, f"Command ({spec.current.unit})", with_unit(style.symbol_text(law.name), law.unit))
     return panels
+
+
+def _single_commands(fit: Fit, name: str) -> Floats:
+    """Commands, and values of a parameter fitted at them with their errors, NaN without one, shape (3, n_commands)."""
+    return np.array(
+        [
+            (single.command, each.value, np.nan if each.standard_error is None else each.standard_error)
+            for single in fit.single_commands
+            for each in single.estimates
+            if each.name == name and each.remark in ("", "not identifiable")
+        ]
+    ).T
+
+
+# Level of the threshold that a single profile shows.
+_LEVEL = 0.95
+# Top of every panel, relative to the threshold.
+_TOP = 1.8
+_LINE_POINTS = 200
+# From this ratio of its ends on an axis is logarithmic, as it then has at least two powers of ten.
+_DECADES = 30.0
+# Tick labels of at least this number of characters are long; half of one takes this share of the width.
+_LONG, _LABEL_SHARE = 4, 0.08
+# An open side is drawn to 1.5 times the distance at which the ratio reaches 0.9 of its final value.
+_REACHED, _FURTHER = 0.9, 1.5
 
 
 @figure
@@ -123,9 +164,127 @@ def profiles(
     threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     panels = panels_for(ax, len(drawn), "profiles")
     for axes, profile in zip(panels, drawn, strict=True):
-        add_profile(axes, profile, threshold)
+        _draw_profile(axes, profile, threshold)
         finished(axes, with_unit(style.symbol_text(profile.name), profile.unit), "Likelihood ratio")
     return panels
+
+
+def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
+    """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
+    left, right = _span(profile)
+    line, ratio = _line(profile, left, right)
+    axes.axvspan(
+        profile.lower if profile.lower is not None else left,
+        profile.upper if profile.upper is not None else right,
+        color=style.WINDOW,
+        linewidth=0,
+        zorder=-1,
+    )
+    axes.axhline(threshold, color=style.RESIDUAL, linewidth=1.0, linestyle=style.DASHED)
+    axes.plot(line, ratio, color=style.MODEL, linewidth=1.4)
+    drawn = [
+        (value, each)
+        for value, each in zip(profile.values, profile.ratio, strict=True)
+        if left <= value <= right and each <= _TOP * threshold
+    ]
+    axes.plot(
+        *np.array(drawn).T, linestyle="none", marker="o", markersize=3.5, color=style.MODEL, clip_on=False
+    )
+    axes.axvline(profile.estimate, color=style.DATA, linewidth=0.8)
+    if profile.log and right > _DECADES * left > 0.0:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(numticks=4))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value)))
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
+        # A long number centred on the right edge would be cut there.
+        inside = right - _LABEL_SHARE * (right - left)
+        axes.xaxis.set_major_formatter(
+            FuncFormatter(
+                lambda value, _: _tick(value) if value < inside or len(_tick(value)) < _LONG else ""
+            )
+        )
+    axes.set_xlim(left, right)
+    axes.set_ylim(0.0, _TOP * threshold)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
+    for end, way in ((profile.lower, -1), (profile.upper, 1)):
+        if end is None:
+            _mark_open(axes, way)
+
+
+def _tick(value: float) -> str:
+    """A number as a tick label."""
+    text = f"{value:.4g}"
+    if "e" not in text:
+        return numbers.shortest(value)
+    mantissa, _, power = text.partition("e")
+    return mantissa + numbers.power_of_ten(int(power))
+
+
+def _mark_open(axes: Axes, way: int) -> None:
+    """An arrow that leaves the panel on the side where the interval is open."""
+    edge = 1.0 if way > 0 else 0.0
+    axes.annotate(
+        "",
+        xy=(edge, 0.93),
+        xytext=(edge - 0.14 * way, 0.93),
+        xycoords="axes fraction",
+        arrowprops={"arrowstyle": "->", "color": style.RESIDUAL, "linewidth": 1.3},
+    )
+    axes.text(
+        edge - 0.17 * way,
+        0.93,
+        "open",
+        transform=axes.transAxes,
+        ha="right" if way > 0 else "left",
+        va="center",
+        color=style.RESIDUAL,
+        fontsize=style.SMALL_TEXT_SIZE,
+    )
+
+
+def _span(profile: Profile) -> tuple[float, float]:
+    """The ends of the abscissa."""
+    own = np.log if profile.log else np.asarray
+    position = np.asarray(own(np.array(profile.values)))
+    ratio = np.array(profile.ratio)
+    centre = int(profile.values.index(profile.estimate))
+    ends = []
+    for way, limit in ((-1, profile.lower), (1, profile.upper)):
+        side = slice(centre, None, 1) if way > 0 else slice(centre, None, -1)
+        distance, height = np.abs(position[side] - position[centre]), ratio[side]
+        if limit is not None:
+            ends.append(1.25 * abs(float(own(np.array(limit))) - float(position[centre])))
+        else:
+            levelled = int(np.argmax(height >= _REACHED * height.max()))
+            ends.append(float(min(_FURTHER * distance[levelled] or distance[-1], distance[-1])))
+    widest = max(ends)
+    if widest == 0.0:
+        widest = 0.01 if profile.log else 0.01 * abs(profile.estimate) or 1.0
+    low, high = (
+        position[centre] + way * max(end, 0.05 * widest) for way, end in zip((-1, 1), ends, strict=True)
+    )
+    return (float(np.exp(low)), float(np.exp(high))) if profile.log else (float(low), float(high))
+
+
+def _line(profile: Profile, left: float, right: float) -> tuple[Floats, Floats]:
+    """A smooth line through the points, interpolated in the signed root of the ratio."""
+    values, ratio = np.array(profile.values), np.array(profile.ratio)
+    if values.size < 2:
+        return values, ratio
+    position = np.log(values) if profile.log else values
+    signed = np.sqrt(ratio) * np.sign(values - profile.estimate)
+    ends = np.log([left, right]) if profile.log else np.array([left, right])
+    grid = np.linspace(max(ends[0], position[0]), min(ends[1], position[-1]), _LINE_POINTS)
+    from scipy.interpolate import PchipInterpolator
+
+    drawn = np.asarray(PchipInterpolator(position, signed)(grid)) ** 2
+    return np.exp(grid) if profile.log else grid, drawn
+
+
+# Cells of a density, and their smoothing.
+_CELLS, _SMOOTH = 32, 1.2
 
 
 @figure
@@ -165,11 +324,78 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     names = [each.name for each in drawn]
     panels = triangle_for(ax, len(names), "posterior")
     lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
-    add_corner(lower, result, names, fitted)
+    _draw_corner(lower, result, names, fitted)
     for (row, column), axes in lower.items():
-        below, left = (with_unit(each.name, each.unit) for each in (drawn[column], drawn[row]))
-        label_corner(axes, below if row == len(names) - 1 else "", left if column == 0 < row else "")
+        below, left = (
+            with_unit(style.symbol_text(each.name), each.unit) for each in (drawn[column], drawn[row])
+        )
+        _label_corner(axes, below if row == len(names) - 1 else "", left if column == 0 < row else "")
     return panels
+
+
+def _draw_corner(
+    panels: Mapping[tuple[int, int], Axes], draws: Draws, names: Sequence[str], fitted: Mapping[str, float]
+) -> None:
+    """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
+    values = [draws.chain(name).reshape(-1) for name in names]
+    # Single outliers would compress the rest.
+    spans = [tuple(np.quantile(each, [0.002, 0.998]).tolist()) for each in values]
+    for (row, column), axes in panels.items():
+        if row == column:
+            _density(axes, values[row], spans[row], fitted.get(names[row]))
+        else:
+            at = (fitted.get(names[column]), fitted.get(names[row]))
+            _pair(axes, values[column], values[row], spans[column], spans[row], at)
+
+
+def _density(axes: Axes, values: Floats, span: tuple[float, float], fitted: float | None) -> None:
+    count, edges = np.histogram(values, bins=_CELLS, range=span)
+    axes.stairs(count, edges, fill=True, color=style.BAND_EDGE)
+    if fitted is not None:
+        axes.axvline(fitted, color=style.RESIDUAL, linewidth=1.0)
+    axes.set_xlim(*span)
+    axes.set_ylim(0.0, 1.08 * count.max())
+    axes.yaxis.set_major_locator(NullLocator())
+
+
+def _pair(
+    axes: Axes,
+    first: Floats,
+    second: Floats,
+    across: tuple[float, float],
+    up: tuple[float, float],
+    fitted: tuple[float | None, float | None],
+) -> None:
+    from scipy.ndimage import gaussian_filter
+
+    count, x, y = np.histogram2d(first, second, bins=_CELLS, range=(across, up))
+    smooth = gaussian_filter(count, _SMOOTH)
+    ordered = np.sort(smooth.ravel())[::-1]
+    held = np.cumsum(ordered) / ordered.sum()
+    levels = [float(ordered[np.searchsorted(held, share)]) for share in (0.9, 0.5)]
+    if levels[0] < levels[1] < ordered[0]:
+        centres = (0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
+        colours = ListedColormap([style.BAND, style.BAND_EDGE])
+        axes.contourf(*centres, smooth.T, levels=[*levels, ordered[0] * 1.01], cmap=colours)
+    if fitted[0] is not None and fitted[1] is not None:
+        axes.plot(fitted[0], fitted[1], marker="+", markersize=8, markeredgewidth=1.2, color=style.RESIDUAL)
+    axes.set_xlim(*across)
+    axes.set_ylim(*up)
+
+
+def _label_corner(axes: Axes, below: str, left: str) -> None:
+    """Names below and left of axes of a corner, where they are not empty, with few ticks."""
+    axes.grid(False)
+    axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
+    axes.set(xlabel=below, ylabel=left)
+    for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
+        if name:
+            axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
+    plain_ticks(axes, 4, "x")
+    plain_ticks(axes, 4, "y")
+
+
+_BAND_POINTS, _FORCE_POINTS, _ASPECT = 260, 130, 1.4
 
 
 @figure
@@ -178,9 +404,10 @@ def bands(
     ax: Axes | None = None,
     *,
     calibration: Calibration | None = None,
-    over: Literal["time", "displacement", "velocity"] = "time",
+    over: Abscissa = "time",
     test: str | int | None = None,
     level: Level = 0.9,
+    unit: str | None = None,
     legend: bool = True,
 ) -> Axes:
     """Measured force, model and prediction band over the cycle in the middle of a test.
@@ -190,7 +417,7 @@ def bands(
     result
         A prediction, with its `calibration`; or a run with calibrated bands, of which a test that was held out is drawn
         with the band that the others give.
-    ax, legend
+    ax, unit, legend
         As in `histories`.
     calibration
         Calibration of the band of a prediction.
@@ -214,9 +441,9 @@ def bands(
     """
     prediction, band = _predict_with_band(result, calibration, test, level)
     axes = axes_for(ax)
-    unit = style.force_unit(float(np.abs(prediction.measured).max()))
-    add_bands(axes, prediction, band, unit, None if over == "time" else over)
-    return finished(axes, axis_name(over), f"Force ({unit.symbol})", legend=legend)
+    shown = style.force_unit(float(np.abs(prediction.measured).max()), unit)
+    _draw_band(axes, prediction, band, shown, over)
+    return finished(axes, axis_name(over), f"Force ({shown.symbol})", legend=legend)
 
 
 def _predict_with_band(
@@ -239,6 +466,61 @@ def _predict_with_band(
     if others:
         used = calibrate(others, held_out=used.held_out)
     return prediction, used.band(prediction, level)
+
+
+def _draw_band(
+    axes: Axes, prediction: Prediction, band: Band, unit: style.DisplayUnit, over: Abscissa
+) -> None:
+    """Force over one cycle with its prediction band, over time or along the loop over displacement or velocity."""
+    samples, test = middle_cycle(prediction), prediction.test
+    across = axis_values(test, over)[0][test.counted][samples]
+    measured, model, lower, upper = (
+        force[samples] * unit.factor
+        for force in (prediction.measured, prediction.force, band.lower, band.upper)
+    )
+    label = f"{100 * band.level:.0f} % prediction"
+    if over == "time":
+        drawn = np.unique(np.linspace(0, across.size - 1, min(across.size, _BAND_POINTS)).astype(np.intp))
+        ends = lower[drawn], upper[drawn]
+        axes.fill_between(across[drawn], *ends, color=style.BAND, linewidth=0.0, label=label, zorder=1.0)
+        for end in ends:
+            axes.plot(across[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
+    else:
+        drawn = _along(across, upper)
+        _fill_loop(axes, across[drawn], lower[drawn], upper[drawn], label)
+    line = _along(across, model)
+    axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
+    drawn = even_samples(across, measured, _FORCE_POINTS, aspect=_ASPECT)
+    points = across[drawn], measured[drawn]
+    draw_points(axes, *points, size=2.6, colour=style.INK, label=data_label(test), zorder=2.2)
+
+
+def middle_cycle(prediction: Prediction) -> slice:
+    """The whole cycle in the middle of the samples that count; all of them where there is none."""
+    cycles = whole_cycles(prediction.test.displacement[prediction.test.counted])
+    if not cycles:
+        return slice(0, prediction.force.size)
+    chosen = cycles[len(cycles) // 2]
+    return slice(chosen.start, chosen.stop + 1)
+
+
+def _fill_loop(axes: Axes, across: Floats, lower: Floats, upper: Floats, label: str) -> None:
+    """A band along the loop: a polygon between each two samples, all of one colour."""
+    first = np.arange(across.size - 1)
+    # All polygons have the same orientation: overlaps of opposite ones would leave holes.
+    rising = across[:-1] <= across[1:]
+    left, right = np.where(rising, first, first + 1), np.where(rising, first + 1, first)
+    corners = [(left, lower), (right, lower), (right, upper), (left, upper), (left, lower)]
+    vertices = np.stack([np.stack([across[at], end[at]], axis=-1) for at, end in corners], axis=1)
+    codes = np.tile(np.array([Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY], dtype=np.uint8), len(left))
+    outline = Path(vertices.reshape(-1, 2), codes)
+    patch = PathPatch(outline, facecolor=style.BAND, edgecolor=style.BAND, linewidth=0.6, label=label)
+    axes.add_patch(patch)
+
+
+def _along(across: Floats, up: Floats) -> NDArray[np.intp]:
+    """Samples at equal steps along a line, with its end, so that a loop closes."""
+    return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
 
 
 def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingError:

@@ -25,11 +25,9 @@ from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
 from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
 from mrwork.plots import style
 from mrwork.plots.canvas import draw_points, small_axes, vertical_grid
-from mrwork.plots.fit_drawing import with_unit
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
-    add_key,
     axes_for,
     chosen,
     figure,
@@ -52,6 +50,7 @@ from mrwork.plots.study_drawing import (
     response_unit,
     strokes,
 )
+from mrwork.plots.style import with_unit
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import BuildingFacts, StudyResults
 from mrwork.tuning.results import Front, TuningResults
@@ -272,11 +271,13 @@ def storey_profiles(
     for each, line in zip(runs, values, strict=True):
         add_height_line(axes, line * unit.factor, each.stroke, each.label)
     axes.set_xlim(left=0.0)
-    axes.set_xlabel(with_unit(quantity.replace("_", " ").capitalize(), unit.symbol))
     name_heights(axes, names)
-    if legend and len(runs) <= len(style.HUES):
-        add_key(axes)
-    return axes
+    return finished(
+        axes,
+        with_unit(quantity.replace("_", " ").capitalize(), unit.symbol),
+        "",
+        legend=legend and len(runs) <= len(style.HUES),
+    )
 
 
 @figure
@@ -320,9 +321,7 @@ def energies(
     add_energy_bars(axes, [each.label for each in runs], parts)
     if ax is None:
         vertical_grid(axes)
-    if legend:
-        add_key(axes)
-    return axes
+    return finished(axes, axes.get_xlabel(), axes.get_ylabel(), legend=legend)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -422,9 +421,7 @@ def fronts(
         result = result.fronts[chosen(law, [each.label for each in result.fronts], "law")]
     axes = axes_for(ax)
     add_front(axes, result)
-    if legend:
-        add_key(axes)
-    return axes
+    return finished(axes, axes.get_xlabel(), axes.get_ylabel(), legend=legend)
 
 
 def _designs(front: SizeFront, ax: Axes | None) -> Axes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -18,33 +17,41 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.plots import style
-from mrwork.plots.canvas import include_zero
-from mrwork.plots.fit_drawing import add_residual_points, with_unit
-from mrwork.plots.of_tests import (
-    AXES,
-    Motion,
-    add_command,
-    add_loop,
-    add_record,
-    add_residual,
-    axis_name,
-    axis_values,
-    comparisons_of,
-)
-from mrwork.plots.sheet import (
-    axes_for,
-    check_number,
-    chosen,
-    figure,
-    finished,
-    shown_unit_of,
-)
+from mrwork.plots.canvas import draw_points, include_zero
+from mrwork.plots.samples import CYCLES_SHOWN, scattered_samples
+from mrwork.plots.sheet import axes_for, check_number, chosen, figure, finished, shown_unit_of
+from mrwork.plots.style import DisplayUnit, with_unit
 from mrwork.records.damper_test import DamperTest
+from mrwork.records.motion import whole_cycles
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
 
-Pair = tuple[DamperTest, Floats | None]
-"""A test and the force of a model on it, if there is a model."""
+Motion = Literal["displacement", "velocity"]
+"""What a force is drawn against."""
+Abscissa = Literal["time"] | Motion
+AXES: dict[Abscissa, DisplayUnit] = {
+    "time": DisplayUnit(symbol="s", factor=1.0),
+    "displacement": style.MILLIMETRE,
+    "velocity": style.MILLIMETRE_PER_SECOND,
+}
+
+# Points of a loop and of a residual, their sizes [pt], and bins of the mean of a residual.
+_LOOP_POINTS, _RESIDUAL_POINTS, _POINT, _SMALL_POINT, _BINS = 600, 350, 2.8, 2.6, 24
+
+
+def data_label(test: DamperTest) -> str:
+    """Name of the data of a test in a legend; synthetic data are never called measured."""
+    return "synthetic" if test.synthetic else "measured"
+
+
+def axis_name(over: Abscissa) -> str:
+    """Name of an axis with its unit."""
+    return f"{over.capitalize()} ({AXES[over].symbol})"
+
+
+def axis_values(test: DamperTest, over: Abscissa) -> tuple[Floats, str]:
+    """Time or motion of a test in units of its name on an axis, shape (n_time,), and that name."""
+    return getattr(test, over) * AXES[over].factor, axis_name(over)
 
 
 @figure
@@ -54,6 +61,7 @@ def histories(
     *,
     test: str | int | None = None,
     signal: str = "drift",
+    unit: str | None = None,
     legend: bool = True,
 ) -> Axes:
     """Force of a test and its model over time; a signal of a closed loop; a ground acceleration.
@@ -68,6 +76,8 @@ def histories(
         Name or number of the test of a fit, by default the first.
     signal
         Signal of a history of a closed loop, such as "drift", "acceleration", "force", "ground_acceleration".
+    unit
+        Unit of the force of a test, such as "kN", where figures are compared; by default one that suits its peak.
     legend
         Whether to name the curves above the axes, where a title would stand.
 
@@ -87,10 +97,19 @@ def histories(
     """
     if isinstance(result, GroundMotion | History):
         return _signals(result, ax, signal, legend=legend)
-    pair = _one(result, test)
-    axes, unit = axes_for(ax), _force_unit([pair])
-    add_record(axes, *pair, unit)
-    return finished(axes, "Time (s)", f"Force ({unit.symbol})", legend=legend)
+    drawn = _one(result, test)
+    record, model_force = _test_and_force(drawn)
+    axes, shown = axes_for(ax), style.force_unit(_largest(record.force), unit)
+    axes.plot(
+        record.time,
+        record.force * shown.factor,
+        color=style.DATA,
+        linewidth=1.7,
+        label=data_label(record),
+    )
+    if model_force is not None:
+        axes.plot(record.time, model_force * shown.factor, color=style.MODEL, linewidth=0.8, label="model")
+    return finished(axes, "Time (s)", f"Force ({shown.symbol})", legend=legend)
 
 
 @figure
@@ -101,13 +120,16 @@ def loops(
     over: Motion = "displacement",
     test: str | int | None = None,
     device: Whole = 0,
+    unit: str | None = None,
     legend: bool = True,
 ) -> Axes:
-    """Force over displacement or velocity: points of a test, the line of its model; or a damper in a building.
+    """Force over displacement or velocity: a test, and the line of its model; or a damper in a building.
+
+    Points are drawn of a test of many cycles, a line of one of three or less.
 
     Parameters
     ----------
-    result, ax, legend
+    result, ax, unit, legend
         As in `histories`.
     over
         The abscissa.
@@ -130,18 +152,26 @@ def loops(
     """
     if isinstance(result, History):
         return _loop_of_device(result, ax, over, device)
-    pairs = _pairs(result) if test is None else [_one(result, test)]
-    axes, unit = axes_for(ax), _force_unit(pairs)
-    for number, (each, model_force) in enumerate(pairs):
-        tone = to_hex(style.TONES(number / max(len(pairs) - 1, 1)))
-        abscissa, label = axis_values(each, over)
-        if len(pairs) == 1:
-            add_loop(axes, abscissa, each, model_force, unit)
+    several = [_test_and_force(each) for each in (_drawn(result) if test is None else [_one(result, test)])]
+    axes = axes_for(ax)
+    shown = style.force_unit(max(_largest(record.force) for record, _ in several), unit)
+    for number, (record, model_force) in enumerate(several):
+        if len(several) == 1:
+            colours, labels = (style.DATA, style.MODEL), (data_label(record), "model")
         else:
-            add_loop(axes, abscissa, each, model_force, unit, colours=(tone, tone), labels=(each.name, ""))
-            if model_force is not None:
-                axes.get_lines()[-1].set_gid(f"{each.name}, model")
-    return finished(axes, label, f"Force ({unit.symbol})", legend=legend)
+            tone = to_hex(style.TONES(number / (len(several) - 1)))
+            colours, labels = (tone, tone), (record.name, "")
+        across, force = axis_values(record, over)[0], record.force * shown.factor
+        if len(whole_cycles(record.displacement)) > CYCLES_SHOWN:
+            points = scattered_samples(across, force, _LOOP_POINTS)
+            draw_points(axes, across[points], force[points], size=_POINT, colour=colours[0], label=labels[0])
+        else:
+            axes.plot(across, force, color=colours[0], linewidth=2.2, label=labels[0])
+        if model_force is not None:
+            force = model_force * shown.factor
+            (line,) = axes.plot(across, force, color=colours[1], linewidth=1.1, label=labels[1])
+            line.set_gid(f"{record.name}, model")
+    return finished(axes, axis_name(over), f"Force ({shown.symbol})", legend=legend)
 
 
 @figure
@@ -149,18 +179,20 @@ def residuals(
     result: Fit | StoredRun | Prediction,
     ax: Axes | None = None,
     *,
-    over: Literal["time", "displacement", "velocity"] = "time",
+    over: Literal["time", "displacement", "velocity", "phase"] = "time",
     test: str | int | None = None,
+    unit: str | None = None,
     legend: bool = True,
 ) -> Axes:
     """Measured minus model force: a line over time, or points over the motion with their mean.
 
     Parameters
     ----------
-    result, ax, test, legend
-        As in `histories`.
+    result, ax, test, unit, legend
+        As in `histories`; a residual far below the unit is drawn in a smaller one.
     over
-        The abscissa. Over the motion, the samples that are compared are drawn.
+        The abscissa. Over the motion, or its phase, the samples that are compared are drawn. The phase is 0 at full
+        extension, and 90 degrees at the largest outward velocity.
 
     Raises
     ------
@@ -174,18 +206,36 @@ def residuals(
     >>> mr.plots.drawn_data(axes)["curve"].unique().tolist()
     ['residual', 'mean', 'curve 3']
     """
-    record, model_force = _one(result, test)
-    assert model_force is not None  # a result of these types has a model
-    residual = record.force - model_force
-    counted = slice(None) if over == "time" else record.counted
-    axes, (abscissa, label) = axes_for(ax), axis_values(record, over)
-    unit = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force)))
-    if over == "time":
-        add_residual(axes, abscissa, residual * unit.factor)
+    drawn = _one(result, test)
+    assert isinstance(drawn, Prediction)  # a result of these types has a model
+    record, axes = drawn.test, axes_for(ax)
+    residual = record.force - drawn.model_force
+    shown = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force), unit))
+    residual = residual * shown.factor
+    if over == "phase":
+        label, across = "Phase of the motion (°)", np.degrees(drawn.phase)
     else:
-        add_residual_points(axes, abscissa[counted], residual[counted] * unit.factor)
+        across, label = axis_values(record, over)
+    if over == "time":
+        axes.plot(across, residual, color=style.RESIDUAL, linewidth=0.8)
+    else:
+        residual = residual[record.counted]
+        across = across if over == "phase" else across[record.counted]
+        points = scattered_samples(across, residual, _RESIDUAL_POINTS)
+        draw_points(axes, across[points], residual[points], size=_SMALL_POINT, label="residual")
+        axes.plot(*_means(across, residual), color=style.RESIDUAL, linewidth=1.8, label="mean")
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
-    return finished(axes, label, f"Residual ({unit.symbol})", legend=legend)
+    return finished(axes, label, f"Residual ({shown.symbol})", legend=legend)
+
+
+def _means(across: Floats, residual: Floats) -> tuple[Floats, Floats]:
+    """Mean residual in equal bins of the abscissa that have samples."""
+    edges = np.linspace(across.min(), across.max(), _BINS + 1)
+    index = np.clip(np.searchsorted(edges, across, side="right") - 1, 0, _BINS - 1)
+    count = np.bincount(index, minlength=_BINS)
+    total = np.bincount(index, weights=residual, minlength=_BINS)
+    filled = count > 0
+    return 0.5 * (edges[:-1] + edges[1:])[filled], total[filled] / count[filled]
 
 
 @figure
@@ -224,18 +274,19 @@ def commands(
         time, symbol = result.time, COMMAND_UNIT
         lines = _of_device(result, device, "command", "current")
     else:
-        record, _ = _one(result, test)
+        record, _ = _test_and_force(_one(result, test))
         if not record.commands:
             raise SettingError(
                 f"the command of {record.label} is unknown; give it where the test is read, as `command` of "
                 "`mr.test_from_arrays`"
             )
-        time, (command, symbol) = record.time, record.commands[0]
+        varying = (each for each in record.commands if each.varies)
+        time, (command, symbol) = record.time, next(varying, record.commands[0])
         lines = {"command": np.broadcast_to(command, time.shape)}
     axes = axes_for(ax)
-    add_command(axes, time, lines["command"])
+    label = "command sent" if "current" in lines else None
+    axes.plot(time, lines["command"], color=style.DATA, linewidth=1.1, drawstyle="steps-post", label=label)
     if "current" in lines:
-        axes.get_lines()[-1].set_label("command sent")
         label = "behind the driver's lag"
         axes.plot(time, lines["current"], color=style.MODEL, linewidth=0.9, label=label)
     include_zero(axes, np.stack([*lines.values()]))
@@ -275,12 +326,10 @@ def _of_device(history: History, device: int, *names: str) -> dict[str, Floats]:
     return {name: np.asarray(history.numbers[name][:, device]) for name in names}
 
 
-def _pairs(result: Fit | StoredRun | Prediction | DamperTest) -> list[Pair]:
-    """Tests with the forces of the model, if there is one."""
-    if isinstance(result, DamperTest):
-        return [(result, None)]
-    if isinstance(result, Prediction):
-        return [(result.test, result.model_force)]
+def _drawn(result: Fit | StoredRun | Prediction | DamperTest) -> tuple[Prediction | DamperTest, ...]:
+    """The tests of a result, with the forces of the model if there is one."""
+    if isinstance(result, DamperTest | Prediction):
+        return (result,)
     if isinstance(result, StoredRun):
         opened = reopen(result.place)
         fit, tests = opened.fit, opened.tests
@@ -291,16 +340,19 @@ def _pairs(result: Fit | StoredRun | Prediction | DamperTest) -> list[Pair]:
             f"the fit of {fit.model} was read from its file and has no tests; draw its run, "
             "`mr.load(folder).plot`, or a prediction, `mr.predict(fit, test).plot`"
         )
-    return [(each.test, each.model_force) for each in comparisons_of(fit, tests)]
+    return predictions_of(fit, tests)
 
 
-def _one(result: Fit | StoredRun | Prediction | DamperTest, test: str | int | None) -> Pair:
-    pairs = _pairs(result)
-    return pairs[chosen(test, [each.name for each, _ in pairs], "test")]
+def _one(
+    result: Fit | StoredRun | Prediction | DamperTest, test: str | int | None
+) -> Prediction | DamperTest:
+    several = _drawn(result)
+    return several[chosen(test, [_test_and_force(each)[0].name for each in several], "test")]
 
 
-def _force_unit(pairs: Sequence[Pair]) -> style.DisplayUnit:
-    return style.force_unit(max(_largest(test.force) for test, _ in pairs))
+def _test_and_force(drawn: Prediction | DamperTest) -> tuple[DamperTest, Floats | None]:
+    """A test with the force of a model on it, if there is one."""
+    return (drawn, None) if isinstance(drawn, DamperTest) else (drawn.test, drawn.model_force)
 
 
 def _largest(values: Floats) -> float:

@@ -32,8 +32,6 @@ Panels = NDArray[np.object_]
 _COLUMNS = 3
 _PANEL = (2.6, 2.3)
 _CORNER = 1.7
-# Entries of a key side by side.
-_KEY_COLUMNS = 3
 
 _SHOWN = {
     "m": style.MILLIMETRE,
@@ -111,22 +109,9 @@ def check_number(number: int, count: int, what: str) -> int:
 def finished(axes: Axes, abscissa: str, ordinate: str, *, legend: bool = False) -> Axes:
     """The axes with their names and, where it is wanted and there is something to tell apart, their legend."""
     axes.set(xlabel=abscissa, ylabel=ordinate)
-    if legend:
-        add_key(axes)
+    if legend and len(axes.get_legend_handles_labels()[1]) > 1:
+        canvas.legend(axes)
     return axes
-
-
-def add_key(axes: Axes) -> None:
-    """A legend above the axes, where there is something to tell apart."""
-    labels = axes.get_legend_handles_labels()[1]
-    if len(labels) > 1:
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=min(_KEY_COLUMNS, len(labels)),
-            fontsize="small",
-            frameon=False,
-        )
 
 
 def _check_axes(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:

@@ -20,6 +20,8 @@ import numpy as np
 from matplotlib import font_manager
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
+from mrwork.base.keys import check_known
+
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
@@ -208,8 +210,12 @@ FORCES = tuple(
 )
 
 
-def force_unit(peak_force: float) -> DisplayUnit:
-    """Newton for forces of up to four digits, kilonewton above, smaller units below a tenth."""
+def force_unit(peak_force: float, symbol: str | None = None) -> DisplayUnit:
+    """The unit of this symbol, or newton for forces of up to four digits, kilonewton above, smaller below a tenth."""
+    if symbol is not None:
+        units = {each.symbol: each for each in FORCES}
+        check_known(symbol, units, f"no force is drawn in {symbol!r}", otherwise="units are")
+        return units[symbol]
     largest = FORCES[0] if peak_force >= 1e4 else FORCES[1]
     return residual_unit(peak_force, largest, least=0.1)
 
@@ -227,6 +233,19 @@ def residual_unit(peak_residual: float, unit: DisplayUnit, *, least: float = 0.0
     candidates = FORCES[FORCES.index(unit) :]
     large_enough = (finer for finer in candidates if peak_residual * finer.factor >= least)
     return next(large_enough, FORCES[-1])
+
+
+def shown_unit(unit: str) -> str:
+    """A unit with no-break spaces and raised powers; empty for a dimensionless quantity."""
+    if unit in {"", "-", "1"}:
+        return ""
+    return unit.replace(" ", "\N{NO-BREAK SPACE}").replace("^2", "²").replace("^3", "³")
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A name for an axis, with its unit in parentheses if it has one."""
+    shown = shown_unit(unit)
+    return f"{name} ({shown})" if shown else name
 
 
 GREEK = {

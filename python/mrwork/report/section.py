@@ -16,8 +16,8 @@ from mrwork.base.summary import Summarised
 from mrwork.base.table import Table as Table
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.drawn import drawn_csv
-from mrwork.plots.of_tests import Comparison
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import Prediction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +180,7 @@ class SectionKind:
     then names the `command` that adds it, if there is one, with the title of the section and what the command does.
     """
 
-    make: Callable[[StoredRun, Sequence[Comparison]], Section | None]
+    make: Callable[[StoredRun, Sequence[Prediction]], Section | None]
     title: str = ""
     command: str = ""
     description: str = ""

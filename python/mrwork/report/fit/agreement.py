@@ -19,72 +19,84 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.result import FitSpread
-from mrwork.plots import of_tests
-from mrwork.plots.of_tests import Comparison, Motion, Simulated, data_label, name_of, zoom_window
-from mrwork.plots.style import DisplayUnit
+from mrwork.plots.of_tests import Motion, data_label
+from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
+from mrwork.report.fit.figures import (
+    Drawing,
+    common_unit,
+    draw_command,
+    draw_cycles,
+    draw_loop,
+    draw_record,
+    figure_of_test,
+    name_of,
+    repair_panel,
+    small_loop,
+)
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import Prediction
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
 
 
 def tests_section(
-    fit: Fit, comparisons: Sequence[Comparison], *, every_test: bool, before: Callable[[str], None]
+    fit: Fit, predictions: Sequence[Prediction], *, every_test: bool, before: Callable[[str], None]
 ) -> Section:
     """The errors of every test, a small loop of each of many, and figures of some in full.
 
     Of many tests these are the best, the median and the worst, or with `every_test` all; those of the residual are of
     the worst alone. `before` hears of each test before it is drawn.
     """
-    unit, spread = of_tests.common_force_unit(comparisons), spread_of(comparisons)
-    overview = tuple(_overview(comparisons, unit, before))
-    drawn = drawn_in_full(comparisons, every_test=every_test)
-    worst = min(drawn, key=lambda number: fit_of(comparisons[number]))
+    unit, spread = common_unit(predictions), spread_of(predictions)
+    overview = tuple(_overview(predictions, unit, before))
+    drawn = drawn_in_full(predictions, every_test=every_test)
+    worst = min(drawn, key=lambda number: predictions[number].fit_percent)
     blocks = []
     for number, role in drawn.items():
-        comparison = comparisons[number]
-        test = comparison.test
+        prediction = predictions[number]
+        test = prediction.test
         before(f"test {test.name}")
-        panels = _test_panels(f"t{number + 1}", comparison, unit)
+        panels = _test_panels(f"t{number + 1}", prediction, unit)
         if number == worst:
-            panels += residual_panels(comparison, unit)
+            panels += residual_panels(prediction, unit)
         found = sorted(test.findings, key=lambda finding: finding.severity != "warning")
         blocks.append(
             Group(
                 title=f"{role}: {test.name}" if role else test.name,
                 synthetic=test.synthetic,
-                prose=(_conditions(test, comparison.quality),),
+                prose=(_conditions(test, fit.quality[number]),),
                 panels=panels,
                 points=tuple(f"{finding.severity}: {finding.message}" for finding in found),
             )
         )
     one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
-    said = spread.in_words if len(comparisons) > 1 else one
+    said = spread.in_words if len(predictions) > 1 else one
     return Section(
         anchor="tests",
         title="Agreement with the fitted tests",
-        summary=f"{said}; {_count_findings(comparisons)}",
-        groups=(Group(table=_agreement_table(fit, comparisons)), *overview, *blocks),
+        summary=f"{said}; {_count_findings(predictions)}",
+        groups=(Group(table=_agreement_table(fit, predictions)), *overview, *blocks),
     )
 
 
-def _agreement_table(fit: Fit, comparisons: Sequence[Comparison]) -> Table:
+def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
     """A row per test and, of several, one for all together; equal decimals down each column."""
-    every: list[FitQuality | Fit] = [*(each.quality for each in comparisons), fit]
+    every: list[FitQuality | Fit] = [*fit.quality, fit]
     norms = [entry.error_norms for entry in every]
     columns = {
-        "Test": [*(name_of(each.test) for each in comparisons), "All tests"],
+        "Test": [*(name_of(each.test) for each in predictions), "All tests"],
         "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
         "RMSE (N)": numbers.column([entry.rmse_n for entry in every], 3),
         _norm("t"): numbers.column([norm.time for norm in norms], 3),
         _norm("x"): numbers.column([norm.displacement for norm in norms], 3),
         _norm("v"): numbers.column([norm.velocity for norm in norms], 3),
         "Samples": [numbers.format_fixed(entry.n_time, 0) for entry in every],
-        "Sub-steps": [*(numbers.format_fixed(each.quality.substeps, 0) for each in comparisons), ""],
+        "Sub-steps": [*(numbers.format_fixed(each.substeps, 0) for each in fit.quality), ""],
     }
     *rows, together = zip(*columns.values(), strict=True)
     return Table(
@@ -103,24 +115,19 @@ def _norm(letter: str) -> Markup:
     return Markup("<i>E<sub>{}</sub></i>").format(letter)
 
 
-def fit_of(drawn: Simulated) -> float:
-    """Fit of a test by a model [%]."""
-    return drawn.quality.fit_percent if isinstance(drawn, Comparison) else drawn.fit_percent
-
-
-def spread_of(drawn: Sequence[Simulated]) -> FitSpread:
+def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
     """Median and worst of the fits of these tests."""
-    return FitSpread.of([each.test.name for each in drawn], [fit_of(each) for each in drawn])
+    return FitSpread.of([each.test.name for each in predictions], [each.fit_percent for each in predictions])
 
 
-def _count_findings(comparisons: Sequence[Comparison]) -> str:
+def _count_findings(predictions: Sequence[Prediction]) -> str:
     """The number of findings of the checks, in words."""
     found: Counter[str] = Counter(
-        finding.severity for comparison in comparisons for finding in comparison.test.findings
+        finding.severity for prediction in predictions for finding in prediction.test.findings
     )
     kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
     parts = [numbers.counted(found[kind], noun) for kind, noun in kinds.items() if found[kind]]
-    records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
+    records = "the record" if len(predictions) == 1 else f"{len(predictions)} records"
     return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
 
 
@@ -153,29 +160,23 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
     return " · ".join(filter(None, parts))
 
 
-def _test_panels(identifier: str, comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
-    test, data = comparison.test, data_label(comparison.test)
-    window = zoom_window(test.displacement)
-    in_window = _thinning(window.stop - window.start, of_tests.POINTS_IN_WINDOW)
-    in_loop = _thinning(test.n_time, of_tests.POINTS_IN_LOOP)
+def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Panel, ...]:
+    test, data = prediction.test, data_label(prediction.test)
     shaded = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
-    drawings: list[tuple[str, str, of_tests.Drawing, str]] = [
-        ("record", "Whole record", of_tests.draw_record, shaded),
-        ("cycles", window.in_words, of_tests.draw_cycles, in_window),
-        *(
-            (over, f"Force against {over}", partial(of_tests.draw_loop, over), in_loop)
-            for over in get_args(Motion)
-        ),
+    drawings: list[tuple[str, str, Drawing, str]] = [
+        ("record", "Whole record", draw_record, shaded),
+        ("cycles", zoom_window(test.displacement).in_words, draw_cycles, ""),
+        *((over, f"Force against {over}", partial(draw_loop, over), "") for over in get_args(Motion)),
     ]
     if test.has_varying_command:
         wide = "The loops belong to the whole record, so they are wide where the command changes."
-        drawings.append(("command", "Command", of_tests.draw_command, wide))
-    what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(fit_of(comparison), 2)} %"
+        drawings.append(("command", "Command", draw_command, wide))
+    what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(prediction.fit_percent, 2)} %"
     panels = [
         panel(
             f"{identifier}-{suffix}",
             title,
-            of_tests.figure_of_test(comparison, unit, draw),
+            figure_of_test(prediction, unit, draw),
             f"{title} {what}",
             note,
         )
@@ -186,7 +187,7 @@ def _test_panels(identifier: str, comparison: Comparison, unit: DisplayUnit) -> 
             panel(
                 f"{identifier}-repair",
                 "Before and after repair",
-                of_tests.repair_panel(test, test.original, unit),
+                repair_panel(test, test.original, unit),
                 f"Force against displacement of test {test.name}, as recorded and repaired",
                 "The findings below list the repairs; the model is compared with the repaired record.",
             )
@@ -194,34 +195,26 @@ def _test_panels(identifier: str, comparison: Comparison, unit: DisplayUnit) -> 
     return tuple(panels)
 
 
-def _thinning(n_time: int, drawn: int) -> str:
-    if n_time <= drawn:
-        return ""
-    return f"About {drawn} of {numbers.format_fixed(n_time, 0)} samples are drawn, and the model force at every sample."
-
-
-def drawn_in_full(comparisons: Sequence[Comparison], *, every_test: bool = False) -> dict[int, str]:
+def drawn_in_full(predictions: Sequence[Prediction], *, every_test: bool = False) -> dict[int, str]:
     """Indices of the tests with figures of their own, and what each stands for: the best, median and worst of many."""
-    if every_test or not has_small_loops(comparisons):
-        return dict.fromkeys(range(len(comparisons)), "")
-    order = np.argsort([-fit_of(each) for each in comparisons], kind="stable").tolist()
+    if every_test or not has_small_loops(predictions):
+        return dict.fromkeys(range(len(predictions)), "")
+    order = np.argsort([-each.fit_percent for each in predictions], kind="stable").tolist()
     return {order[0]: "Best fit", order[len(order) // 2]: "Median fit", order[-1]: "Worst fit"}
 
 
-def has_small_loops(comparisons: Sequence[Comparison]) -> bool:
+def has_small_loops(predictions: Sequence[Prediction]) -> bool:
     """Whether every test is drawn small: where not all are drawn in full by default."""
-    return len(comparisons) > _ALL_IN_FULL
+    return len(predictions) > _ALL_IN_FULL
 
 
-def _overview(
-    comparisons: Sequence[Comparison], unit: DisplayUnit, before: Callable[[str], None]
-) -> Iterator[Group]:
+def _overview(predictions: Sequence[Prediction], unit: str, before: Callable[[str], None]) -> Iterator[Group]:
     """A small loop of each of many tests, and recurring findings."""
-    if has_small_loops(comparisons):
+    if has_small_loops(predictions):
         panels = []
-        for number, figure in enumerate(of_tests.small_loops(comparisons, unit)):
-            before(f"test {comparisons[number].test.name}")
-            panels.append(loop_panel(f"o{number + 1}", comparisons[number], figure))
+        for number, prediction in enumerate(predictions, start=1):
+            before(f"test {prediction.test.name}")
+            panels.append(loop_panel(f"o{number}", prediction, small_loop(prediction, unit, over="velocity")))
         yield Group(
             prose=(
                 "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "
@@ -230,14 +223,14 @@ def _overview(
             panels=tuple(panels),
             layout="small",
         )
-    shared = gathered_findings([each.test for each in comparisons]).shared
-    if len(comparisons) > 1 and shared:
+    shared = gathered_findings([each.test for each in predictions]).shared
+    if len(predictions) > 1 and shared:
         yield Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
 
 
-def loop_panel(identifier: str, drawn: Simulated, figure: Figure, title: str = "") -> Panel:
+def loop_panel(identifier: str, drawn: Prediction, figure: Figure, title: str = "") -> Panel:
     """A small loop of a test with its name and its fit."""
-    name, fitted = name_of(drawn.test), f"fit {numbers.format_fixed(fit_of(drawn), 1)} %"
+    name, fitted = name_of(drawn.test), f"fit {numbers.format_fixed(drawn.fit_percent, 1)} %"
     what = f"Force against velocity of test {drawn.test.name}, {data_label(drawn.test)} and model, {fitted}"
     return panel(identifier, title or name, figure, what, f"{name}, {fitted}" if title else fitted)
 
@@ -277,9 +270,9 @@ class _HalfCycles:
         return math.sqrt(errors / forces) if forces > 0.0 else math.nan
 
 
-def amplitude_section(comparisons: Sequence[Comparison]) -> Section | None:
+def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
-    every = _half_cycles(comparisons)
+    every = _half_cycles(predictions)
     number = _classes(every.amplitude)
     chosen = [number == each for each in np.unique(number)]
     classes = [
@@ -337,16 +330,17 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     )
 
 
-def _half_cycles(comparisons: Sequence[Comparison]) -> _HalfCycles:
+def _half_cycles(predictions: Sequence[Prediction]) -> _HalfCycles:
     amplitudes, sums = [], []
-    for comparison in comparisons:
-        test = comparison.test
+    for prediction in predictions:
+        test = prediction.test
         ends = half_cycle_ends(test.displacement)
         amplitudes.append(0.5 * np.abs(np.diff(test.displacement[ends])))
         counts = np.zeros(test.n_time)
         counts[test.counted] = 1.0
+        residual = test.force - prediction.model_force
         squares = counts * np.stack(
-            [np.ones(test.n_time), comparison.residual**2, (test.force - test.force.mean()) ** 2]
+            [np.ones(test.n_time), residual**2, (test.force - test.force.mean()) ** 2]
         )
         before = np.cumsum(np.pad(squares, ((0, 0), (1, 0))), axis=1)
         sums.append(np.diff(before[:, ends], axis=1))
@@ -361,11 +355,11 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
     return np.asarray(decade * len(_ENDS) + within, dtype=np.intp)
 
 
-AMPLITUDES = SectionKind(make=lambda _, comparisons: amplitude_section(comparisons))
+AMPLITUDES = SectionKind(make=lambda _, predictions: amplitude_section(predictions))
 """The errors by amplitude."""
 
 
-def _held_out_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """A table of the held-out tests of every prediction; `None` where there are none."""
     if run.held_out is None:
         return None

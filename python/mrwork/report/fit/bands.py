@@ -6,18 +6,22 @@ from collections.abc import Callable, Sequence
 from typing import get_args
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.summary import list_names
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.plots.of_bands import loop_figure
-from mrwork.plots.of_tests import Comparison, Motion, common_force_unit, name_of
-from mrwork.plots.style import DisplayUnit
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, finish_signed
+from mrwork.plots.of_fits import bands as draw_bands
+from mrwork.plots.of_tests import Motion
 from mrwork.report.fit.agreement import excitation
+from mrwork.report.fit.figures import common_unit, name_of
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
+from mrwork.uncertainty.bands.conformal import LEVELS, Calibration, LeftOutCoverage, calibrate
+from mrwork.uncertainty.bands.prediction import Prediction
 
 # The level that the text discusses, and the range of the mean coverage that counts as nominal at each.
 _LEVEL = 0.9
@@ -31,7 +35,7 @@ _Levels = dict[float, LeftOutCoverage]
 """Coverage of a test at every level."""
 
 
-def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | None:
+def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | None:
     """Coverage of tests left out, and bands around those that are covered least; `None` without calibration."""
     bands = run.bands
     if bands is None:
@@ -54,7 +58,7 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
             Group(
                 prose=prose,
                 table=_table(bands, covered) if covered else None,
-                panels=_left_out_panels(bands, covered, common_force_unit(comparisons)),
+                panels=_left_out_panels(bands, covered, common_unit(predictions)),
             ),
         ),
     )
@@ -122,7 +126,7 @@ def _table(bands: StoredBands, covered: dict[str, _Levels]) -> Table:
     )
 
 
-def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: DisplayUnit) -> tuple[Panel, ...]:
+def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: str) -> tuple[Panel, ...]:
     """Loops of the tests that their bands cover least, with these bands."""
     shares = {test: row[_LEVEL].samples.coverage for test, row in covered.items()}
     known = [each for each in bands.predictions if each.test.label in shares and bands.others(each)]
@@ -132,19 +136,28 @@ def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: Disp
     ):
         test = prediction.test
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
-        band = calibration.band(prediction, _LEVEL)
         name = name_of(test)
         panels += [
             panel(
                 f"l{number}-{over}",
                 name,
-                loop_figure(prediction, band, unit, over),
+                _loop_figure(prediction, calibration, unit, over),
                 f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
                 f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test.",
             )
             for over in get_args(Motion)
         ]
     return tuple(panels)
+
+
+@style.drawn_in_style()
+def _loop_figure(prediction: Prediction, calibration: Calibration, unit: str, over: Motion) -> Figure:
+    """Force over displacement or velocity, one cycle, with its prediction band."""
+    figure, axes = column_axes()
+    axes.grid(True, axis="both")
+    draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
+    finish_signed(axes)
+    return figure
 
 
 BANDS = SectionKind(

@@ -14,10 +14,10 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.base import numbers
 from mrwork.base.table import page_table
 from mrwork.plots import style
-from mrwork.plots.canvas import blank, grid_of_axes, name_ordinate, room_for
-from mrwork.plots.of_tests import Comparison
+from mrwork.plots.canvas import blank, grid_of_axes, name_above, room_for
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.planning import Gain, Plan, gain_columns
@@ -30,7 +30,7 @@ _WIDTH = 3.0
 _RANGE = 40.0
 
 
-def _models_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _models_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """The sentence, the table and the figure of a comparison, and how its numbers are defined."""
     ranking = run.ranking
     if ranking is None:
@@ -52,7 +52,7 @@ def _models_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     )
 
 
-def _laws_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _laws_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """The sentence and the table of a choice, and how its numbers are defined."""
     laws = run.laws
     if laws is None:
@@ -98,7 +98,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
     axes.grid(visible=True, axis="x")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
     axes.set_xlabel("Left-out fit (%), standard error")
-    name_ordinate(axes, "Model, free parameters")
+    name_above(axes, "Model, free parameters")
     return figure
 
 
@@ -151,7 +151,7 @@ _MAP = LinearSegmentedColormap.from_list("gain", [style.PAGE, style.MODEL])
 _DARK = 0.7
 
 
-def _test_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """The best candidates, the map of all of them, and whether draws rank them alike."""
     check = run.plan
     if check is None:
@@ -199,7 +199,7 @@ def plan_figure(plan: Plan) -> Figure:
         gains = [each for each in plan.gains if each.candidate.command == command]
         _draw_gains(axes, gains, plan.gains[0], most)
         title = "Variance reduction (%)"
-        name_ordinate(axes, title if command is None else f"{title}, {command:g} {plan.command_unit}")
+        name_above(axes, title if command is None else f"{title}, {command:g} {plan.command_unit}")
     return figure
 
 

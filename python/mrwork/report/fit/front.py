@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,25 +11,19 @@ from matplotlib.figure import Figure
 
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, plain_parameters
-from mrwork.errors import MrworkError
-from mrwork.identification.fit import Fit, SearchTrace
-from mrwork.identification.identify import identify_from
-from mrwork.identification.minimise.level_search import has_levels, levels_of
+from mrwork.identification.fit import Fit
 from mrwork.identification.result import FitSpread
-from mrwork.plots import of_tests, style
-from mrwork.plots.canvas import LOW, SMALL_HEIGHT, include_zero, name_small_axes, small_axes
-from mrwork.plots.fit_drawing import Law, add_law, laws_of, with_unit
-from mrwork.plots.of_tests import Comparison, Motion, Simulated
-from mrwork.plots.style import DisplayUnit
-from mrwork.records import DamperTest
-from mrwork.report.fit.agreement import fit_of, loop_panel, spread_of
+from mrwork.plots import style
+from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
+from mrwork.plots.of_fits import laws as draw_laws
+from mrwork.plots.of_tests import Motion
+from mrwork.report.fit.agreement import loop_panel, spread_of
 from mrwork.report.fit.bands import coverage_summary
+from mrwork.report.fit.figures import common_unit, small_loop
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.held_out import median_place
-from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN
+from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN, Prediction
 
 _STATUS = {
     "converged": "Converged",
@@ -56,7 +48,7 @@ class _Evidence:
 
     title: str
     opening: str
-    drawn: Sequence[Simulated]
+    drawn: Sequence[Prediction]
     spread: FitSpread
     remark: str = ""
 
@@ -70,13 +62,13 @@ class _Evidence:
         return f"{said}. {self.remark}".rstrip()
 
 
-def _evidence(run: StoredRun, comparisons: Sequence[Comparison]) -> _Evidence:
+def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
     """The best evidence that a run has: tests that it has not seen, else those of the fit."""
     own = _Evidence(
         title="Fitted tests",
-        opening=f"Nothing was held out: the model describes {_tests(len(comparisons))} that it was fitted to,",
-        drawn=comparisons,
-        spread=spread_of(comparisons),
+        opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",
+        drawn=predictions,
+        spread=spread_of(predictions),
         remark="How well it predicts others is not known.",
     )
     bands, laws, ranking = run.bands, run.laws, run.ranking
@@ -120,32 +112,32 @@ def _tests(count: int) -> str:
     return "one test" if count == 1 else f"{count} tests"
 
 
-def verdict_of(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
+def verdict_of(run: StoredRun, predictions: Sequence[Prediction]) -> str:
     """How well a run predicts, in a sentence or two."""
-    return _evidence(run, comparisons).in_words
+    return _evidence(run, predictions).in_words
 
 
-def fit_lead(run: StoredRun, comparisons: Sequence[Comparison]) -> Lead:
-    """The front of the page of a run, whose fit is `comparisons`."""
+def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
+    """The front of the page of a run, whose fit is `predictions`."""
     fit = run.fit
-    evidence = _evidence(run, comparisons)
-    names = [each.test.name for each in comparisons]
+    evidence = _evidence(run, predictions)
+    names = [each.test.name for each in predictions]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     if not banner and fit.warnings:
         (banner,) = first_sentences(fit.warnings[:1], 1)
     # One row of figures, or two of lower ones.
     height = LOW if len(fit.spec.following) > _IN_ROW else SMALL_HEIGHT
-    unit = of_tests.common_force_unit([*comparisons, *evidence.drawn])
+    unit = common_unit([*predictions, *evidence.drawn])
     return Lead(
         eyebrow="Damper identification",
         title=fit.spec.title,
         subject=f"{_specimen(fit)}Fitted to {list_names(names, _NAMED)}",
-        synthetic=any(each.test.synthetic for each in comparisons),
+        synthetic=any(each.test.synthetic for each in predictions),
         banner=banner,
         verdict=evidence.in_words,
-        numbers=_numbers(run, comparisons, evidence),
-        panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, comparisons, height)),
-        cautions=_cautions(run, evidence, comparisons),
+        numbers=_numbers(run, predictions, evidence),
+        panels=(*_loops(evidence, unit, height=height), *_law_panels(fit, height)),
+        cautions=_cautions(run, evidence, predictions),
         advice=_advice(run),
     )
 
@@ -159,9 +151,9 @@ def _specimen(fit: Fit) -> str:
     return f"{', '.join(said)}. " if said else ""
 
 
-def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evidence) -> tuple[Number, ...]:
+def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evidence) -> tuple[Number, ...]:
     fit, spread, bands = run.fit, evidence.spread, run.bands
-    own = spread_of(comparisons)
+    own = spread_of(predictions)
     worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
     covered = "not calibrated" if bands is None else coverage_summary(bands)
     numbers = [
@@ -178,7 +170,7 @@ def _numbers(run: StoredRun, comparisons: Sequence[Comparison], evidence: _Evide
         ),
         Number(title="Status", value=_STATUS[fit.status], note=_reason(fit), worse=fit.status != "converged"),
     ]
-    if evidence.drawn is not comparisons:
+    if evidence.drawn is not predictions:
         held_out = Number(
             title=f"{evidence.title}, median fit",
             value=format_fixed(spread.median_percent, 1),
@@ -196,102 +188,57 @@ def _reason(fit: Fit) -> str:
     return f"{steps}; {fit.status_reason}" if fit.status_reason else steps
 
 
-def _loops(evidence: _Evidence, unit: DisplayUnit, *, height: float) -> Iterator[Panel]:
+def _loops(evidence: _Evidence, unit: str, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
     count = evidence.spread.n_tests
-    order = np.argsort([fit_of(each) for each in evidence.drawn], kind="stable").tolist()
+    order = np.argsort([each.fit_percent for each in evidence.drawn], kind="stable").tolist()
     chosen: list[tuple[int, str, Motion]] = [
         (order[0], "Worst", "velocity" if count > 1 else "displacement"),
         (order[median_place(len(order))], "Median", "velocity"),
     ]
     for number, role, over in chosen:
         drawn = evidence.drawn[number]
-        (figure,) = of_tests.small_loops([drawn], unit, over=over, height=height)
+        figure = small_loop(drawn, unit, over=over, height=height)
         title = f"{role} of {count} tests" if count > 1 else f"Force over {over}"
         yield loop_panel(f"front-{number}-{role if count > 1 else over}", drawn, figure, title)
 
 
-def _law_panels(fit: Fit, comparisons: Sequence[Comparison], height: float) -> Iterator[Panel]:
+def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
     """Laws of at most six parameters, and fits to the tests at each command, which know nothing of the law."""
-    laws = laws_of(fit)[:_LAWS]
-    points = _single_fits(fit, [each.test for each in comparisons]) if laws else {}
-    for number, law in enumerate(laws):
-        own = points.get(law.parameter.name, ())
+    shown = [each for each in fit.spec.plain if each.name in fit.spec.following][:_LAWS]
+    count = len(fit.single_commands)
+    for number, parameter in enumerate(shown):
         yield panel(
-            f"law-{law.parameter.name}",
-            re.split("[:,]", law.parameter.description)[0].capitalize(),
-            _law_figure(fit.spec, law, own, height),
-            f"{law.parameter.name} over the command, with fits at {len(own)} single commands",
-            "points: fits at one command" if own and not number else "",
+            f"law-{parameter.name}",
+            re.split("[:,]", parameter.description)[0].capitalize(),
+            _law_figure(fit, parameter.name, height),
+            f"{parameter.name} over the command, with fits at {count} single commands",
+            "points: fits at one command" if count and not number else "",
         )
-
-
-_Point = tuple[float, float, float]
-"""A command, the value of a parameter fitted to the tests at it, and its standard error, NaN without one."""
-
-
-def _single_fits(fit: Fit, tests: Sequence[DamperTest]) -> dict[str, list[_Point]]:
-    """What the tests at each command alone give for the parameters that follow it, the others held at the fit."""
-    spec = fit.spec
-    if spec.own is not None or not has_levels(spec, tests):
-        return {}
-    plain = spec.without_laws
-    points: dict[str, list[_Point]] = {name: [] for name in spec.following}
-    for command, own in levels_of(spec, tests).items():
-        at = dict(
-            zip(plain.names, plain_parameters(spec, np.array(fit.theta), command).tolist(), strict=True)
-        )
-        held = {name: (value, value) for name, value in at.items() if name not in points}
-        settings = replace(fit.settings, bounds=held, starts=(at,), search=None, ties={})
-        trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="given")
-        box = Box.of(plain).with_bounds(held)
-        with suppress(MrworkError):
-            alone = identify_from(plain, own, settings, box=box, trace=trace, examines=False)
-            for each in alone.estimates:
-                if each.name in points and each.remark in ("", "not identifiable"):
-                    error = math.nan if each.standard_error is None else each.standard_error
-                    points[each.name].append((command, each.value, error))
-    return points
 
 
 @style.drawn_in_style()
-def _law_figure(spec: DamperSpec, law: Law, points: Sequence[_Point], height: float) -> Figure:
-    """The law of a parameter over the command, and its fits at single commands with their errors."""
+def _law_figure(fit: Fit, name: str, height: float) -> Figure:
+    """The law of a parameter over the command, and its fits at single commands."""
     figure, axes = small_axes(labelled=True, height=height)
-    add_law(axes, law)
-    if points:
-        commands, values, errors = np.array(points).T
-        include_zero(axes, np.concatenate([law.values, values]))
-        axes.errorbar(
-            commands,
-            values,
-            errors,
-            fmt="o",
-            color=style.INK,
-            markersize=3.2,
-            elinewidth=0.9,
-            label="one command",
-        )
-    unit = "" if spec.current is None else f" ({spec.current.unit})"
-    name_small_axes(
-        axes, with_unit(style.symbol_text(law.parameter.name), law.parameter.unit), f"Command{unit}"
-    )
+    draw_laws(fit, axes, parameters=[name])
+    name_above(axes)
     return figure
 
 
-def _cautions(run: StoredRun, evidence: _Evidence, comparisons: Sequence[Comparison]) -> tuple[str, ...]:
+def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> tuple[str, ...]:
     """Where the fit does not hold, what misleads most first; what does not fit is counted."""
     fit = run.fit
     judged = fit.identifiability.verdicts if fit.identifiability else ()
     doubtful = [each.name for each in judged if each.verdict not in ("identifiable", "negligible")]
     said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
-    if evidence.drawn is comparisons and len(comparisons) == 1:
+    if evidence.drawn is predictions and len(predictions) == 1:
         said.append("One test cannot show how the damper behaves under another motion or command.")
     if doubtful:
         said.append(
             f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
         )
-    if any(each.test.synthetic for each in comparisons):
+    if any(each.test.synthetic for each in predictions):
         said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
     return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(said, _CAUTIONS))
 

@@ -14,12 +14,11 @@ from mrwork.base import numbers
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
-from mrwork.plots import of_tests
 from mrwork.plots.canvas import png_bytes, svg_bytes
-from mrwork.plots.of_tests import Comparison, comparisons_of
 from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
+from mrwork.report.fit.figures import common_unit, force_history, hysteresis_loops, repair_panel
 from mrwork.report.fit.front import fit_lead
 from mrwork.report.fit.parameters import PROFILES, parameters_section, profiles_figure
 from mrwork.report.fit.posterior import POSTERIOR
@@ -38,6 +37,7 @@ from mrwork.report.section import (
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.store.run_writer import add_to_run
+from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS = (HELD_OUT, BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
@@ -50,7 +50,7 @@ _HASH_SHOWN = 12
 
 def fit_page(
     run: StoredRun,
-    comparisons: Sequence[Comparison],
+    predictions: Sequence[Prediction],
     *,
     every_test: bool = False,
     summary: bool = False,
@@ -59,12 +59,12 @@ def fit_page(
     """The page of a run: its front, and below it the sections on its fit and on what later verbs have added.
 
     Of many tests the best, the median and the worst are drawn in full, or with `every_test` all; a `summary` is the
-    front alone. `comparisons` are the tests of the fit.
+    front alone. `predictions` are the tests of the fit.
     """
     if summary:
-        return page_html(fit_lead(run, comparisons))
-    drawn = drawn_in_full(comparisons, every_test=every_test)
-    total = len(SECTIONS) + len(drawn) + (len(comparisons) if has_small_loops(comparisons) else 0)
+        return page_html(fit_lead(run, predictions))
+    drawn = drawn_in_full(predictions, every_test=every_test)
+    total = len(SECTIONS) + len(drawn) + (len(predictions) if has_small_loops(predictions) else 0)
     done = itertools.count()
 
     def before(task: str) -> None:
@@ -73,8 +73,8 @@ def fit_page(
     made = []
     for kind in SECTIONS:
         before("sections of the page")
-        made.append((kind, kind.make(run, comparisons)))
-    tests = tests_section(run.fit, comparisons, every_test=every_test, before=before)
+        made.append((kind, kind.make(run, predictions)))
+    tests = tests_section(run.fit, predictions, every_test=every_test, before=before)
     absent = [kind for kind, section in made if section is None and kind.command]
     sections = [
         warning_section(run.fit.warnings),
@@ -83,9 +83,9 @@ def fit_page(
         *(section for _, section in made),
         search_section(run.fit),
         _absent_section(absent),
-        _provenance_section(run.fit, comparisons),
+        _provenance_section(run.fit, predictions),
     ]
-    return page_html(fit_lead(run, comparisons), sections)
+    return page_html(fit_lead(run, predictions), sections)
 
 
 def _absent_section(absent: Sequence[SectionKind]) -> Section | None:
@@ -101,13 +101,13 @@ def _absent_section(absent: Sequence[SectionKind]) -> Section | None:
     )
 
 
-def _provenance_section(fit: Fit, comparisons: Sequence[Comparison]) -> Section:
+def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
     made = fit.provenance
     synthetic = {
         name
-        for comparison in comparisons
-        if comparison.test.synthetic
-        for name in (comparison.test.path, comparison.test.name)
+        for prediction in predictions
+        if prediction.test.synthetic
+        for name in (prediction.test.path, prediction.test.name)
     }
     settings = [(name, _plain(value)) for name, value in made.settings.items() if value]
     facts = (
@@ -136,26 +136,26 @@ def _provenance_section(fit: Fit, comparisons: Sequence[Comparison]) -> Section:
     )
 
 
-def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
+def open_run(place: str | Path) -> tuple[StoredRun, tuple[Prediction, ...]]:
     """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures."""
     opened = reopen(place)
     fit = opened.fit
     if fit.identifiability is None:
         # That of an interrupted run is not stored.
         fit = fit.with_identifiability(identifiability_of(fit, opened.tests))
-    return with_additions(opened.run, fit), comparisons_of(fit, opened.tests)
+    return with_additions(opened.run, fit), predictions_of(fit, opened.tests)
 
 
 def write_fit_page(
     run: StoredRun,
-    comparisons: Sequence[Comparison],
+    predictions: Sequence[Prediction],
     *,
     every_test: bool = False,
     summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
 ) -> Path:
     """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
-    page = fit_page(run, comparisons, every_test=every_test, summary=summary, on_progress=on_progress)
+    page = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
     name = SUMMARY if summary else REPORT
     add_to_run(run.place, page.contents(name))
     return run.place / name
@@ -189,10 +189,10 @@ def _join_first(parts: list[str], separator: str) -> str:
 
 
 def write_figures(
-    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = ignore_progress
+    run: StoredRun, predictions: Sequence[Prediction], *, on_progress: OnDrawn = ignore_progress
 ) -> tuple[str, ...]:
     """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix."""
-    drawn = run_figures(run, comparisons)
+    drawn = run_figures(run, predictions)
     for number, (name, draw) in enumerate(drawn.items()):
         on_progress(PageProgress(done=number, total=len(drawn), task=f"figure {name}"))
         figure = draw()
@@ -203,18 +203,18 @@ def write_figures(
     return tuple(drawn)
 
 
-def run_figures(run: StoredRun, comparisons: Sequence[Comparison]) -> dict[str, Callable[[], Figure]]:
+def run_figures(run: StoredRun, predictions: Sequence[Prediction]) -> dict[str, Callable[[], Figure]]:
     """Functions that draw the figures of a run, by name of file; of several tests the name starts with the test's."""
-    unit = of_tests.common_force_unit(comparisons)
+    unit = common_unit(predictions)
     drawn: dict[str, Callable[[], Figure]] = {"convergence": partial(search_figure, run.fit)}
-    for number, comparison in enumerate(comparisons, start=1):
-        test = comparison.test
+    for number, prediction in enumerate(predictions, start=1):
+        test = prediction.test
         stem = re.sub(r"[^A-Za-z0-9.-]+", "_", test.name).strip("._") or "test"
-        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{stem}_"
-        drawn[f"{prefix}force_history"] = partial(of_tests.force_history, comparison, unit)
-        drawn[f"{prefix}hysteresis_loops"] = partial(of_tests.hysteresis_loops, comparison, unit)
+        prefix = "" if len(predictions) == 1 else f"{number:02d}_{stem}_"
+        drawn[f"{prefix}force_history"] = partial(force_history, prediction, unit)
+        drawn[f"{prefix}hysteresis_loops"] = partial(hysteresis_loops, prediction, unit)
         if test.original is not None:
-            drawn[f"{prefix}repair"] = partial(of_tests.repair_panel, test, test.original, unit)
+            drawn[f"{prefix}repair"] = partial(repair_panel, test, test.original, unit)
     if run.profiles is not None:
         drawn["profiles"] = partial(profiles_figure, run.profiles)
     if run.ranking is not None:

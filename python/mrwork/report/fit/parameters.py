@@ -13,11 +13,12 @@ from mrwork.base.table import Table
 from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
 from mrwork.plots import style
 from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
-from mrwork.plots.fit_drawing import add_profile, shown_unit, with_unit
-from mrwork.plots.of_tests import Comparison
+from mrwork.plots.of_fits import profiles as draw_profiles
+from mrwork.plots.style import shown_unit
 from mrwork.report.html import equation_html, symbol
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.identifiability.profile import Profiles
 
 
@@ -190,7 +191,7 @@ def _sentence(direction: Direction) -> str:
 _COLUMNS, _HEIGHT = 4, 2.2
 
 
-def _profiles_section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """Intervals and a figure for each profiled parameter."""
     profiles = run.profiles
     if profiles is None:
@@ -223,15 +224,9 @@ def _profiles_prose(profiles: Profiles) -> tuple[str, ...]:
 
 @style.drawn_in_style()
 def profiles_figure(profiles: Profiles) -> Figure:
-    """Likelihood ratio against each parameter: threshold dashed, interval shaded, an arrow where it is open."""
+    """Likelihood ratio against each parameter."""
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
-    for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
-        add_profile(axes, profile, profiles.threshold)
-        axes.set_title(with_unit(style.symbol_text(profile.name), profile.unit), loc="left", pad=6)
-        if number % _COLUMNS:
-            axes.tick_params(labelleft=False)
-        else:
-            axes.set_ylabel("Likelihood ratio")
+    draw_profiles(profiles, panels)
     return figure
 
 

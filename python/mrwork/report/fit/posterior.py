@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,28 +13,27 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.base.numbers import format_fixed, significant
 from mrwork.base.values import Floats
 from mrwork.plots import style
-from mrwork.plots.canvas import axes_between, name_small_axes, plain_ticks, small_axes
-from mrwork.plots.fit_drawing import add_corner, label_corner
-from mrwork.plots.of_tests import Comparison
+from mrwork.plots.canvas import name_above, plain_ticks, small_axes
+from mrwork.plots.of_fits import posterior
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
+from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws
 
 _POINTS = 120
 _GROUPS = 4
 _RANK_BINS = 16
-# Of the corner: inches of a panel, cells of a density and their smoothing.
-_SIDE, _EDGE, _BELOW = 1.35, 0.85, 0.65
+# Inches of a panel of the corner.
+_SIDE = 1.45
 
 
-def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     """Table, trace, ranks and corner of the draws of a run."""
     draws = run.draws
     if draws is None:
         return None
-    estimates = {each.name: each.value for each in run.fit.estimates}
     what = f"Densities of {len(draws.varied)} parameters, alone and in pairs"
-    corner = panel("corner", "", _corner_figure(draws, estimates), what)
+    corner = panel("corner", "", _corner_figure(run, len(draws.varied)), what)
     traces, ranks = [], []
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
@@ -136,26 +135,15 @@ def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
 
 
 @style.drawn_in_style()
-def _corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
+def _corner_figure(run: StoredRun, count: int) -> Figure:
     """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
-    names = [each.name for each in draws.varied]
-    count = len(names)
-    size = count * _SIDE + _EDGE
-    figure = Figure(figsize=(size, size - _EDGE + _BELOW + 0.1))
-    panels = {}
-    for row, column in np.argwhere(np.tri(count)).tolist():
-        left, bottom = _EDGE + column * _SIDE, _BELOW + (count - 1 - row) * _SIDE
-        panels[row, column] = axes_between(
-            figure, left=left, right=left + _SIDE - 0.1, bottom=bottom, top=bottom + _SIDE - 0.1
-        )
-    add_corner(panels, draws, names, fitted)
-    for (row, column), axes in panels.items():
-        label_corner(axes, names[column] if row == count - 1 else "", names[row] if column == 0 < row else "")
+    figure = Figure(figsize=(count * _SIDE, count * _SIDE), layout="constrained")
+    posterior(run, np.ravel(figure.subplots(count, count, squeeze=False)))
     return figure
 
 
 def _finish(axes: Axes, name: str, abscissa: str) -> None:
-    name_small_axes(axes, style.symbol_text(name), abscissa)
+    name_above(axes, style.symbol_text(name), abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
     plain_ticks(axes, 5, "y")
 

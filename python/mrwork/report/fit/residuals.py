@@ -13,9 +13,8 @@ from mrwork.base.numbers import format_fixed, most_of, percent, probability, sho
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish_signed, legend
-from mrwork.plots.fit_drawing import add_residual_points
-from mrwork.plots.of_tests import Comparison, name_of
-from mrwork.plots.style import DisplayUnit
+from mrwork.plots.of_tests import residuals
+from mrwork.report.fit.figures import name_of
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 from mrwork.uncertainty.residual_tests import (
@@ -35,12 +34,9 @@ _LEAST_LAGS = 40
 _LINE_POINTS = 300
 
 
-def residual_section(comparisons: Sequence[Comparison]) -> Section:
+def residual_section(predictions: Sequence[Prediction]) -> Section:
     """Tests of the residuals of all tests; their figures are beside those of the worst test."""
-    tests = [
-        residual_tests(comparison.test, comparison.residual[comparison.test.counted])
-        for comparison in comparisons
-    ]
+    tests = [residual_tests(each.test, each.residual) for each in predictions]
     correlated = sum(not each.is_white for each in tests)
     repeating = [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
     places = _places(tests)
@@ -72,7 +68,7 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
         anchor="residuals",
         title="Residuals",
         summary=f"{'; those '.join(said) or 'consistent with white noise'}.",
-        groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(comparisons, tests)),),
+        groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(predictions, tests)),),
     )
 
 
@@ -124,7 +120,7 @@ def _origin(repeating: Sequence[float]) -> str:
     )
 
 
-def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) -> Table:
+def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) -> Table:
     def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
         return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
 
@@ -145,7 +141,7 @@ def _table(comparisons: Sequence[Comparison], tests: Sequence[ResidualTests]) ->
             column("RMS fast / slow", lambda each: format_fixed(each.fast_to_slow, 2)),
             column("excess kurtosis", lambda each: format_fixed(each.excess, 1)),
         ),
-        zip(comparisons, tests, strict=True),
+        zip(predictions, tests, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
         "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
         f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "
@@ -164,21 +160,21 @@ def _ratio(excess: Excess) -> str:
     return f"{format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
-def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, ...]:
+def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
-    name = name_of(comparison.test)
+    name = name_of(prediction.test)
     return (
         panel(
             "residual-lag",
             "Autocorrelation of the residual",
-            autocorrelation_figure(comparison),
+            autocorrelation_figure(prediction),
             f"Autocorrelation of the residual against lag, with the limits of white noise, test {name}",
             "White noise stays in the band from the first lag on. A peak at one cycle shows an error that repeats.",
         ),
         panel(
             "residual-normal",
             "Normal quantiles of the residual",
-            quantile_figure(comparison),
+            quantile_figure(prediction),
             f"Quantiles of the residual against those of a normal distribution, test {name}",
             "Normally distributed residuals lie on the line; ends that leave it show more or fewer large errors than "
             "a normal distribution has.",
@@ -186,7 +182,7 @@ def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, .
         panel(
             "residual-phase",
             "Residual over the cycle",
-            _over_cycle(comparison, unit),
+            _over_cycle(prediction, unit),
             f"Residual against the phase of the motion, with its mean, test {name}",
             "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
             "from zero, the model makes the same error in each cycle.",
@@ -195,10 +191,9 @@ def residual_panels(comparison: Comparison, unit: DisplayUnit) -> tuple[Panel, .
 
 
 @style.drawn_in_style()
-def autocorrelation_figure(comparison: Comparison) -> Figure:
+def autocorrelation_figure(prediction: Prediction) -> Figure:
     """Autocorrelation over a cycle and a half, with the band that holds 95 % of that of white noise."""
-    test = comparison.test
-    residual = comparison.residual[test.counted]
+    test, residual = prediction.test, prediction.residual
     cycle = mean_cycle(test)
     lags = int(min(max(1.5 * cycle, _LEAST_LAGS), residual.size // 2))
     rho = autocorrelation(residual, lags)
@@ -226,10 +221,10 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
 
 
 @style.drawn_in_style()
-def quantile_figure(comparison: Comparison) -> Figure:
+def quantile_figure(prediction: Prediction) -> Figure:
     """Sorted residuals over their standard deviation, against normal quantiles."""
     normal = NormalDist()
-    residual = np.sort(comparison.residual[comparison.test.counted])
+    residual = np.sort(prediction.residual)
     share = (np.arange(residual.size) + 0.5) / residual.size
     ends = [normal.inv_cdf(share[0]), normal.inv_cdf(share[-1])]
     below = [normal.cdf(each) for each in np.linspace(ends[0], ends[1], _QUANTILES)]
@@ -245,18 +240,14 @@ def quantile_figure(comparison: Comparison) -> Figure:
 
 
 @style.drawn_in_style()
-def _over_cycle(comparison: Comparison, unit: DisplayUnit) -> Figure:
+def _over_cycle(prediction: Prediction, unit: str) -> Figure:
     """Residual over the phase of the motion, which is 0 at full extension."""
-    phase = np.degrees(Prediction(test=comparison.test, model_force=comparison.model_force).phase)
-    residual = comparison.residual[comparison.test.counted]
-    unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
     figure, axes = column_axes()
-    add_residual_points(axes, phase, residual * unit.factor)
-    finish_signed(axes, f"Residual ({unit.symbol})", "Phase of the motion (°)")
+    residuals(prediction, axes, over="phase", unit=unit)
+    finish_signed(axes)
     axes.set_xlim(-180, 180)
     axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
-    legend(axes)
     return figure
 
 
-RESIDUALS = SectionKind(make=lambda _, comparisons: residual_section(comparisons))
+RESIDUALS = SectionKind(make=lambda _, predictions: residual_section(predictions))

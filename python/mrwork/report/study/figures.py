@@ -21,15 +21,15 @@ from mrwork.plots.canvas import (
     column_axes,
     finish,
     legend,
+    name_above,
     name_rows,
-    name_small_axes,
     plain_ticks,
     room_for,
     small_axes,
     symmetric,
     vertical_grid,
 )
-from mrwork.plots.of_tests import envelope, strong_part
+from mrwork.plots.samples import envelope, strong_part
 from mrwork.plots.study_drawing import Stroke, add_energies, add_energy_bars, energy_parts, short
 from mrwork.plots.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
@@ -79,7 +79,7 @@ def loop_figure(
     drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
     force = history.force[drawn, 0] * unit.factor
     axes.plot(across[drawn] * 1e3, force, color=stroke.colour, linewidth=0.7)
-    name_small_axes(axes, f"Force ({unit.symbol})", abscissa)
+    name_above(axes, f"Force ({unit.symbol})", abscissa)
     return figure
 
 
@@ -117,7 +117,7 @@ def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
     figure, axes = small_axes(labelled=True)
     given, kinetic, strain, _, devices = history.energy.T
-    name_small_axes(axes, add_energies(axes, history.time, given, devices, kinetic + strain), "Time (s)")
+    name_above(axes, add_energies(axes, history.time, given, devices, kinetic + strain), "Time (s)")
     return figure
 
 

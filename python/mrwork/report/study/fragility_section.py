@@ -8,8 +8,8 @@ from mrwork.base.numbers import counted
 from mrwork.base.table import Table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, finish, grid_of_axes, legend
-from mrwork.plots.fit_drawing import with_unit
 from mrwork.plots.study_drawing import add_fragility, add_ida, response_unit, short, strokes
+from mrwork.plots.style import with_unit
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.results import StudyResults

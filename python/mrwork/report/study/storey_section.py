@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.values import Floats
 from mrwork.plots import style
-from mrwork.plots.canvas import name_small_axes, small_axes
+from mrwork.plots.canvas import name_above, small_axes
 from mrwork.plots.study_drawing import Stroke, add_height_line, name_heights
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import judged_in_words
@@ -43,7 +43,7 @@ def profile_figure(
     axes.set_xlim(left=0.0)
     wide = axes.get_xlim()[1] >= 1e4
     axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
-    name_small_axes(axes, *axes_names)
+    name_above(axes, *axes_names)
     return figure
 
 

@@ -21,7 +21,7 @@ from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, ObservedTest
-from mrwork.identification.result import explain_failures, rms
+from mrwork.identification.result import explain_failures, free_run, rms
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
@@ -162,6 +162,16 @@ class Prediction(WithAxes, Summarised):
                 *([] if self.sets_apart is None else [self.sets_apart.in_words]),
             ],
         )
+
+
+def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, ...]:
+    """The tests of a fit with the forces of its model, which are simulated where the fit was read from its file."""
+    theta = np.array(fit.theta)
+    tests = [fit.observed(test) for test in tests]
+    forces = fit.forces or tuple(
+        free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
+    )
+    return tuple(Prediction(test=test, model_force=force) for test, force in zip(tests, forces, strict=True))
 
 
 @checked
